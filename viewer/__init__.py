@@ -1,0 +1,1 @@
+"""The viewer: glTF scenes drawn with textures that are decoded from neural latents in GLSL."""

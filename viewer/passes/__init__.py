@@ -1,0 +1,1 @@
+"""Render passes: one pass, one file, one shader folder, one test."""

@@ -1,0 +1,41 @@
+"""What the user looks at, as immutable values: read by the renderer, the UI, scripts and `render`; changed by commands."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from viewer.scene.model import Camera
+
+DecodePath = Literal["forward", "deferred"]
+Precision = Literal["fp32", "fp16"]
+CompareMode = Literal["a", "b", "wipe"]
+
+REFERENCE: Final = "reference"
+"""The slot source that shows the original images instead of a pack."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One side of the comparison."""
+
+    source: str = REFERENCE
+    """REFERENCE, or the name under which a pack is open."""
+    path: DecodePath = "deferred"
+    """Decode path; of no effect for the reference."""
+    precision: Precision = "fp32"
+    """Storage of decoder weights on the GPU; of no effect for the reference."""
+
+
+@dataclass(frozen=True)
+class ViewState:
+    """Everything that determines a picture, given the scene and the open packs."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """Framebuffer (width, height) in pixels."""
+    slot_a: Slot = Slot()
+    slot_b: Slot = Slot()
+    compare: CompareMode = "a"
+    wipe_position: float = 0.5
+    """Divider of the wipe as a share of the width: A is left of it."""
+    anisotropy: int = 1
+    """Anisotropic filtering of the reference: 1 (trilinear, as the decode paths filter) to 16."""
