@@ -1,0 +1,67 @@
+"""Entry point of `ntc-viewer`: parse, dispatch, and turn bad input into one line and exit status 2."""
+
+import sys
+from collections.abc import Sequence
+
+from ntc.errors import InputError
+from viewer.commandline.arguments import Options, parse_arguments
+from viewer.commandline.options import (
+    DecodeOptions,
+    DoctorOptions,
+    EncodeOptions,
+    InfoOptions,
+    RenderOptions,
+    ViewOptions,
+)
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def run(options: Options) -> int:
+    """Run the subcommand that `options` belongs to. Imports only what it needs: viewing a pack needs no torch."""
+    match options:
+        case ViewOptions():
+            from viewer.commandline.view import view
+
+            return view(options)
+        case RenderOptions():
+            from viewer.commandline.render import render
+
+            return render(options)
+        case EncodeOptions():
+            from viewer.commandline.encode import encode
+
+            return encode(options)
+        case DecodeOptions():
+            from viewer.commandline.decode import decode
+
+            return decode(options)
+        case InfoOptions():
+            from viewer.commandline.info import info
+
+            return info(options)
+        case DoctorOptions():
+            from viewer.commandline.doctor import doctor
+
+            return doctor(options)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `ntc-viewer` with `arguments` (None: those of the process) and return its exit status."""
+    try:
+        return run(parse_arguments(sys.argv[1:] if arguments is None else arguments))
+    except InputError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return BAD_INPUT
+    except BrokenPipeError:
+        # The reader of a pipe (`| head`) has gone: nothing is left to say to it.
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        return INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

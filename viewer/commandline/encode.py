@@ -1,0 +1,117 @@
+"""`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from ntc.config import CodecConfig
+from ntc.errors import InputError
+from ntc.grouping import make_grouping
+from ntc.metrics import psnr_table
+from ntc.pack_file import write_pack
+from ntc.textures import SourceTexture
+from ntc.train import TrainingProgress, train
+from ntc.training_config import TrainingConfig, recipe_config
+from viewer.commandline.arguments import PACK_SUFFIX
+from viewer.commandline.options import EncodeOptions
+from viewer.scene.images import folder_textures
+from viewer.scene.load import load_scene
+from viewer.scene.source_textures import reduce_texture, source_textures
+
+LINES_PER_RUN = 20
+"""Progress lines of a whole run where standard error is no terminal."""
+
+
+def _check(options: EncodeOptions) -> None:
+    if options.out.suffix != PACK_SUFFIX:
+        raise InputError(f"--out {options.out}: a pack's name ends in {PACK_SUFFIX}")
+    if options.out.is_dir():
+        raise InputError(f"--out {options.out}: is a folder; name a file")
+    if options.steps is not None and options.epochs is not None:
+        raise InputError("--steps and --epochs exclude each other: give one of them")
+    for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
+        if value is not None and value <= 0:
+            raise InputError(f"--{name} {value}: must be positive")
+    if options.levels is not None and not 1 <= options.levels <= 16:
+        raise InputError(f"--levels {options.levels}: must be 1 to 16")
+
+
+def read_textures(source: Path, texture_size: int | None) -> tuple[SourceTexture, ...]:
+    """The textures of a scene file or of a folder of images, reduced to `texture_size` texels. Raises InputError."""
+    if source.is_dir():
+        textures = folder_textures(source)
+        if texture_size is not None:
+            textures = tuple(reduce_texture(texture, texture_size) for texture in textures)
+    else:
+        textures = source_textures(load_scene(source), texture_size)
+    if not textures:
+        raise InputError(f"{source}: holds no texture to encode (constant images are factors and need no encoding)")
+    return textures
+
+
+def training_config(options: EncodeOptions) -> TrainingConfig:
+    """The recipe with what the options override."""
+    training = replace(recipe_config(options.recipe), seed=options.seed, device=options.device)
+    if options.steps is not None:
+        return replace(training, steps=options.steps, epochs=None)
+    if options.epochs is not None:
+        return replace(training, steps=None, epochs=options.epochs)
+    return training
+
+
+class _ProgressReport:
+    """Progress with ETA: a live bar on a terminal, else about twenty lines in all."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._last_line = -1
+        self._bar = Progress(
+            TextColumn("encoding"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[status]}"),
+            console=console,
+            transient=True,
+        )
+        self._task = self._bar.add_task("encoding", total=1.0, status="")
+
+    def __enter__(self) -> "_ProgressReport":
+        if self._console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, progress: TrainingProgress) -> None:
+        share = progress.step / max(1, progress.steps)
+        status = (
+            f"step {progress.step}/{progress.steps}  PSNR {progress.psnr_db:.2f} dB  "
+            f"{progress.texels_per_second / 1e6:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
+        )
+        if self._console.is_terminal:
+            self._bar.update(self._task, completed=share, status=status)
+        elif int(share * LINES_PER_RUN) > self._last_line:
+            self._last_line = int(share * LINES_PER_RUN)
+            self._console.print(f"{share:4.0%}  {status}", highlight=False)
+
+
+def encode(options: EncodeOptions) -> int:
+    """Run `ntc-viewer encode`. Raises InputError for bad input."""
+    _check(options)
+    console = Console(stderr=True, soft_wrap=True)
+    textures = read_textures(options.source, options.texture_size)
+    grouping = make_grouping(options.grouping, textures, options.clusters, options.seed)
+    codec = CodecConfig(levels=options.levels, output_channels=max(texture.pixels.shape[2] for texture in textures))
+    console.print(
+        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
+        highlight=False,
+    )
+    with _ProgressReport(console) as report:
+        pack = train(textures, grouping, codec, training_config(options), progress=report)
+    write_pack(options.out, pack)
+    sys.stdout.write("\n".join([*psnr_table(pack).lines(), f"wrote {options.out}"]) + "\n")
+    return 0

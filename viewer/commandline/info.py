@@ -1,0 +1,50 @@
+"""`ntc-viewer info`: what is in a scene or pack."""
+
+import json
+import sys
+from typing import Any
+
+from ntc.metrics import psnr_table
+from ntc.pack import Pack
+from ntc.pack_file import read_pack
+from viewer.commandline.arguments import PACK_SUFFIX
+from viewer.commandline.options import InfoOptions
+from viewer.scene.load import load_scene
+from viewer.scene.report import report_json, report_lines
+
+
+def pack_json(pack: Pack) -> dict[str, Any]:
+    """What `info F.ntc --json` prints."""
+    return {
+        "file": str(pack.path),
+        "grouping": pack.grouping.name,
+        "parameters": dict(pack.grouping.parameters),
+        "decoders": len(pack.decoders),
+        "training": dict(pack.training),
+        **psnr_table(pack).json(),
+    }
+
+
+def pack_lines(pack: Pack) -> list[str]:
+    """What `info F.ntc` prints."""
+    shape = "-".join(str(side) for side in (pack.config.decoder_inputs, *(rows for rows, _ in pack.config.layer_shapes)))
+    training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
+    return [
+        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {pack.grouping.name}",
+        f"training: {training}",
+        *psnr_table(pack).lines(),
+    ]
+
+
+def info(options: InfoOptions) -> int:
+    """Run `ntc-viewer info`. Raises InputError for bad input."""
+    if options.file.suffix.lower() == PACK_SUFFIX:
+        pack = read_pack(options.file)
+        content: dict[str, Any] = pack_json(pack)
+        lines = pack_lines(pack)
+    else:
+        scene = load_scene(options.file)
+        content = report_json(scene)
+        lines = report_lines(scene)
+    sys.stdout.write(json.dumps(content, indent=2) + "\n" if options.json else "\n".join(lines) + "\n")
+    return 0

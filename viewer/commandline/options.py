@@ -1,0 +1,174 @@
+"""Options of every subcommand as frozen dataclasses; tyro turns them into the command line (see README)."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from ntc.config import RecipeName
+from viewer.view_state import DecodePath, Precision
+
+EncodeGroupingName = Literal["baseline", "single", "random", "clustered"]
+
+LARGEST_SIDE = 16384
+"""Pixels: the largest picture side that any option accepts."""
+
+
+def _parse_size(arguments: list[str]) -> tuple[int, int]:
+    width, separator, height = arguments[0].lower().partition("x")
+    if not (separator and width.isdigit() and height.isdigit()):
+        raise ValueError(f"{arguments[0]!r} is not WIDTHxHEIGHT, e.g. 1280x720")
+    size = int(width), int(height)
+    if not all(1 <= side <= LARGEST_SIDE for side in size):
+        raise ValueError(f"{arguments[0]!r}: each side must be 1 to {LARGEST_SIDE} pixels")
+    return size
+
+
+Size = Annotated[
+    tuple[int, int],
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="WIDTHxHEIGHT",
+        instance_from_str=_parse_size,
+        is_instance=lambda value: isinstance(value, tuple) and len(value) == 2,
+        str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
+    ),
+]
+OptionalScene = Annotated[Path | None, tyro.conf.arg(metavar="SCENE"), tyro.conf.Positional]
+
+
+def _parse_vector(arguments: list[str]) -> tuple[float, float, float]:
+    x, y, z = (float(argument) for argument in arguments)
+    if not all(math.isfinite(value) for value in (x, y, z)):
+        raise ValueError(f"{' '.join(arguments)!r} is not three finite numbers")
+    return x, y, z
+
+
+Vector = Annotated[
+    tuple[float, float, float] | None,
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=3,
+        metavar="X Y Z",
+        instance_from_str=_parse_vector,
+        is_instance=lambda value: value is None or (isinstance(value, tuple) and len(value) == 3),
+        str_from_instance=lambda value: ["none"] if value is None else [str(number) for number in value],
+    ),
+]
+Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
+Switch = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """Open a scene in a window. Without a display, pictures are written to a folder instead."""
+
+    scene: OptionalScene = None
+    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to open besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """What slot A shows first: "reference", or the grouping of an open pack."""
+    path: DecodePath = "deferred"
+    """Decode path of slot A."""
+    precision: Precision = "fp32"
+    """Storage of the decoder weights on the GPU."""
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Draw one picture without a window and write it, ids, divergence and statistics into a folder."""
+
+    out: Path
+    """Folder for color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """"reference" (original images), or the grouping of a pack. None: clustered, else the first pack, else reference."""
+    path: DecodePath = "deferred"
+    """Decode path."""
+    precision: Precision = "fp32"
+    """Storage of the decoder weights on the GPU."""
+    size: Size = (1280, 720)
+    """Picture size in pixels."""
+    cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of named cameras; None: the scene's own."""
+    camera: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Name of the camera to use; None: the first one, or the whole scene framed."""
+    eye: Vector = None
+    """Viewpoint, in scene units, Y up (with --target)."""
+    target: Vector = None
+    """Point to look at."""
+    fov: float = 60.0
+    """Vertical field of view of --eye/--target, degrees."""
+    overlay: Literal["none", "divergence", "error"] = "none"
+    """Also write overlay.png: decoders per 8x8 block, or error against the reference."""
+    anisotropy: Literal[1, 2, 4, 8, 16] = 1
+    """Anisotropic filtering of the reference; 1 is trilinear, as the decode paths filter."""
+    require_gpu: Switch = False
+    """Fail if the renderer is a software rasteriser."""
+
+
+@dataclass(frozen=True)
+class EncodeOptions:
+    """Train latents and decoders for the textures of a scene or of a folder of images, and write a pack."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """glTF scene, or a folder of images (sub-folder names become categories)."""
+    out: Annotated[Path, tyro.conf.arg(metavar="F.ntc")]
+    """The pack to write."""
+    grouping: EncodeGroupingName = "clustered"
+    """Which textures share a decoder."""
+    clusters: int = 10
+    """Number of decoders of clustered and random."""
+    recipe: RecipeName = "best"
+    """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
+    texture_size: int | None = None
+    """Reduce textures to at most this many texels a side before encoding. None: full size."""
+    steps: int | None = None
+    """Optimisation steps; overrides the recipe's length."""
+    epochs: float | None = None
+    """Length in epochs: every texel of every texture once. Not together with --steps."""
+    levels: int | None = None
+    """Latent levels, one per mip; None: the whole pyramid, 1: mip 0 alone as in the paper."""
+    seed: int = 0
+    """Seed of initialisation, sampling and grouping."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train; auto takes CUDA when torch has it."""
+
+
+@dataclass(frozen=True)
+class DecodeOptions:
+    """Decode every texture of a pack to a PNG, named as in the pack."""
+
+    pack: Annotated[Path, tyro.conf.arg(metavar="F.ntc"), tyro.conf.Positional]
+    """The pack."""
+    out: Path
+    """Folder for the images."""
+    backend: Literal["numpy", "torch", "gl"] = "numpy"
+    """numpy: float64 reference. torch: float32. gl: the GLSL decoder."""
+    precision: Precision = "fp32"
+    """Storage of the decoder weights (gl only)."""
+    level: int = 0
+    """Mip level to decode; textures without it are decoded at their last."""
+
+
+@dataclass(frozen=True)
+class InfoOptions:
+    """Say what is in a scene or pack, what of it is honoured and what is ignored."""
+
+    file: Annotated[Path, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional]
+    """The file."""
+    json: Switch = False
+    """Print JSON instead of text."""
+
+
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Check this machine: OpenGL, display, packages. Exit status 0 if pictures can be drawn."""
+
+    json: Switch = False
+    """Print JSON instead of text."""

@@ -1,0 +1,151 @@
+"""`ntc-viewer render`: one picture without a window, with ids, divergence and statistics."""
+
+import io
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.color import linear_to_srgb8
+from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.errors import InputError
+from ntc.files import write_bytes, write_text
+from ntc.metrics import psnr_db
+from ntc.pack import Pack
+from ntc.pack_match import match_pack
+from viewer.commandline.options import RenderOptions
+from viewer.commandline.sources import choose_camera, choose_source, open_scene, packs_for
+from viewer.gl.context import create_headless_context
+from viewer.overlay import divergence_overlay, error_overlay
+from viewer.renderer import FrameResult, Renderer
+from viewer.scene.images import write_png
+from viewer.scene.model import Scene
+from viewer.view_state import REFERENCE, Slot, ViewState
+
+WARM_UP_SIZE = (32, 32)
+"""Pixels of the frame that compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What one rendered frame gives. Row 0 is the top of the picture."""
+
+    color: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB albedo, background black."""
+    reference: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB albedo from the original images."""
+    covered: NDArray[np.bool_]
+    """[H, W] where a surface is seen."""
+    texture_ids: NDArray[np.int32]
+    """[H, W] index into the scene's textures, -1 for none."""
+    decoder_ids: NDArray[np.int32]
+    """[H, W] group of the texture in the pack, -1 where nothing is decoded."""
+    divergence: NDArray[np.uint16]
+    """[ceil(H / 8), ceil(W / 8)] distinct decoders per block."""
+    frame: FrameResult
+
+
+def decoder_ids(texture_ids: NDArray[np.int32], scene: Scene, pack: Pack | None) -> NDArray[np.int32]:
+    """[H, W] int32 decoder of each pixel from its texture id; -1 where the pack decodes nothing."""
+    if pack is None:
+        return np.full_like(texture_ids, -1)
+    match = match_pack(pack, [texture.pixel_hash for texture in scene.textures], [t.name for t in scene.textures])
+    groups = [pack.textures[index].group if index >= 0 else -1 for index in match.texture_index]
+    return np.array([*groups, -1], dtype=np.int32)[texture_ids]
+
+
+def draw(renderer: Renderer, scene: Scene, packs: dict[str, Pack], view: ViewState) -> Picture:
+    """Draw slot A of `view` and its reference."""
+    pack = packs.get(view.slot_a.source)
+    frame = renderer.render(view)
+    color = linear_to_srgb8(renderer.albedo(view.slot_a))
+    reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
+    texture_ids = renderer.texture_ids()
+    ids = decoder_ids(texture_ids, scene, pack)
+    return Picture(color, reference, renderer.covered(), texture_ids, ids, divergence_map(ids), frame)
+
+
+def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[str, Any]:
+    """What stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself."""
+    divergence = DivergenceStatistics.of(picture.divergence)
+    decoded = picture.decoder_ids >= 0
+    is_reference = view.slot_a.source == REFERENCE
+
+    def quality(mask: NDArray[np.bool_]) -> float | None:
+        return None if is_reference or not mask.any() else psnr_db(picture.color[mask], picture.reference[mask])
+
+    return {
+        "renderer": renderer_name,
+        "size": list(view.size),
+        "grouping": view.slot_a.source,
+        "path": None if is_reference else view.slot_a.path,
+        "precision": None if is_reference else view.slot_a.precision,
+        "camera": view.camera.name,
+        "timer": picture.frame.timer,
+        "timings_ms": picture.frame.timings_ms,
+        "pixels": {"covered": int(picture.covered.sum()), "decoded": int(decoded.sum())},
+        "divergence": {
+            "score": divergence.score,
+            "excess": divergence.excess,
+            "divergent_blocks": divergence.divergent_blocks,
+            "max": divergence.maximum,
+        },
+        "psnr_db": quality(picture.covered),
+        "psnr_decoded_pixels_db": quality(decoded),
+        "skipped": picture.frame.skipped,
+    }
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay: str) -> None:
+    """Write the files of `render` into `folder`, stats.json last."""
+    write_png(folder / "color.png", picture.color)
+    write_bytes(folder / "texture_id.npy", _npy(picture.texture_ids))
+    write_bytes(folder / "decoder_id.npy", _npy(picture.decoder_ids))
+    write_bytes(folder / "divergence.npy", _npy(picture.divergence))
+    if overlay == "divergence":
+        write_png(folder / "overlay.png", divergence_overlay(picture.color, picture.divergence))
+    elif overlay == "error":
+        write_png(folder / "overlay.png", error_overlay(picture.color, picture.reference))
+    write_text(folder / "stats.json", json.dumps(stats, indent=2) + "\n")
+
+
+def render(options: RenderOptions) -> int:
+    """Run `ntc-viewer render`. Raises InputError for bad input."""
+    if options.out.exists() and not options.out.is_dir():
+        raise InputError(f"--out {options.out}: is a file; name a folder")
+    scene = open_scene(options.scene)
+    if options.grouping == REFERENCE and not options.pack:
+        packs: dict[str, Pack] = {}
+    else:
+        packs = packs_for(scene, options.pack)
+    source = choose_source(packs, options.grouping, options.pack)
+    camera = choose_camera(scene, options)
+    context = create_headless_context()
+    if options.require_gpu and context.info.is_software:
+        raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
+    renderer = Renderer(context, scene)
+    chosen = {source: packs[source]} if source != REFERENCE else {}
+    renderer.set_packs(chosen)
+    slot = Slot(source, options.path, options.precision)
+    view = ViewState(camera=camera, size=options.size, slot_a=slot, anisotropy=options.anisotropy)
+    renderer.render(ViewState(camera=camera, size=WARM_UP_SIZE, slot_a=slot, anisotropy=options.anisotropy))
+    picture = draw(renderer, scene, chosen, view)
+    stats = statistics(picture, view, context.info.renderer)
+    write_picture(options.out, picture, stats, options.overlay)
+    quality = stats["psnr_db"]
+    sys.stdout.write(
+        f"wrote {options.out}: {source}, camera {camera.name!r}"
+        + (f", PSNR {quality:.2f} dB" if quality is not None else "")
+        + f", excess {stats['divergence']['excess']}\n"
+    )
+    return 0

@@ -1,0 +1,32 @@
+"""`ntc-viewer view`: the window; without a display, pictures in a folder."""
+
+import sys
+from pathlib import Path
+
+from viewer.commandline.doctor import has_display
+from viewer.commandline.options import RenderOptions, ViewOptions
+from viewer.commandline.render import render
+from viewer.view_state import REFERENCE
+
+PICTURES_FOLDER = Path("ntc-viewer-pictures")
+PICTURES_SIZE = (960, 540)
+
+
+def draw_pictures(options: ViewOptions, folder: Path) -> None:
+    """What the window would show first, as files: the decoded picture, the original, divergence and error."""
+    common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE}
+    decoded = {"grouping": options.grouping, "path": options.path, "precision": options.precision}
+    render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
+    render(RenderOptions(out=folder / "original", grouping=REFERENCE, **common))  # type: ignore[arg-type]
+
+
+def view(options: ViewOptions) -> int:
+    """Run `ntc-viewer view`. Raises InputError for bad input."""
+    if has_display():
+        from viewer.app import run_window
+
+        return run_window(options)
+    sys.stdout.write("no display (DISPLAY and WAYLAND_DISPLAY are unset): drawing without a window\n")
+    draw_pictures(options, PICTURES_FOLDER)
+    sys.stdout.write(f"the pictures are in {PICTURES_FOLDER.resolve()}\n")
+    return 0
