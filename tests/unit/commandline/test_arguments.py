@@ -1,0 +1,124 @@
+"""The command line of the design page is read as written, and bad arguments become one line."""
+
+from pathlib import Path
+
+import pytest
+
+from ntc.errors import InputError
+from viewer import cli
+from viewer.commandline.arguments import parse_arguments
+from viewer.commandline.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
+
+
+def test_no_arguments_open_the_built_in_scene() -> None:
+    assert parse_arguments([]) == ViewOptions()
+
+
+def test_view_is_the_default_subcommand() -> None:
+    expected = ViewOptions(scene=Path("street.glb"), grouping="single", path="forward")
+    assert parse_arguments(["street.glb", "--grouping", "single", "--path", "forward"]) == expected
+    assert parse_arguments(["view", "street.glb", "--grouping", "single", "--path", "forward"]) == expected
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["render", "a.glb", "--out", "o", "--pack", "x.ntc", "y.ntc"],
+        ["render", "--out", "o", "--pack", "x.ntc", "--pack", "y.ntc", "--", "a.glb"],
+        ["render", "--pack", "x.ntc", "y.ntc", "a.glb", "--out", "o"],
+    ],
+)
+def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
+    arguments = [argument for argument in arguments if argument != "--"]
+    options = parse_arguments(arguments)
+    assert isinstance(options, RenderOptions)
+    assert options.scene == Path("a.glb")
+    assert options.pack == (Path("x.ntc"), Path("y.ntc"))
+
+
+def test_render_takes_what_the_design_lists() -> None:
+    options = parse_arguments(
+        "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48 --eye 1 -2 3 "
+        "--target 0 0 0 --fov 45 --overlay divergence --require-gpu".split()
+    )
+    assert options == RenderOptions(
+        out=Path("o"),
+        scene=Path("a.gltf"),
+        grouping="clustered",
+        path="forward",
+        precision="fp16",
+        size=(64, 48),
+        eye=(1.0, -2.0, 3.0),
+        target=(0.0, 0.0, 0.0),
+        fov=45.0,
+        overlay="divergence",
+        require_gpu=True,
+    )
+
+
+def test_encode_decode_and_info() -> None:
+    encode = parse_arguments(
+        "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper --texture-size 256 --steps 9 --seed 3 "
+        "--device cpu".split()
+    )
+    assert isinstance(encode, EncodeOptions)
+    assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
+    assert (encode.steps, encode.seed, encode.device) == (9, 3, "cpu")
+    decode = parse_arguments("decode f.ntc --out d --backend gl --precision fp16".split())
+    assert decode == DecodeOptions(pack=Path("f.ntc"), out=Path("d"), backend="gl", precision="fp16")
+    assert parse_arguments("info f.ntc --json".split()) == InfoOptions(file=Path("f.ntc"), json=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ("render --out o --bogus 3", "--bogus"),
+        ("render --out o --size 10", "--size"),
+        ("render --out o --size 0x5", "--size"),
+        ("render --out o --precision fp8", "--precision"),
+        ("render", "--out"),
+        ("render --out o --eye 1 2", "--eye"),
+        ("encode s.glb --out f.ntc --grouping nonsense", "--grouping"),
+        ("encode", "--out"),
+    ],
+)
+def test_bad_arguments_are_one_line_and_exit_status_2(
+    arguments: str, named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(arguments.split()) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1
+    assert named in captured.err
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ("render missing.glb --out {out}", "missing.glb"),
+        ("render --out {out} --pack missing.ntc", "missing.ntc"),
+        ("render --out {out} --grouping nonsense", "nonsense"),
+        ("render --out {out} --camera nowhere", "nowhere"),
+        ("render --out {out} --eye 0 0 0", "--target"),
+        ("render --out {out} --eye 0 0 0 --target 0 0 0", "--target"),
+        ("render --out {out} --eye 0 0 0 --target 0 0 1 --fov 180", "--fov"),
+        ("render --out {out} --cameras missing.json", "missing.json"),
+        ("encode missing.glb --out {out}/x.ntc", "missing.glb"),
+        ("encode missing.glb --out {out}/x.png", ".ntc"),
+        ("encode missing.glb --out {out}/x.ntc --steps 0", "--steps"),
+        ("decode missing.ntc --out {out}", "missing.ntc"),
+        ("info missing.ntc", "missing.ntc"),
+        ("info missing.glb", "missing.glb"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing_behind(
+    arguments: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert cli.main(arguments.format(out=out).split()) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1
+    assert named in captured.err
+    assert not out.exists()
