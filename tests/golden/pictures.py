@@ -1,0 +1,63 @@
+"""Which golden pictures there are, and how one is drawn."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.color import linear_to_srgb8
+from viewer.commandline.sources import builtin_scene_path
+from viewer.gl.context import create_headless_context
+from viewer.pack_files import open_packs, packs_beside
+from viewer.renderer import Renderer
+from viewer.scene.load import load_scene
+from viewer.view_state import REFERENCE, Slot, ViewState
+
+SIZE = (320, 180)
+FOLDER = Path(__file__).parent / "llvmpipe"
+SLOTS = (
+    Slot(REFERENCE),
+    Slot("clustered", "deferred"),
+    Slot("clustered", "forward"),
+    Slot("baseline", "deferred"),
+)
+
+
+@dataclass(frozen=True)
+class GoldenPicture:
+    """One picture to compare."""
+
+    camera: str
+    slot: Slot
+
+    @property
+    def path(self) -> Path:
+        """Where its accepted version lies."""
+        way = self.slot.source if self.slot.source == REFERENCE else f"{self.slot.source}-{self.slot.path}"
+        return FOLDER / f"{self.camera}.{way}.png"
+
+
+class Studio:
+    """The built-in scene with its packs, ready to draw."""
+
+    def __init__(self) -> None:
+        path = builtin_scene_path()
+        self.scene = load_scene(path)
+        self.context = create_headless_context()
+        self.renderer = Renderer(self.context, self.scene)
+        self.renderer.set_packs(open_packs(packs_beside(path)))
+
+    def renderer_description(self) -> dict[str, str]:
+        """What the comparison depends on: the names of renderer and driver version."""
+        return {"renderer": self.context.info.renderer, "version": self.context.info.version}
+
+    def pictures(self) -> tuple[GoldenPicture, ...]:
+        """Every camera of the scene in every way of drawing."""
+        return tuple(GoldenPicture(camera.name, slot) for camera in self.scene.cameras for slot in SLOTS)
+
+    def draw(self, picture: GoldenPicture) -> NDArray[np.uint8]:
+        """[H, W, 3] uint8 sRGB."""
+        camera = next(camera for camera in self.scene.cameras if camera.name == picture.camera)
+        self.renderer.render(ViewState(camera=camera, size=SIZE, slot_a=picture.slot))
+        return linear_to_srgb8(self.renderer.albedo(picture.slot))

@@ -1,0 +1,33 @@
+"""The wheel holds shaders and assets, and works from another folder."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def test_wheel_draws_the_built_in_scene_from_another_folder(tmp_path: Path) -> None:
+    wheels, site, elsewhere = tmp_path / "wheels", tmp_path / "site", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(wheels), str(REPOSITORY)], check=True)
+    (wheel,) = wheels.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert any(name.endswith("courtyard.glb") for name in names)
+    assert not any("/build/" in name or name.startswith("tests/") for name in names)
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(site), str(wheel)], check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", "import sys, viewer, viewer.cli; print(viewer.__file__); sys.exit(viewer.cli.main())"]
+        + ["render", "--out", "o", "--size", "96x54"],
+        cwd=elsewhere,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert str(site) in result.stdout
+    assert (elsewhere / "o" / "color.png").is_file()
