@@ -19,7 +19,9 @@ def atomic_path(destination: Path) -> Iterator[Path]:
     destination = Path(destination)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=destination.parent, prefix=f".{destination.stem}.", suffix=destination.suffix)
+        handle, name = tempfile.mkstemp(
+            dir=destination.parent, prefix=f".{destination.stem}.", suffix=destination.suffix
+        )
     except OSError as error:
         raise InputError(f"{destination}: cannot be written ({error.strerror}); choose a writable folder") from error
     os.close(handle)
@@ -34,7 +36,9 @@ def atomic_path(destination: Path) -> Iterator[Path]:
             os.fsync(written.fileno())
         temporary.replace(destination)
     except OSError as error:
-        raise InputError(f"{destination}: cannot be written ({error.strerror or error}); check space and permissions") from error
+        raise InputError(
+            f"{destination}: cannot be written ({error.strerror or error}); check space and permissions"
+        ) from error
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()

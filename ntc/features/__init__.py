@@ -1,0 +1,1 @@
+"""Descriptions of textures as vectors, by which groupings find what is alike."""

@@ -1,0 +1,130 @@
+"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md)."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from ntc.config import CodecConfig
+from ntc.errors import InputError
+from ntc.files import write_bytes
+from ntc.latents import latent_cell_count
+from ntc.pack import Decoder, EncodedTexture, Pack
+from ntc.pack_metadata import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
+
+REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
+TENSOR_TYPES = {"U8": np.dtype(np.uint8), "F32": np.dtype(np.float32)}
+
+
+def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, tuple[str, tuple[int, ...]]]:
+    channels = config.latent_channels
+    return {
+        f"latents.{index}": ("U8", (cells, channels)),
+        f"latents.{index}.scale": ("F32", (channels,)),
+        f"latents.{index}.offset": ("F32", (channels,)),
+    }
+
+
+def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tuple[str, tuple[int, ...]]]]:
+    for layer, (outputs, inputs) in enumerate(config.layer_shapes):
+        yield f"decoder.{index}.{layer}.weight", ("F32", (outputs, inputs))
+        yield f"decoder.{index}.{layer}.bias", ("F32", (outputs,))
+
+
+def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
+    expected: dict[str, tuple[str, tuple[int, ...]]] = {}
+    for index, texture in enumerate(metadata.textures):
+        cells = latent_cell_count(texture.width, texture.height, metadata.config)
+        expected.update(_texture_tensors(index, cells, metadata.config))
+    for index in range(metadata.decoders):
+        expected.update(_decoder_tensors(index, metadata.config))
+    return expected
+
+
+def write_pack(path: Path, pack: Pack) -> None:
+    """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
+    tensors: dict[str, NDArray[Any]] = {}
+    for index, texture in enumerate(pack.textures):
+        tensors[f"latents.{index}"] = np.ascontiguousarray(texture.latents)
+        tensors[f"latents.{index}.scale"] = np.ascontiguousarray(texture.scale)
+        tensors[f"latents.{index}.offset"] = np.ascontiguousarray(texture.offset)
+    for index, decoder in enumerate(pack.decoders):
+        for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+            tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight)
+            tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias)
+    write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+
+
+def _check_header(file: Any, metadata: PackMetadata, path: Path) -> None:
+    expected = expected_tensors(metadata)
+    present = set(file.keys())
+    missing, surplus = sorted(expected.keys() - present), sorted(present - expected.keys())
+    if missing:
+        raise InputError(f"{path}: tensor {missing[0]} is missing ({len(missing)} in all); {REMEDY}")
+    if surplus:
+        raise InputError(f"{path}: tensor {surplus[0]!r} does not belong there ({len(surplus)} in all); {REMEDY}")
+    for name, (kind, shape) in expected.items():
+        part = file.get_slice(name)
+        if part.get_dtype() != kind or tuple(part.get_shape()) != shape:
+            found = f"{part.get_dtype()} {part.get_shape()}"
+            raise InputError(f"{path}: tensor {name} is {found}, expected {kind} {list(shape)}; {REMEDY}")
+
+
+def _tensor(file: Any, name: str, path: Path) -> NDArray[Any]:
+    array: NDArray[Any] = file.get_tensor(name)
+    if array.dtype == np.float32 and not np.isfinite(array).all():
+        raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
+    return array
+
+
+def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
+    textures = []
+    for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
+        encoded = EncodedTexture(
+            **vars(texture),
+            group=group,
+            latents=_tensor(file, f"latents.{index}", path),
+            scale=_tensor(file, f"latents.{index}.scale", path),
+            offset=_tensor(file, f"latents.{index}.offset", path),
+        )
+        textures.append(encoded)
+    layers = range(len(metadata.config.layer_shapes))
+    decoders = tuple(
+        Decoder(
+            weights=tuple(_tensor(file, f"decoder.{index}.{layer}.weight", path) for layer in layers),
+            biases=tuple(_tensor(file, f"decoder.{index}.{layer}.bias", path) for layer in layers),
+        )
+        for index in range(metadata.decoders)
+    )
+    return Pack(metadata.config, metadata.grouping, tuple(textures), decoders, metadata.training, path)
+
+
+def read_pack(path: Path) -> Pack:
+    """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
+
+    Shapes are compared with the metadata, and by safetensors with the file's length, before anything is allocated.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path}: the file is empty; {REMEDY}")
+        with safe_open(path, framework="numpy") as file:
+            text = (file.metadata() or {}).get(METADATA_KEY)
+            if text is None:
+                raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
+            metadata = parse_metadata(text)
+            _check_header(file, metadata, path)
+            return _read(file, metadata, path)
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
+    except MetadataError as error:
+        raise InputError(f"{path}: {error}; {REMEDY}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the file's permissions") from error

@@ -1,0 +1,61 @@
+"""The settings of training, and the recipes."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ntc.config import RecipeName
+
+
+@dataclass(frozen=True)
+class FreezingConfig:
+    """Gradual freezing of the decoder: the scale of its updates falls from 1 to 0 (paper, Sec. 3)."""
+
+    start: float = 0.5
+    """e_s, as a share of the whole training."""
+    duration: float = 0.1
+    """T, as a share of the whole training."""
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How latents and decoders are trained."""
+
+    recipe: RecipeName = "best"
+    steps: int | None = 3000
+    """Optimisation steps; None when `epochs` sets the length."""
+    epochs: float | None = None
+    """Length in epochs: as many samples as mip 0 has texels, for each epoch."""
+    texels_per_texture: int = 512
+    """Samples of each texture in a step; all groups train side by side. Unused when `texels_per_group` is set."""
+    texels_per_group: int | None = None
+    """Samples of each group in a step; groups train one after the other, as the paper trains them."""
+    latent_rate: float = 1e-2
+    decoder_rate: float = 4e-3
+    schedule: Literal["constant", "cosine"] = "cosine"
+    """How the learning rates fall over the training."""
+    freezing: FreezingConfig | None = None
+    rounded_share: float = 0.05
+    """The last share of the steps trains the decoders alone, on rounded latents; 0 when freezing has stopped them."""
+    seed: int = 0
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+
+    def __post_init__(self) -> None:
+        if (self.steps is None) == (self.epochs is None):
+            raise ValueError("training needs steps or epochs, and not both")
+
+
+def recipe_config(name: RecipeName) -> TrainingConfig:
+    """`paper`: learning rates, batch, length and freezing of the paper (Sec. 4). `best`: the best found so far."""
+    if name == "paper":
+        return TrainingConfig(
+            recipe="paper",
+            steps=None,
+            epochs=350.0,
+            texels_per_group=32768,
+            latent_rate=4e-3,
+            decoder_rate=4e-4,
+            schedule="constant",
+            freezing=FreezingConfig(),
+            rounded_share=0.0,
+        )
+    return TrainingConfig()

@@ -1,0 +1,98 @@
+"""Textures on the training device, and random samples of them with their targets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ntc.color import srgb8_to_linear_table
+from ntc.config import CodecConfig
+from ntc.latents import latent_levels
+from ntc.mips import mip_chain
+from ntc.sampling import PyramidTable, trilinear_corners
+from ntc.textures import SourceTexture
+
+CENTRE_SHARE = 0.5
+"""Share of the samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+SMALLEST_LEVEL_WEIGHT = 0.02
+"""Levels are sampled by their texels, but never less often than this, relative to mip 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random texels of every texture: N samples each of T textures, flattened to [T N]."""
+
+    texture: Tensor
+    """[T N] int64."""
+    uv: Tensor
+    """[T N, 2] in [0, 1]."""
+    lod: Tensor
+    """[T N]."""
+    targets: Tensor
+    """[T N, output_channels] in the texture's colour space, in [0, 1]."""
+
+
+class TrainingData:
+    """The mip chains of some textures in one flat array, and their latent geometry."""
+
+    def __init__(self, textures: Sequence[SourceTexture], config: CodecConfig, device: torch.device) -> None:
+        self.count = len(textures)
+        self._device = device
+        pyramids = [latent_levels(*texture.size, config) for texture in textures]
+        repeats = [(texture.wrap[0] == "repeat", texture.wrap[1] == "repeat") for texture in textures]
+        self.cells = PyramidTable.of([[(lv.width, lv.height) for lv in levels] for levels in pyramids], repeats, device)
+        self.texels = PyramidTable.of(
+            [[(lv.texel_width, lv.texel_height) for lv in levels] for levels in pyramids], repeats, device
+        )
+        self.cell_counts = [sum(level.cells for level in levels) for levels in pyramids]
+        self.texel_counts = [texture.size[0] * texture.size[1] for texture in textures]
+        channels = config.output_channels
+        rows = []
+        for texture, levels in zip(textures, pyramids, strict=True):
+            for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
+                flat = torch.from_numpy(mip.reshape(-1, mip.shape[2]).copy())
+                rows.append(torch.nn.functional.pad(flat, (0, channels - flat.shape[1])))
+        self._pixels = torch.cat(rows).to(device)
+        self._linear_table = torch.from_numpy(srgb8_to_linear_table()).to(device)
+        used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
+        self.channel_mask = used.to(device=device, dtype=torch.float32)
+        """[T, output_channels]: 1 for the channels that a texture has."""
+        coded = torch.tensor([[t.color_space == "srgb" and channel < 3 for channel in range(channels)] for t in textures])
+        self._srgb_coded = coded.to(device)
+        self._single_level = config.levels == 1
+        weights = torch.clamp(4.0 ** -torch.arange(self.cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT)
+        available = torch.arange(self.cells.width.shape[1])[None, :] < self.cells.levels.cpu()[:, None]
+        shares = weights[None, :] * available
+        self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
+
+    def sample(self, per_texture: int, generator: torch.Generator) -> Samples:
+        """`per_texture` random samples of each texture with targets: trilinear in linear light, as the hardware filters."""
+        total = self.count * per_texture
+        texture = torch.arange(self.count, device=self._device).repeat_interleave(per_texture)
+        random = torch.rand(total, 5, generator=generator).to(self._device)
+        level = torch.searchsorted(self._level_cumulative[texture], random[:, :1]).squeeze(1)
+        last = self.cells.levels[texture] - 1
+        level = torch.minimum(level, last)
+        size = torch.stack([self.texels.width[texture, level], self.texels.height[texture, level]], dim=-1)
+        centres = (torch.floor(random[:, 1:3] * size) + 0.5) / size
+        if self._single_level:
+            # Paper parity: texels of mip 0, nothing between them.
+            at, lod = centres, torch.zeros(total, device=self._device)
+        else:
+            at_centre = random[:, 3] < CENTRE_SHARE
+            at = torch.where(at_centre[:, None], centres, random[:, 1:3])
+            lod = level + torch.where(at_centre, torch.zeros_like(random[:, 4]), random[:, 4])
+            lod = torch.minimum(lod, last.to(lod.dtype))
+        return Samples(texture, at, lod, self._targets(texture, at, lod))
+
+    def _targets(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
+        index, weights = trilinear_corners(self.texels, texture, uv, lod)
+        pixels = self._pixels[index]
+        coded = self._srgb_coded[texture]
+        linear = torch.where(coded[:, None, :], self._linear_table[pixels.long()], pixels / 255.0)
+        blended = (linear * weights[..., None]).sum(dim=1)
+        srgb = torch.where(
+            blended <= 0.0031308, blended * 12.92, 1.055 * blended.clamp(min=1e-6) ** (1.0 / 2.4) - 0.055
+        )
+        return torch.where(coded, srgb, blended)

@@ -1,0 +1,53 @@
+"""Packs with random content, for tests that only need something to decode."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ntc.config import CodecConfig, WrapMode
+from ntc.latents import latent_cell_count
+from ntc.pack import Decoder, EncodedTexture, Grouping, Pack
+
+
+def random_pack(
+    sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
+    groups: Sequence[int] = (0, 1, 0),
+    config: CodecConfig | None = None,
+    hashes: Sequence[str] | None = None,
+    wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
+    seed: int = 0,
+) -> Pack:
+    """A pack of textures with these (width, height), whose decoders give values across [0, 1] and beyond."""
+    config = config or CodecConfig()
+    random = np.random.default_rng(seed)
+    textures = tuple(
+        EncodedTexture(
+            name=f"texture {index}",
+            pixel_hash=hashes[index] if hashes else f"{index:032x}",
+            width=width,
+            height=height,
+            channels=config.output_channels,
+            color_space="srgb",
+            wrap=wrap,
+            category=None,
+            group=groups[index],
+            latents=random.integers(0, 256, (latent_cell_count(width, height, config), config.latent_channels), np.uint8),
+            scale=random.uniform(0.004, 0.012, config.latent_channels).astype(np.float32),
+            offset=random.uniform(-1.5, -0.5, config.latent_channels).astype(np.float32),
+        )
+        for index, (width, height) in enumerate(sizes)
+    )
+    decoders = tuple(
+        Decoder(
+            weights=tuple(
+                random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)).astype(np.float32)
+                for outputs, inputs in config.layer_shapes
+            ),
+            biases=tuple(
+                (random.normal(0.0, 0.1, outputs) + (0.5 if layer == 2 else 0.0)).astype(np.float32)
+                for layer, (outputs, _) in enumerate(config.layer_shapes)
+            ),
+        )
+        for _ in range(max(groups) + 1)
+    )
+    return Pack(config, Grouping("random", tuple(groups), {"seed": seed}), textures, decoders)
