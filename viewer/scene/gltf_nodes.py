@@ -1,0 +1,147 @@
+"""The node graph: world matrices of all placements, instancing included."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf_accessors import Accessors, normalize
+from viewer.scene.gltf_container import GltfFile
+from viewer.scene.report_notes import ReportNotes
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class NodePlacements:
+    """One node of the drawn scene and where what it carries stands."""
+
+    node: int
+    world: NDArray[np.float64]
+    """[4, 4] local-to-world, for column vectors."""
+    mesh: int | None
+    mesh_worlds: NDArray[np.float64]
+    """[N, 4, 4] placements of the mesh: `world`, or one for each instance of EXT_mesh_gpu_instancing."""
+    camera: int | None
+
+
+def compose(
+    translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """[N, 4, 4] matrices T R S from [N, 3], unit-length or not xyzw quaternions [N, 4], and [N, 3].
+
+    A zero quaternion counts as no rotation.
+    """
+    lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
+    unit = np.where(lengths > 0, rotations / np.where(lengths > 0, lengths, 1.0), (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = unit.T
+    matrices = np.zeros((len(unit), 4, 4))
+    matrices[:, 0, 0] = 1 - 2 * (y * y + z * z)
+    matrices[:, 0, 1] = 2 * (x * y - z * w)
+    matrices[:, 0, 2] = 2 * (x * z + y * w)
+    matrices[:, 1, 0] = 2 * (x * y + z * w)
+    matrices[:, 1, 1] = 1 - 2 * (x * x + z * z)
+    matrices[:, 1, 2] = 2 * (y * z - x * w)
+    matrices[:, 2, 0] = 2 * (x * z - y * w)
+    matrices[:, 2, 1] = 2 * (y * z + x * w)
+    matrices[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    matrices[:, :3, :3] *= scales[:, None, :]
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def local_matrix(file: GltfFile, node: dict[str, Any], where: str) -> NDArray[np.float64]:
+    """[4, 4] node-to-parent matrix. Raises InputError."""
+    if "matrix" in node:
+        # glTF stores columns one after another.
+        return np.array(file.numbers(node, "matrix", where, IDENTITY)).reshape(4, 4).T
+    translation = np.array([file.numbers(node, "translation", where, (0.0, 0.0, 0.0))])
+    rotation = np.array([file.numbers(node, "rotation", where, (0.0, 0.0, 0.0, 1.0))])
+    scale = np.array([file.numbers(node, "scale", where, (1.0, 1.0, 1.0))])
+    return compose(translation, rotation, scale)[0]
+
+
+def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
+    """The root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
+    nodes = file.entries_checked("nodes")
+    scenes = file.entries_checked("scenes")
+    if not scenes:
+        children = {
+            child
+            for index, node in enumerate(nodes)
+            for child in file.array(node, "children", f"nodes[{index}]")
+            if isinstance(child, int)
+        }
+        return [index for index in range(len(nodes)) if index not in children]
+    chosen = file.index(file.json.get("scene", 0), len(scenes), "scene")
+    if len(scenes) > 1:
+        notes.ignored("scenes other than the default one", len(scenes) - 1)
+    where = f"scenes[{chosen}]"
+    return [file.index(root, len(nodes), f"{where}.nodes") for root in file.array(scenes[chosen], "nodes", where)]
+
+
+def _instance_matrices(
+    file: GltfFile, accessors: Accessors, extension: dict[str, Any], where: str, notes: ReportNotes
+) -> NDArray[np.float64]:
+    attributes = file.object(extension, "attributes", where)
+    kinds = {"TRANSLATION": ("VEC3",), "ROTATION": ("VEC4",), "SCALE": ("VEC3",)}
+    values: dict[str, NDArray[np.float64]] = {}
+    for name, kind in kinds.items():
+        if name in attributes:
+            raw = accessors.raw(attributes[name], f"{where}.attributes.{name}", kind)
+            # Rotations may be stored as normalised integers, translations and scales only as floats.
+            values[name] = (normalize(raw) if name == "ROTATION" else raw).astype(np.float64)
+    counts = {len(value) for value in values.values()}
+    if len(counts) != 1:
+        raise file.fail(f"{where}.attributes", "needs TRANSLATION, ROTATION or SCALE, all of one count")
+    count = counts.pop()
+    for value in values.values():
+        if not np.isfinite(value).all():
+            notes.note("instance transforms with NaN or infinity were replaced by 0")
+            np.nan_to_num(value, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    return compose(
+        values.get("TRANSLATION", np.zeros((count, 3))),
+        values.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
+        values.get("SCALE", np.ones((count, 3))),
+    )
+
+
+def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[NodePlacements, ...]:
+    """All nodes of the default scene in depth-first order.
+
+    Raises InputError where a node has two parents or is its own ancestor (that would never end).
+    """
+    nodes = file.entries_checked("nodes")
+    mesh_count, camera_count = len(file.entries_checked("meshes")), len(file.entries_checked("cameras"))
+    seen = np.zeros(len(nodes), bool)
+    placements: list[NodePlacements] = []
+    stack = [(root, np.eye(4)) for root in reversed(scene_roots(file, notes))]
+    while stack:
+        index, parent = stack.pop()
+        where = f"nodes[{index}]"
+        if seen[index]:
+            raise file.fail(where, "is reached twice; the node graph must be a tree without cycles")
+        seen[index] = True
+        node = nodes[index]
+        with np.errstate(over="ignore", invalid="ignore"):
+            world = parent @ local_matrix(file, node, where)
+        if not (np.abs(world) < 1e38).all():
+            raise file.fail(where, "has a transform that overflows; check its scale and its parents'")
+        mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node else None
+        camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
+        mesh_worlds = world[None]
+        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where)
+        if instancing is not None and mesh is not None:
+            matrices = _instance_matrices(file, accessors, instancing, f"{where}.EXT_mesh_gpu_instancing", notes)
+            mesh_worlds = world @ matrices
+            if not (np.abs(mesh_worlds) < 1e38).all():
+                raise file.fail(where, "has instance transforms that overflow; check their scales")
+            notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
+        if "skin" in node:
+            notes.ignored("skins (meshes stand in their rest pose)")
+        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera))
+        children = file.array(node, "children", where)
+        stack.extend((file.index(c, len(nodes), f"{where}.children"), world) for c in reversed(children))
+    return tuple(placements)

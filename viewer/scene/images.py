@@ -1,0 +1,202 @@
+"""Image files to 8-bit pixels and back, through OpenImageIO."""
+
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import OpenImageIO
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.files import atomic_path
+from ntc.textures import SourceTexture, hash_pixels
+
+_SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
+IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
+"""What `folder_textures` looks for."""
+
+MAX_SIDE = 1 << 15
+FREE_VALUES = 1 << 24
+"""Channel values (width x height x channels) that any file may decode to, however small it is."""
+MAX_EXPANSION = 1100
+"""Decoded bytes for each byte of a file beyond FREE_VALUES: a little above the best that deflate reaches."""
+
+_SIGNATURES = (
+    (b"\x89PNG", ".png"),
+    (b"\xff\xd8\xff", ".jpg"),
+    (b"RIFF", ".webp"),
+    (b"DDS ", ".dds"),
+    (b"v/1\x01", ".exr"),
+    (b"GIF8", ".gif"),
+    (b"BM", ".bmp"),
+    (b"II*\0", ".tif"),
+    (b"MM\0*", ".tif"),
+    (b"#?RADIANCE", ".hdr"),
+    (b"8BPS", ".psd"),
+)
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+def map_in_threads(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
+    """Results of `function` in the order of `items`, on all cores (OpenImageIO and hashlib release the GIL)."""
+    with ThreadPoolExecutor(max(1, os.cpu_count() or 1)) as pool:
+        return list(pool.map(function, items))
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """sRGB transfer function: linear values (0 to 1, clipped) to sRGB values 0 to 1, of the same shape."""
+    clipped = np.clip(np.nan_to_num(linear, nan=0.0), 0.0, 1.0)
+    return np.where(clipped <= 0.0031308, clipped * 12.92, 1.055 * np.power(clipped, 1.0 / 2.4) - 0.055)
+
+
+def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Inverse of `encode_srgb`: sRGB values 0 to 1 to linear values 0 to 1, of the same shape."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, np.power((encoded + 0.055) / 1.055, 2.4))
+
+
+def _suffix(data: bytes, name: str) -> str:
+    for signature, suffix in _SIGNATURES:
+        if data.startswith(signature):
+            return suffix
+    suffix = Path(name).suffix.lower()
+    return suffix if suffix in IMAGE_SUFFIXES else ".img"
+
+
+def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
+    # Without this OpenImageIO multiplies colours by alpha, and textures would darken where they are transparent.
+    config = OpenImageIO.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    image = OpenImageIO.ImageInput.open(path, config)
+    if image is None:
+        raise InputError(
+            f"{name}: not a readable image ({OpenImageIO.geterror() or 'unknown format'}); give a PNG or JPEG"
+        )
+    try:
+        spec = image.spec()
+        width, height, channels = spec.width, spec.height, spec.nchannels
+        if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and spec.depth <= 1 and channels >= 1):
+            raise InputError(f"{name}: image of {width} x {height} x {channels}; sides are 1 to {MAX_SIDE} texels")
+        if width * height * channels > FREE_VALUES + MAX_EXPANSION * byte_count:
+            raise InputError(f"{name}: {width} x {height} texels in {byte_count} bytes; the image is broken")
+        linear = str(spec.format) in ("float", "half", "double")
+        pixels: Any = image.read_image(0, 0, 0, min(channels, 4), "float" if linear else "uint8")
+        if pixels is None or image.has_error:
+            raise InputError(f"{name}: the image does not decode ({image.geterror() or 'truncated'}); replace it")
+    finally:
+        image.close()
+    pixels = np.asarray(pixels).reshape(height, width, -1)
+    if linear:
+        colors = pixels.shape[2] - (pixels.shape[2] % 2 == 0)
+        pixels = np.concatenate([encode_srgb(pixels[..., :colors]), np.clip(pixels[..., colors:], 0, 1)], axis=2)
+        pixels = (np.nan_to_num(pixels) * 255 + 0.5).astype(np.uint8)
+    if pixels.shape[2] <= 2:
+        pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), pixels[..., 1:]], axis=2)
+    return np.ascontiguousarray(pixels)
+
+
+def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
+    """Pixels [H, W, C] uint8 of the image file in `data`, C = 3 (RGB) or 4 (RGBA, colours not multiplied by alpha).
+
+    Row 0 is the file's top row. Grey becomes RGB, 16 bits become 8, floating point becomes sRGB; EXIF orientation
+    and colour profiles are ignored, as glTF asks. `name` is for messages. Raises InputError.
+    """
+    if not data:
+        raise InputError(f"{name}: the image is empty (0 bytes); replace it")
+    # The wheel cannot read from memory, and a name of our own keeps OpenImageIO's special file names out of reach.
+    handle, path = tempfile.mkstemp(suffix=_suffix(data, name), prefix="ntc-viewer-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        return _read(path, len(data), name)
+    finally:
+        Path(path).unlink()
+
+
+def read_image(path: Path) -> NDArray[np.uint8]:
+    """`decode_image` of the file at `path`. Raises InputError."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    return decode_image(data, str(path))
+
+
+def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    """Write `pixels` [H, W] or [H, W, 1 to 4], uint8 or uint16, as they are, atomically. Row 0 becomes the top row.
+
+    Raises InputError where the file cannot be written, ValueError for another shape or type.
+    """
+    path = Path(path)
+    image = pixels[..., None] if pixels.ndim == 2 else pixels
+    if image.ndim != 3 or not 1 <= image.shape[2] <= 4 or image.size == 0 or image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"pixels must be [H, W, 1 to 4] uint8 or uint16, not {pixels.shape} {pixels.dtype}")
+    spec = OpenImageIO.ImageSpec(image.shape[1], image.shape[0], image.shape[2], str(image.dtype))
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"{path}: the name of a PNG ends in .png")
+    with atomic_path(path) as temporary:
+        output = OpenImageIO.ImageOutput.create(str(temporary))
+        if output is None or not output.open(str(temporary), spec):
+            raise InputError(
+                f"{path}: cannot be written ({OpenImageIO.geterror() if output is None else output.geterror()})"
+            )
+        written = output.write_image(np.ascontiguousarray(image))
+        message = "" if written else output.geterror()
+        closed = output.close()
+        if not (written and closed):
+            raise InputError(f"{path}: cannot be written ({message or 'disk full?'}); check space and permissions")
+
+
+def is_constant(pixels: NDArray[np.uint8]) -> bool:
+    """Whether all texels of `pixels` [H, W, C] are equal."""
+    # Most images differ within the first row, so the whole one is rarely looked at.
+    return bool((pixels[0] == pixels[0, 0]).all()) and bool((pixels == pixels[0, 0]).all())
+
+
+def split_alpha(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """RGB [H, W, 3] and alpha [H, W] of `pixels`; None where there is no alpha or all of it is 255."""
+    if pixels.shape[2] < 4 or bool((pixels[..., 3] == 255).all()):
+        return np.ascontiguousarray(pixels[..., :3]), None
+    return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3])
+
+
+def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
+    """All images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
+
+    The category is the name of the sub-folder, None for images that lie in `folder` itself; the name is the path
+    inside `folder` without suffix. Alpha is kept as a fourth channel unless all of it is 255. Raises InputError.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: not a folder; give one that holds images")
+    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file())
+    if not paths:
+        raise InputError(f"{folder}: holds no images (PNG, JPEG, WebP ...)")
+
+    def read(path: Path) -> SourceTexture | None:
+        pixels = read_image(path)
+        color, alpha = split_alpha(pixels)
+        if alpha is None:
+            pixels = color
+        if is_constant(pixels):
+            return None
+        place = path.relative_to(folder)
+        category = place.parent.name or None
+        return SourceTexture(place.with_suffix("").as_posix(), pixels, hash_pixels(pixels), category=category)
+
+    return tuple(texture for texture in map_in_threads(read, paths) if texture is not None)
+
+
+def reduced_size(width: int, height: int, size: int) -> tuple[int, int]:
+    """(width, height) scaled down, keeping the aspect, so that neither exceeds `size`; at least 1 x 1."""
+    longest = max(width, height)
+    if longest <= size:
+        return width, height
+    return max(1, math.floor(width * size / longest + 0.5)), max(1, math.floor(height * size / longest + 0.5))
