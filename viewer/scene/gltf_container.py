@@ -99,7 +99,16 @@ class GltfFile:
         value = owner.get(key, default)
         if not isinstance(value, str):
             raise self.fail(f"{where}.{key}", f"{_short(value)} is not a text")
-        return value
+        # JSON may hold half a surrogate pair, which neither a file name nor a terminal takes.
+        return value.encode("utf-8", "replace").decode()
+
+    def label(self, owner: Mapping[str, Any], default: str) -> str:
+        """The name of `owner` in one printable line of at most 200 characters, `default` without one."""
+        value = owner.get("name")
+        if not isinstance(value, str):
+            return default
+        text = " ".join(value.encode("utf-8", "replace").decode().split())
+        return "".join(character for character in text if character.isprintable())[:200] or default
 
     def object(self, owner: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
         """The object `owner[key]`, empty when absent."""

@@ -1,0 +1,156 @@
+"""Base colour images: decoded on all cores, shared by their pixels; constant ones become factors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.textures import hash_pixels
+from viewer.scene.gltf_buffers import Buffers, read_uri
+from viewer.scene.gltf_container import GltfFile
+from viewer.scene.gltf_materials import MaterialSource
+from viewer.scene.images import decode_image, decode_srgb, is_constant, map_in_threads, split_alpha
+from viewer.scene.model import Material, SceneTexture
+from viewer.scene.report_notes import ReportNotes
+
+
+@dataclass(frozen=True, eq=False)
+class _DecodedImage:
+    """One image of the file; `failure` says why there are no pixels."""
+
+    name: str
+    origin: str
+    pixels: NDArray[np.uint8] | None = None
+    alpha: NDArray[np.uint8] | None = None
+    pixel_hash: str = ""
+    constant: tuple[float, float, float, float] | None = None
+    """Linear RGBA when all texels are equal."""
+    failure: str = ""
+
+
+def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
+    entry = file.entries_checked("images")[index]
+    where = f"images[{index}]"
+    if "uri" in entry:
+        return read_uri(file, file.text(entry, "uri", where), f"{where}.uri")
+    if "bufferView" in entry:
+        return buffers.view(entry["bufferView"], f"{where}.bufferView")[0].tobytes()
+    raise file.fail(where, "has neither a uri nor a bufferView")
+
+
+def _names(file: GltfFile, index: int) -> tuple[str, str]:
+    """(name, origin) of image `index`."""
+    entry = file.entries_checked("images")[index]
+    uri = entry.get("uri")
+    external = isinstance(uri, str) and uri[:5].lower() != "data:"
+    path = file.label({"name": unquote(uri)}, "") if external and isinstance(uri, str) else ""
+    stem = PurePosixPath(path.replace("\\", "/")).stem
+    return file.label(entry, stem or f"image {index}"), path or f"image {index} (embedded)"
+
+
+def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool) -> _DecodedImage:
+    name, origin = _names(file, index)
+    try:
+        data = _image_bytes(file, buffers, index)
+        pixels, alpha = split_alpha(decode_image(data, f"{file.name}: images[{index}] ({origin})"))
+    except InputError as error:
+        return _DecodedImage(name, origin, failure=str(error))
+    if not reads_alpha:
+        alpha = None
+    whole = pixels if alpha is None else np.dstack([pixels, alpha])
+    if is_constant(whole):
+        red, green, blue = (float(value) for value in decode_srgb(pixels[0, 0] / 255.0))
+        constant = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
+        return _DecodedImage(name, origin, constant=constant)
+    return _DecodedImage(name, origin, pixels, alpha, hash_pixels(whole))
+
+
+def _unique(name: str, taken: set[str]) -> str:
+    candidate, number = name, 2
+    while candidate in taken:
+        candidate, number = f"{name}_{number}", number + 1
+    taken.add(candidate)
+    return candidate
+
+
+def _texture_table(
+    images: dict[int, _DecodedImage], categories: dict[int, str | None], notes: ReportNotes
+) -> tuple[tuple[SceneTexture, ...], dict[int, int]]:
+    """(textures, texture id of each image that has one), in the order of `images`."""
+    textures: list[SceneTexture] = []
+    by_hash: dict[str, int] = {}
+    ids: dict[int, int] = {}
+    taken: set[str] = set()
+    for index, image in images.items():
+        if image.pixels is None:
+            continue
+        if image.pixel_hash in by_hash:
+            ids[index] = by_hash[image.pixel_hash]
+            notes.note("images with the pixels of another share its texture")
+            continue
+        ids[index] = by_hash[image.pixel_hash] = len(textures)
+        textures.append(
+            SceneTexture(
+                name=_unique(image.name, taken),
+                pixels=image.pixels,
+                alpha=image.alpha,
+                pixel_hash=image.pixel_hash,
+                origin=image.origin,
+                category=categories[index],
+            )
+        )
+    return tuple(textures), ids
+
+
+def _finished(source: MaterialSource, image: _DecodedImage | None, texture_id: int) -> Material:
+    if image is None or image.constant is None:
+        return replace(source.material, texture_id=texture_id)
+    red, green, blue, alpha = (f * c for f, c in zip(source.material.factor, image.constant, strict=True))
+    return replace(source.material, factor=(red, green, blue, alpha))
+
+
+def read_images(
+    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
+) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
+    """The finished materials, in the order of `sources`, and the textures, in the order in which materials use them.
+
+    Only images of the materials `drawn` are read. An image that is missing or broken is reported, and the factor
+    stands for it; an image of one colour is multiplied into the factor.
+    """
+    using = [(source.image, source) for i, source in enumerate(sources) if i in drawn and source.image is not None]
+    reads_alpha: dict[int, bool] = {}
+    categories: dict[int, str | None] = {}
+    for index, source in using:
+        reads_alpha[index] = reads_alpha.get(index, False) or source.reads_alpha
+        categories[index] = categories.get(index) or source.category
+    for index in reads_alpha:
+        # Buffers are not made for threads: read those that images lie in before the pool starts.
+        _touch_buffer(file, buffers, index)
+    decoded = map_in_threads(lambda index: _decode(file, buffers, index, reads_alpha[index]), list(reads_alpha))
+    images = dict(zip(reads_alpha, decoded, strict=True))
+    for image in decoded:
+        if image.failure:
+            notes.missing(f"{image.failure} [the factor is used]")
+    notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
+    notes.honoured("alpha of textures kept as plain textures", sum(image.alpha is not None for image in decoded))
+    textures, ids = _texture_table(images, categories, notes)
+    materials = tuple(
+        _finished(source, images.get(source.image), ids.get(source.image, -1))
+        if source.image is not None and number in drawn
+        else source.material
+        for number, source in enumerate(sources)
+    )
+    return materials, textures
+
+
+def _touch_buffer(file: GltfFile, buffers: Buffers, image: int) -> None:
+    view = file.entries_checked("images")[image].get("bufferView")
+    if view is not None:
+        try:
+            buffers.view(view, f"images[{image}].bufferView")
+        except InputError:
+            return  # Met again, and reported, where the image is decoded.
