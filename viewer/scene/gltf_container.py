@@ -22,7 +22,7 @@ class GltfFile:
     """The JSON of a glTF file with typed, checked access. Every method raises InputError naming file and field."""
 
     name: str
-    """File name, for messages."""
+    """File name as the user gave it, for messages."""
     folder: Path | None
     """Where relative URIs start; None when there is no file, and external URIs are missing."""
     json: Mapping[str, Any]
@@ -193,4 +193,4 @@ def read_gltf(path: Path) -> GltfFile:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not data:
         raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
-    return parse_gltf(data, Path(path).name, Path(path).parent)
+    return parse_gltf(data, str(path), Path(path).parent)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.textures import hash_pixels
-from viewer.scene.gltf_buffers import Buffers, read_uri
+from viewer.scene.gltf_buffers import Buffers, read_uri, resolve_uri
 from viewer.scene.gltf_container import GltfFile
 from viewer.scene.gltf_materials import MaterialSource
 from viewer.scene.images import decode_image, decode_srgb, is_constant, map_in_threads, split_alpha
@@ -134,7 +134,10 @@ def read_images(
     images = dict(zip(reads_alpha, decoded, strict=True))
     for image in decoded:
         if image.failure:
-            notes.missing(f"{image.failure} [the factor is used]")
+            notes.missing(f"{image.failure.removeprefix(f'{file.name}: ')} [the factor is used]")
+    for index in range(len(file.entries_checked("images"))):
+        if index not in images:
+            _note_absent(file, index, notes)
     notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
     notes.honoured("alpha of textures kept as plain textures", sum(image.alpha is not None for image in decoded))
     textures, ids = _texture_table(images, categories, notes)
@@ -145,6 +148,21 @@ def read_images(
         for number, source in enumerate(sources)
     )
     return materials, textures
+
+
+def _note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
+    """Report a file that the scene names but nothing here needs (a normal map, say) when it is not there."""
+    entry = file.entries_checked("images")[index]
+    uri = entry.get("uri")
+    if not isinstance(uri, str) or uri[:5].lower() == "data:":
+        return
+    try:
+        path = resolve_uri(file, file.text(entry, "uri", f"images[{index}]"), f"images[{index}].uri")
+        absent = path is not None and not path.is_file()
+    except (InputError, OSError, ValueError):
+        absent = True
+    if absent:
+        notes.missing(f"images[{index}]: {_names(file, index)[1]} is not there [no base colour reads it]")
 
 
 def _touch_buffer(file: GltfFile, buffers: Buffers, image: int) -> None:

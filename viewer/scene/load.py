@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from viewer.scene.bounds import world_bounds
-from viewer.scene.extensions import check_required, ignored_extensions
+from viewer.scene.extensions import check_required, ignored_extensions, names_of
 from viewer.scene.gltf_accessors import Accessors
 from viewer.scene.gltf_buffers import Buffers
 from viewer.scene.gltf_cameras import read_cameras
@@ -33,7 +33,7 @@ def load_scene(path: Path) -> Scene:
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         from viewer.scene.foreign import foreign_to_glb
 
-        return build_scene(parse_gltf(foreign_to_glb(path), path.name, None), path.stem, path)
+        return build_scene(parse_gltf(foreign_to_glb(path), str(path), None), path.stem, path)
     return build_scene(read_gltf(path), path.stem, path)
 
 
@@ -124,6 +124,7 @@ def _place(file: GltfFile, placements: Sequence[NodePlacements], ranges: dict[in
 def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -> None:
     for extension in ignored_extensions(file):
         notes.ignored(f"extension {extension}")
+    notes.honoured("KHR_mesh_quantization", int("KHR_mesh_quantization" in names_of(file, "extensionsUsed")))
     notes.ignored("animations", len(file.array(file.json, "animations", "file")))
     with np.errstate(over="ignore", invalid="ignore"):
         determinants = np.linalg.det(instances.transform[:, :3, :3].astype(np.float64))

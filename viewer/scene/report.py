@@ -1,0 +1,74 @@
+"""What `ntc-viewer info SCENE` and the window say about a loaded scene."""
+
+from typing import Any
+
+from viewer.scene.model import Scene
+
+
+def _texture_line(index: int, scene: Scene) -> str:
+    texture = scene.textures[index]
+    height, width = texture.pixels.shape[:2]
+    users = sum(material.texture_id == index for material in scene.materials)
+    extras = [f"{users} material{'s' if users != 1 else ''}"]
+    if texture.alpha is not None:
+        extras.append("alpha kept")
+    if texture.category is not None:
+        extras.append(texture.category)
+    return f"  {index:3d}  {width} x {height}  {texture.name}  ({', '.join(extras)})"
+
+
+def report_lines(scene: Scene) -> list[str]:
+    """The load report as lines of text: counts, what is honoured, ignored and missing, cameras, textures."""
+    report = scene.report
+    low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in scene.bounds)
+    lines = [
+        f"{scene.path or scene.name}: " + ", ".join(f"{count} {what}" for what, count in report.used.items()),
+        f"bounds: {low} to {high}",
+    ]
+    for title, entries in (
+        ("honoured", report.honoured),
+        ("ignored", report.ignored),
+        ("missing", report.missing),
+        ("notes", report.notes),
+    ):
+        if entries:
+            lines.append(f"{title}:")
+            lines.extend(f"  {entry}" for entry in entries)
+    if scene.cameras:
+        lines.append("cameras: " + ", ".join(camera.name for camera in scene.cameras))
+    if scene.textures:
+        lines.append("textures:")
+        lines.extend(_texture_line(index, scene) for index in range(len(scene.textures)))
+    return lines
+
+
+def report_json(scene: Scene) -> dict[str, Any]:
+    """The load report as JSON values."""
+    report = scene.report
+    return {
+        "file": None if scene.path is None else str(scene.path),
+        "name": scene.name,
+        "used": dict(report.used),
+        "bounds": [[float(value) for value in corner] for corner in scene.bounds],
+        "honoured": list(report.honoured),
+        "ignored": list(report.ignored),
+        "missing": list(report.missing),
+        "notes": list(report.notes),
+        "cameras": [camera.name for camera in scene.cameras],
+        "materials": [
+            {"name": material.name, "texture_id": material.texture_id, "factor": list(material.factor)}
+            for material in scene.materials
+        ],
+        "textures": [
+            {
+                "name": texture.name,
+                "width": texture.pixels.shape[1],
+                "height": texture.pixels.shape[0],
+                "alpha": texture.alpha is not None,
+                "pixel_hash": texture.pixel_hash,
+                "category": texture.category,
+                "origin": texture.origin,
+            }
+            for texture in scene.textures
+        ],
+    }
