@@ -19,7 +19,13 @@ TEXELS_AT_ONCE = 1 << 17
 
 
 def codec_inputs(
-    config: CodecConfig, latents: Tensor, cells: PyramidTable, texels: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor
+    config: CodecConfig,
+    latents: Tensor,
+    cells: PyramidTable,
+    texels: PyramidTable,
+    texture: Tensor,
+    uv: Tensor,
+    lod: Tensor,
 ) -> Tensor:
     """[N, decoder_inputs] at wrapped `uv` [N, 2] in [0, 1] and clamped `lod` [N] of `texture` [N].
 
@@ -81,8 +87,12 @@ class TorchCodec:
         parts = []
         for start in range(0, len(uv), TEXELS_AT_ONCE):
             part = slice(start, start + TEXELS_AT_ONCE)
-            at = torch.from_numpy(np.nan_to_num(np.asarray(uv[part], np.float32), posinf=0.0, neginf=0.0)).to(self._device)
-            level = torch.from_numpy(np.nan_to_num(np.asarray(lod[part], np.float32), posinf=0.0, neginf=0.0)).to(self._device)
+            at = torch.from_numpy(np.nan_to_num(np.asarray(uv[part], np.float32), posinf=0.0, neginf=0.0)).to(
+                self._device
+            )
+            level = torch.from_numpy(np.nan_to_num(np.asarray(lod[part], np.float32), posinf=0.0, neginf=0.0)).to(
+                self._device
+            )
             wrapped = torch.stack([_wrap(at[:, axis], modes[axis]) for axis in range(2)], dim=-1)
             same = torch.zeros(len(at), dtype=torch.int64, device=self._device)
             inputs = codec_inputs(self._pack.config, latents, cells, texels, same, wrapped, level.clamp(0.0, last))

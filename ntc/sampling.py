@@ -60,7 +60,9 @@ def bilinear_corners(table: PyramidTable, texture: Tensor, level: Tensor, uv: Te
     column, row = left.long(), top.long()
     columns = [_neighbour(column + step, width, repeats[:, 0]) for step in (0, 1)]
     rows = [_neighbour(row + step, height, repeats[:, 1]) * width + table.first[texture, level] for step in (0, 1)]
-    index = torch.stack([rows[0] + columns[0], rows[0] + columns[1], rows[1] + columns[0], rows[1] + columns[1]], dim=-1)
+    index = torch.stack(
+        [rows[0] + columns[0], rows[0] + columns[1], rows[1] + columns[0], rows[1] + columns[1]], dim=-1
+    )
     x_weights, y_weights = (1.0 - fraction_x, fraction_x), (1.0 - fraction_y, fraction_y)
     weights = torch.stack([x_weights[i] * y_weights[j] for j in (0, 1) for i in (0, 1)], dim=-1)
     return index, weights

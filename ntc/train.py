@@ -56,7 +56,9 @@ def choose_device(name: str) -> torch.device:
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
-        raise InputError("--device cuda: this torch has no CUDA device; see README for the CUDA build, or use --device cpu")
+        raise InputError(
+            "--device cuda: this torch has no CUDA device; see README for the CUDA build, or use --device cpu"
+        )
     return torch.device(name)
 
 
@@ -153,9 +155,8 @@ class _Cohort:
     def train(self, clock: _Clock) -> None:
         """Run all steps."""
         training = self._training
-        fused = {"fused": True}
-        latent_optimizer = torch.optim.Adam([self.latents], lr=training.latent_rate, **fused)
-        decoder_optimizer = torch.optim.Adam(self.decoders.parameters(), lr=training.decoder_rate, **fused)
+        latent_optimizer = torch.optim.Adam([self.latents], lr=training.latent_rate, fused=True)
+        decoder_optimizer = torch.optim.Adam(self.decoders.parameters(), lr=training.decoder_rate, fused=True)
         first_rounded = self.steps - math.floor(self.steps * training.rounded_share)
         noise_step = torch.zeros(0)
         for step in range(self.steps):
@@ -194,13 +195,12 @@ class _Cohort:
         return difference.square().sum() / (self.data.channel_mask.sum() * self.per_texture)
 
 
-def _cohorts(
-    textures: Sequence[SourceTexture], grouping: Grouping, training: TrainingConfig
-) -> list[list[int]]:
+def _cohorts(textures: Sequence[SourceTexture], grouping: Grouping, training: TrainingConfig) -> list[list[int]]:
     if training.texels_per_group is None:
         return [list(range(len(textures)))]
     return [
-        [index for index, group in enumerate(grouping.groups) if group == number] for number in range(grouping.group_count)
+        [index for index, group in enumerate(grouping.groups) if group == number]
+        for number in range(grouping.group_count)
     ]
 
 
@@ -244,7 +244,8 @@ def train(
     started = time.monotonic()
     members = _cohorts(textures, grouping, training)
     cohorts = [
-        _Cohort([textures[i] for i in m], [grouping.groups[i] for i in m], codec, training, device, generator) for m in members
+        _Cohort([textures[i] for i in m], [grouping.groups[i] for i in m], codec, training, device, generator)
+        for m in members
     ]
     clock = _Clock(sum(cohort.steps for cohort in cohorts), progress, cancelled)
     decoders: dict[int, Decoder] = {}

@@ -58,10 +58,14 @@ class TrainingData:
         used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
         self.channel_mask = used.to(device=device, dtype=torch.float32)
         """[T, output_channels]: 1 for the channels that a texture has."""
-        coded = torch.tensor([[t.color_space == "srgb" and channel < 3 for channel in range(channels)] for t in textures])
+        coded = torch.tensor(
+            [[t.color_space == "srgb" and channel < 3 for channel in range(channels)] for t in textures]
+        )
         self._srgb_coded = coded.to(device)
         self._single_level = config.levels == 1
-        weights = torch.clamp(4.0 ** -torch.arange(self.cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT)
+        weights = torch.clamp(
+            4.0 ** -torch.arange(self.cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
+        )
         available = torch.arange(self.cells.width.shape[1])[None, :] < self.cells.levels.cpu()[:, None]
         shares = weights[None, :] * available
         self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
@@ -71,7 +75,7 @@ class TrainingData:
         total = self.count * per_texture
         texture = torch.arange(self.count, device=self._device).repeat_interleave(per_texture)
         random = torch.rand(total, 5, generator=generator).to(self._device)
-        level = torch.searchsorted(self._level_cumulative[texture], random[:, :1]).squeeze(1)
+        level = torch.searchsorted(self._level_cumulative[texture], random[:, :1].contiguous()).squeeze(1)
         last = self.cells.levels[texture] - 1
         level = torch.minimum(level, last)
         size = torch.stack([self.texels.width[texture, level], self.texels.height[texture, level]], dim=-1)

@@ -31,7 +31,9 @@ def random_pack(
             wrap=wrap,
             category=None,
             group=groups[index],
-            latents=random.integers(0, 256, (latent_cell_count(width, height, config), config.latent_channels), np.uint8),
+            latents=random.integers(
+                0, 256, (latent_cell_count(width, height, config), config.latent_channels), np.uint8
+            ),
             scale=random.uniform(0.004, 0.012, config.latent_channels).astype(np.float32),
             offset=random.uniform(-1.5, -0.5, config.latent_channels).astype(np.float32),
         )
