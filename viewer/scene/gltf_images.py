@@ -134,7 +134,8 @@ def read_images(
     images = dict(zip(reads_alpha, decoded, strict=True))
     for image in decoded:
         if image.failure:
-            notes.missing(f"{image.failure.removeprefix(f'{file.name}: ')} [the factor is used]")
+            reason = image.failure.removeprefix(f"{file.name}: ")
+            notes.missing(f"{reason} [the factor is used]")
     for index in range(len(file.entries_checked("images"))):
         if index not in images:
             _note_absent(file, index, notes)

@@ -1,0 +1,32 @@
+"""Scenes built in memory, and their triangles in world space."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.support.gltf_builder import GltfBuilder
+from viewer.scene.gltf_container import parse_gltf
+from viewer.scene.load import build_scene
+from viewer.scene.model import Scene
+
+
+def built(builder: GltfBuilder) -> Scene:
+    """The scene in the GLB of `builder`."""
+    return build_scene(parse_gltf(builder.glb(), "test.glb", None), "test", None)
+
+
+def world_triangles(scene: Scene) -> NDArray[np.float64]:
+    """[T, 3, 3] world-space corners of all drawn triangles."""
+    parts = []
+    for row, transform in zip(scene.instances.primitive, scene.instances.transform, strict=True):
+        primitive = scene.primitives[row]
+        index = scene.geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count]
+        local = scene.geometry.positions[primitive.base_vertex + index.astype(np.int64)].astype(np.float64)
+        parts.append((local @ transform[:3, :3].T.astype(np.float64) + transform[:3, 3]).reshape(-1, 3, 3))
+    return np.concatenate(parts)
+
+
+def sorted_triangles(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`triangles` [T, 3, 3] in an order of their own: corners, then triangles, ascending (so winding is lost)."""
+    rounded = np.round(triangles, 4) + 0.0
+    corners = np.array([sorted(triangle.tolist()) for triangle in rounded])
+    return corners[np.lexsort(corners.reshape(len(corners), -1).T[::-1])]
