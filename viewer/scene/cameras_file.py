@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ntc.errors import InputError
+from viewer.scene.gltf_container import describe, printable
 from viewer.scene.model import Camera
 
 
@@ -19,7 +20,7 @@ def _vector(value: Any, where: str) -> tuple[float, float, float]:
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e30:
-        raise InputError(f"{where}: must be a finite number, not {value!r:.40}")
+        raise InputError(f"{where}: must be a finite number, not {describe(value)}")
     return float(value)
 
 
@@ -29,7 +30,8 @@ def _camera(entry: Any, where: str) -> Camera:
     for key in ("name", "eye", "target"):
         if key not in entry:
             raise InputError(f"{where}: lacks {key!r}")
-    if not isinstance(entry["name"], str) or not entry["name"]:
+    name = printable(entry["name"]) if isinstance(entry["name"], str) else ""
+    if not name:
         raise InputError(f"{where}.name: must be a text")
     eye = _vector(entry["eye"], f"{where}.eye")
     target = _vector(entry["target"], f"{where}.target")
@@ -38,7 +40,7 @@ def _camera(entry: Any, where: str) -> Camera:
         raise InputError(f"{where}.fov: {fov:g} must lie between 0 and 180 degrees")
     if math.dist(eye, target) == 0.0:
         raise InputError(f"{where}: eye and target are the same point; move one")
-    return Camera(name=entry["name"], eye=eye, target=target, fov_degrees=fov)
+    return Camera(name=name, eye=eye, target=target, fov_degrees=fov)
 
 
 def read_cameras(path: Path) -> tuple[Camera, ...]:

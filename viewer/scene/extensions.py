@@ -1,6 +1,6 @@
 """Which glTF extensions are drawn as specified, which are known to change nothing here, which are not read."""
 
-from viewer.scene.gltf_container import GltfFile
+from viewer.scene.gltf_container import GltfFile, printable
 
 SUPPORTED = frozenset(
     {
@@ -41,7 +41,7 @@ def names_of(file: GltfFile, key: str) -> tuple[str, ...]:
     for name in names:
         if not isinstance(name, str):
             raise file.fail(key, "must hold names")
-    return tuple(sorted(set(names)))
+    return tuple(sorted({printable(name) for name in names}))
 
 
 def check_required(file: GltfFile) -> None:

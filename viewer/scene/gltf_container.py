@@ -1,7 +1,6 @@
 """A .gltf or .glb file as checked JSON plus the GLB's binary chunk."""
 
 import json
-import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -63,7 +62,7 @@ class GltfFile:
     def index(self, value: Any, count: int, where: str) -> int:
         """`value` as an index below `count`."""
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
-            raise self.fail(where, f"{_short(value)} is not an index below {count}")
+            raise self.fail(where, f"{describe(value)} is not an index below {count}")
         return value
 
     def integer(
@@ -74,7 +73,7 @@ class GltfFile:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= high:
-            raise self.fail(f"{where}.{key}", f"{_short(value)} is not an integer from 0 to {high}")
+            raise self.fail(f"{where}.{key}", f"{describe(value)} is not an integer from 0 to {high}")
         return value
 
     def number(self, owner: Mapping[str, Any], key: str, where: str, default: float) -> float:
@@ -91,14 +90,14 @@ class GltfFile:
     def finite(self, value: Any, where: str) -> float:
         """`value` as a finite number."""
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e38:
-            raise self.fail(where, f"{_short(value)} is not a finite number")
+            raise self.fail(where, f"{describe(value)} is not a finite number")
         return float(value)
 
     def text(self, owner: Mapping[str, Any], key: str, where: str, default: str = "") -> str:
         """The string `owner[key]`."""
         value = owner.get(key, default)
         if not isinstance(value, str):
-            raise self.fail(f"{where}.{key}", f"{_short(value)} is not a text")
+            raise self.fail(f"{where}.{key}", f"{describe(value)} is not a text")
         # JSON may hold half a surrogate pair, which neither a file name nor a terminal takes.
         return value.encode("utf-8", "replace").decode()
 
@@ -107,8 +106,7 @@ class GltfFile:
         value = owner.get("name")
         if not isinstance(value, str):
             return default
-        text = " ".join(value.encode("utf-8", "replace").decode().split())
-        return "".join(character for character in text if character.isprintable())[:200] or default
+        return printable(value) or default
 
     def object(self, owner: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
         """The object `owner[key]`, empty when absent."""
@@ -125,8 +123,19 @@ class GltfFile:
         return self.object(extensions, name, f"{where}.extensions")
 
 
-def _short(value: Any) -> str:
-    text = repr(value) if not isinstance(value, int | float) or math.isfinite(value) else str(value)
+def printable(text: str) -> str:
+    """`text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
+    line = " ".join(text.encode("utf-8", "replace").decode().split())
+    return "".join(character for character in line if character.isprintable())[:200]
+
+
+def describe(value: Any) -> str:
+    """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
+    if isinstance(value, list):
+        return "an array"
+    if isinstance(value, dict):
+        return "an object"
+    text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
@@ -175,9 +184,11 @@ def parse_gltf(data: bytes, name: str, folder: Path | None) -> GltfFile:
     asset = file.object(content, "asset", "file")
     version = file.text(asset, "version", "asset")
     if not version.startswith("2."):
-        raise file.fail("asset.version", f"{version!r} is not supported; only glTF 2.0 is read, export it as 2.0")
+        raise file.fail(
+            "asset.version", f"{describe(version)} is not supported; only glTF 2.0 is read, export it as 2.0"
+        )
     if file.text(asset, "minVersion", "asset", "2.0") != "2.0":
-        raise file.fail("asset.minVersion", f"{asset['minVersion']!r} is not supported; only glTF 2.0 is read")
+        raise file.fail("asset.minVersion", f"{describe(asset['minVersion'])} is not supported; only glTF 2.0 is read")
     for key in ("nodes", "meshes", "materials", "accessors", "bufferViews", "buffers"):
         file.entries(key)
     for key in ("scenes", "images", "textures", "samplers", "cameras"):

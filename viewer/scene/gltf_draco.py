@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.gltf_buffers import Buffers
-from viewer.scene.gltf_container import GltfFile
+from viewer.scene.gltf_container import GltfFile, describe, printable
 
 EXTENSION = "KHR_draco_mesh_compression"
 
@@ -47,7 +47,7 @@ def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], wh
     attributes: dict[str, NDArray[Any]] = {}
     for name, number in file.object(extension, "attributes", where).items():
         if not isinstance(number, int) or number not in stored:
-            raise file.fail(f"{where}.attributes.{name[:40]}", f"{number!r:.20} is not in the Draco data")
+            raise file.fail(f"{where}.attributes.{printable(name)}", f"{describe(number)} is not in the Draco data")
         values = stored[number]
         attributes[name] = values.reshape(len(values), -1)
     if len({len(values) for values in attributes.values()}) > 1:

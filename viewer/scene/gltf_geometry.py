@@ -129,7 +129,10 @@ class GeometryReader:
         """(base vertex, count) of the primitive's vertices, read once for equal attributes."""
         transform = source.uv_transform if source.image is not None else None
         uv_name = f"TEXCOORD_{source.uv_set}"
-        key = (id(draco) if draco else None, *(_hashable(attributes.get(n)) for n in ("POSITION", uv_name, "COLOR_0")))
+        key = (
+            id(draco) if draco else None,
+            *(_index_or_none(attributes.get(n)) for n in ("POSITION", uv_name, "COLOR_0")),
+        )
         key = (*key, transform)
         if draco is None and key in self._vertex_ranges:
             return self._vertex_ranges[key]
@@ -209,7 +212,7 @@ class GeometryReader:
     ) -> tuple[int, int]:
         """(first index, count) of the primitive's triangles, read once for equal index accessors."""
         file = self._file
-        key = (_hashable(entry.get("indices")), mode, None if "indices" in entry else vertex_count)
+        key = (_index_or_none(entry.get("indices")), mode, None if "indices" in entry else vertex_count)
         if draco is None and key in self._index_ranges:
             first, count, highest = self._index_ranges[key]
         else:
@@ -250,5 +253,5 @@ class GeometryReader:
         return np.where(broken, np.float32(0), values)
 
 
-def _hashable(value: Any) -> Any:
-    return value if isinstance(value, int) else None if value is None else repr(value)
+def _index_or_none(value: Any) -> int | None:
+    return value if isinstance(value, int) else None

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.config import WrapMode
-from viewer.scene.gltf_container import GltfFile
+from viewer.scene.gltf_container import GltfFile, describe
 from viewer.scene.model import AlphaMode, Material, Sampler
 from viewer.scene.report_notes import ReportNotes
 
@@ -85,7 +85,7 @@ def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportN
         value = entry.get(key, default)
         if isinstance(value, int) and value in allowed:
             return value
-        notes.note(f"sampler {key} {value!r:.20} is unknown; the default was used")
+        notes.note(f"sampler {key} {describe(value)} is unknown; the default was used")
         return default
 
     minify_linear, mipmap = MINIFY[known("minFilter", 9987, MINIFY)]

@@ -1,0 +1,113 @@
+"""Cameras of scenes and of camera files."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from tests.support.gltf_builder import GltfBuilder
+from tests.support.scenes import built
+from viewer.scene.cameras_file import find_camera, read_cameras
+
+
+def test_all_cameras_in_world_space() -> None:
+    builder = GltfBuilder()
+    builder.drawn(builder.triangle())
+    wide = builder.add("cameras", type="perspective", name="wide", perspective={"yfov": math.pi / 3, "znear": 0.1})
+    flat = builder.add("cameras", type="orthographic", orthographic={"xmag": 4, "ymag": 3, "znear": 0.5, "zfar": 50})
+    # A quarter turn about Y looks along -X.
+    turn = [0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4)]
+    builder.add("nodes", translation=[10, 0, 0], rotation=turn, scale=[2, 2, 2], children=[2, 3])
+    builder.add("nodes", camera=wide, translation=[0, 1, 0])
+    builder.add("nodes", camera=flat, name="plan")
+    builder.add("nodes", camera=wide, scale=[0, 0, 0], name="squashed")
+    scene = built(builder)
+    first, second = scene.cameras
+    assert (first.name, second.name) == ("wide", "plan")
+    np.testing.assert_allclose(first.eye, [10, 2, 0], atol=1e-6)
+    direction = np.subtract(first.target, first.eye)
+    np.testing.assert_allclose(direction / np.linalg.norm(direction), [-1, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(first.up, [0, 1, 0], atol=1e-6)
+    assert first.fov_degrees == pytest.approx(60)
+    assert (first.near, first.far, first.orthographic_height) == (0.1, None, None)
+    assert (second.orthographic_height, second.near, second.far) == (6, 0.5, 50)
+    assert any("squashed" in line for line in scene.report.ignored)
+
+
+def test_cameras_that_share_a_name_are_told_apart() -> None:
+    builder = GltfBuilder()
+    builder.drawn(builder.triangle())
+    lens = builder.add("cameras", type="perspective", perspective={"yfov": 1.0, "znear": 0.1})
+    builder.add("nodes", camera=lens, name="eye")
+    builder.add("nodes", camera=lens, name="eye")
+    assert [camera.name for camera in built(builder).cameras] == ["eye", "eye (node 2)"]
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        {"type": "fisheye"},
+        {"type": "perspective", "perspective": {"yfov": 4}},
+        {"type": "perspective", "perspective": {"yfov": "wide"}},
+        {"type": "orthographic", "orthographic": {"ymag": 0}},
+    ],
+)
+def test_broken_cameras(camera: dict[str, Any]) -> None:
+    builder = GltfBuilder()
+    builder.drawn(builder.triangle())
+    builder.add("nodes", camera=builder.add("cameras", **camera))
+    with pytest.raises(InputError, match=r"cameras\[0\]"):
+        built(builder)
+
+
+def test_camera_files(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps([{"name": "a", "eye": [0, 1, 2], "target": [3, 4, 5], "fov": 45}]))
+    (camera,) = read_cameras(path)
+    assert (camera.name, camera.eye, camera.target, camera.fov_degrees) == ("a", (0, 1, 2), (3, 4, 5), 45)
+    assert find_camera((camera,), "a") is camera
+    with pytest.raises(InputError, match="there are: a"):
+        find_camera((camera,), "b")
+
+
+GOOD = {"name": "a", "eye": [0, 0, 0], "target": [0, 0, 1], "fov": 60}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{",
+        "[]",
+        "{}",
+        "[1]",
+        json.dumps([GOOD, GOOD]),
+        *(
+            json.dumps([{**GOOD, **change}])
+            for change in (
+                {"name": 3},
+                {"eye": [0, 0]},
+                {"eye": [0, 0, "x"]},
+                {"eye": [0, 0, 1]},
+                {"target": [0, 0, float("nan")]},
+                {"fov": 0},
+                {"fov": 180},
+                {"fov": True},
+            )
+        ),
+        json.dumps([{"name": "a", "eye": [0, 0, 0]}]),
+    ],
+)
+def test_broken_camera_files(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "cameras.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=r"cameras\.json"):
+        read_cameras(path)
+
+
+def test_missing_camera_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        read_cameras(tmp_path / "none.json")
