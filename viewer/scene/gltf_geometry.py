@@ -129,11 +129,8 @@ class GeometryReader:
         """(base vertex, count) of the primitive's vertices, read once for equal attributes."""
         transform = source.uv_transform if source.image is not None else None
         uv_name = f"TEXCOORD_{source.uv_set}"
-        key = (
-            id(draco) if draco else None,
-            *(_index_or_none(attributes.get(n)) for n in ("POSITION", uv_name, "COLOR_0")),
-        )
-        key = (*key, transform)
+        accessors = (_index_or_none(attributes.get(name)) for name in ("POSITION", uv_name, "COLOR_0"))
+        key: _VertexKey = (*accessors, transform)
         if draco is None and key in self._vertex_ranges:
             return self._vertex_ranges[key]
         positions = self._attribute("POSITION", attributes, draco, where, ("VEC3",), 3)
