@@ -46,8 +46,8 @@ def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:
         return coordinate - torch.floor(coordinate)
     if mode == "clamp":
         return coordinate.clamp(0.0, 1.0)
-    turned = coordinate - 2.0 * torch.floor(coordinate / 2.0)
-    return torch.where(turned > 1.0, 2.0 - turned, turned)
+    # Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
+    return torch.abs(coordinate - 2.0 * torch.round(coordinate / 2.0))
 
 
 class TorchCodec:

@@ -1,0 +1,11 @@
+// Wrapping of texture coordinates (docs/codec.md, steps 1 and 2).
+#include "generated/layout.glsl"
+
+// Into [0, 1]; what is not finite counts as 0.
+float wrap_coordinate(float coordinate, int mode) {
+    if (isnan(coordinate) || isinf(coordinate)) coordinate = 0.0;
+    float repeated = coordinate - floor(coordinate);
+    // Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
+    float mirrored = abs(coordinate - 2.0 * roundEven(coordinate * 0.5));
+    return mode == WRAP_REPEAT ? repeated : (mode == WRAP_MIRROR ? mirrored : clamp(coordinate, 0.0, 1.0));
+}

@@ -1,0 +1,99 @@
+// The codec (docs/codec.md): latents, positional encoding, decoder.
+#include "generated/layout.glsl"
+#include "generated/codec.glsl"
+#include "common/wrap.glsl"
+
+layout(std430, binding = BINDING_TEXTURES) readonly buffer Textures {
+    TextureRecord textures[];
+};
+layout(std430, binding = BINDING_LEVELS) readonly buffer Levels {
+    LevelRecord levels[];
+};
+layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
+    uint latent_words[];
+};
+
+#if PRECISION_FP16
+layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
+    uvec2 weights[];
+};
+vec4 weight(int block) {
+    uvec2 halves = weights[block];
+    return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+}
+#else
+layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
+    vec4 weights[];
+};
+vec4 weight(int block) {
+    return weights[block];
+}
+#endif
+
+// Hidden blocks of the decoder: a uniform, so that its loops stay loops (see viewer/passes/network.py).
+uniform int network_blocks;
+
+#include "generated/network.glsl"
+
+int neighbour(int cell, int cells, int mode) {
+    return mode == WRAP_REPEAT ? (cell + cells) % cells : clamp(cell, 0, cells - 1);
+}
+
+vec4 stored_latents(int cell, int word) {
+    uint bits = latent_words[cell * LATENT_WORDS + word];
+    return vec4(bits & 255u, (bits >> 8) & 255u, (bits >> 16) & 255u, bits >> 24);
+}
+
+float triangle_wave(float turns) {
+    return 4.0 * abs(turns - floor(turns) - 0.5) - 1.0;
+}
+
+// Adds `share` times the features of one level at wrapped `uv` to `x`.
+void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord level, vec2 uv, ivec2 wrap, float share) {
+    vec2 at = uv * vec2(level.width, level.height) - 0.5;
+    ivec2 corner = ivec2(floor(at));
+    vec2 f = at - vec2(corner);
+    int left = neighbour(corner.x, level.width, wrap.x);
+    int right = neighbour(corner.x + 1, level.width, wrap.x);
+    int top = level.first_cell + neighbour(corner.y, level.height, wrap.y) * level.width;
+    int bottom = level.first_cell + neighbour(corner.y + 1, level.height, wrap.y) * level.width;
+    for (int word = 0; word < LATENT_WORDS; ++word) {
+        vec4 upper = mix(stored_latents(top + left, word), stored_latents(top + right, word), f.x);
+        vec4 lower = mix(stored_latents(bottom + left, word), stored_latents(bottom + right, word), f.x);
+        vec4 latents = (record.offset[word] + record.scale[word] * mix(upper, lower, f.y)) * share;
+        x[word * 4] += latents.x;
+        x[word * 4 + 1] += latents.y;
+        x[word * 4 + 2] += latents.z;
+        x[word * 4 + 3] += latents.w;
+    }
+    vec2 texel = uv * vec2(level.texel_width, level.texel_height);
+    int position = LATENT_CHANNELS;
+    for (int axis = 0; axis < 2; ++axis) {
+        float turns = texel[axis];
+        for (int octave = 0; octave < POSITIONAL_OCTAVES; ++octave) {
+            turns *= 0.5;
+            x[position] += share * triangle_wave(turns);
+            x[position + 1] += share * triangle_wave(turns + 0.25);
+            position += 2;
+        }
+    }
+}
+
+// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space. `wrap` holds WRAP_ codes.
+// Where `wanted` is false nothing is decoded and the result means nothing.
+vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
+    vec2 wrapped = vec2(wrap_coordinate(uv.x, wrap.x), wrap_coordinate(uv.y, wrap.y));
+    if (isnan(lod) || isinf(lod)) lod = 0.0;
+    lod = clamp(lod, 0.0, float(record.levels - 1));
+    int lower = int(floor(lod));
+    int upper = min(lower + 1, record.levels - 1);
+    float share = lod - float(lower);
+    float x[DECODER_INPUTS];
+    for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = 0.0;
+    add_level(x, record, levels[record.first_level + lower], wrapped, wrap, 1.0 - share);
+    add_level(x, record, levels[record.first_level + upper], wrapped, wrap, share);
+#if LOD_INPUTS
+    x[DECODER_INPUTS - 1] = lod * LOD_INPUT_SCALE;
+#endif
+    return clamp(run_decoder(record.decoder, x, wanted ? network_blocks : 0), 0.0, 1.0);
+}

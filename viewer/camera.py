@@ -1,0 +1,77 @@
+"""Camera matrices, and cameras that frame a box."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Camera
+
+Matrix = NDArray[np.float64]
+NEAREST_SHARE = 2e-4
+"""Near plane as a share of the far distance, where the camera stands inside the scene and names no near distance."""
+
+
+def frame_all(bounds: NDArray[np.float32], fov_degrees: float = 60.0) -> Camera:
+    """A camera that sees the whole of `bounds` [2, 3] from the front, a little from above and from the right."""
+    low, high = bounds.astype(np.float64)
+    centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
+    direction = np.array([0.45, 0.35, 1.0]) / np.linalg.norm([0.45, 0.35, 1.0])
+    eye = centre + direction * radius / math.sin(math.radians(fov_degrees) / 2.0)
+    return Camera("all", tuple(eye.tolist()), tuple(centre.tolist()), fov_degrees=fov_degrees)
+
+
+def view_matrix(camera: Camera) -> Matrix:
+    """[4, 4] float64 world-to-camera matrix, looking along -Z, for column vectors."""
+    eye, target, up = (np.array(vector, np.float64) for vector in (camera.eye, camera.target, camera.up))
+    backward = eye - target
+    backward /= max(np.linalg.norm(backward), 1e-30)
+    right = np.cross(up, backward)
+    if np.linalg.norm(right) < 1e-9:
+        # Looking straight along `up`: any horizontal direction will do.
+        right = np.cross([0.0, 0.0, 1.0] if abs(backward[2]) < 0.9 else [1.0, 0.0, 0.0], backward)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(backward, right), backward])
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = -rotation @ eye
+    return matrix
+
+
+def clip_distances(camera: Camera, bounds: NDArray[np.float32]) -> tuple[float, float]:
+    """(near, far) distances: the camera's own, else fitted to `bounds` [2, 3]."""
+    view = view_matrix(camera)
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    depths = -(corners @ view.T)[:, 2]
+    far = camera.far if camera.far is not None else max(float(depths.max()) * 1.01, 1e-3)
+    near = camera.near if camera.near is not None else max(float(depths.min()) * 0.99, far * NEAREST_SHARE)
+    return near, max(far, near * 1.001)
+
+
+def projection_matrix(camera: Camera, size: tuple[int, int], near: float, far: float) -> Matrix:
+    """[4, 4] float64 OpenGL projection for a picture of `size` (width, height) pixels."""
+    aspect = size[0] / size[1]
+    matrix = np.zeros((4, 4))
+    if camera.orthographic_height is not None:
+        matrix[0, 0] = 2.0 / (camera.orthographic_height * aspect)
+        matrix[1, 1] = 2.0 / camera.orthographic_height
+        matrix[2, 2], matrix[2, 3] = -2.0 / (far - near), -(far + near) / (far - near)
+        matrix[3, 3] = 1.0
+        return matrix
+    focal = 1.0 / math.tan(math.radians(camera.fov_degrees) / 2.0)
+    matrix[0, 0], matrix[1, 1] = focal / aspect, focal
+    matrix[2, 2], matrix[2, 3] = -(far + near) / (far - near), -2.0 * far * near / (far - near)
+    matrix[3, 2] = -1.0
+    return matrix
+
+
+def view_projection(camera: Camera, size: tuple[int, int], bounds: NDArray[np.float32]) -> Matrix:
+    """[4, 4] float64 world-to-clip matrix."""
+    near, far = clip_distances(camera, bounds)
+    return projection_matrix(camera, size, near, far) @ view_matrix(camera)
+
+
+def frustum_planes(matrix: Matrix) -> Matrix:
+    """[6, 4] planes of a world-to-clip matrix: a point p is inside where plane . (p, 1) >= 0; normals have length 1."""
+    planes = np.stack([matrix[3] + sign * matrix[axis] for axis in range(3) for sign in (1.0, -1.0)])
+    return planes / np.maximum(np.linalg.norm(planes[:, :3], axis=1, keepdims=True), 1e-30)

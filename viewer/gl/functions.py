@@ -1,0 +1,57 @@
+"""OpenGL functions that moderngl does not offer, called through their addresses: arrays of sRGB textures, integer clears."""
+
+import ctypes
+import ctypes.util
+from collections.abc import Callable
+from typing import Any
+
+GL_TEXTURE_2D_ARRAY = 0x8C1A
+GL_SRGB8_ALPHA8 = 0x8C43
+GL_RGB = 0x1907
+GL_UNSIGNED_BYTE = 0x1401
+GL_UNPACK_ALIGNMENT = 0x0CF5
+GL_TEXTURE0 = 0x84C0
+GL_TEXTURE_MAX_ANISOTROPY = 0x84FE
+GL_COLOR = 0x1800
+
+FunctionLoader = Callable[[str], int]
+"""Name of an OpenGL function -> its address, 0 if there is none."""
+
+
+def egl_loader() -> FunctionLoader:
+    """Addresses by eglGetProcAddress, for a context made with EGL."""
+    library = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+    get: Any = library.eglGetProcAddress
+    get.restype = ctypes.c_void_p
+    get.argtypes = [ctypes.c_char_p]
+    return lambda name: get(name.encode()) or 0
+
+
+_UINT, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+_SIGNATURES: dict[str, tuple[type, ...]] = {
+    "glGenTextures": (_INT, _POINTER),
+    "glDeleteTextures": (_INT, _POINTER),
+    "glActiveTexture": (_UINT,),
+    "glBindTexture": (_UINT, _UINT),
+    "glTexStorage3D": (_UINT, _INT, _UINT, _INT, _INT, _INT),
+    "glTexSubImage3D": (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER),
+    "glTexParameteri": (_UINT, _UINT, _INT),
+    "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
+    "glPixelStorei": (_UINT, _INT),
+    "glClearBufferuiv": (_UINT, _INT, _POINTER),
+}
+
+
+class GlFunctions:
+    """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one."""
+
+    def __init__(self, load: FunctionLoader) -> None:
+        self._calls: dict[str, Callable[..., None]] = {}
+        for name, arguments in _SIGNATURES.items():
+            address = load(name)
+            if not address:
+                raise RuntimeError(f"the OpenGL driver has no {name}")
+            self._calls[name] = ctypes.CFUNCTYPE(None, *arguments)(address)
+
+    def __call__(self, name: str, *arguments: Any) -> None:
+        self._calls[name](*arguments)

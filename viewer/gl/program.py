@@ -1,0 +1,148 @@
+"""GLSL programs from files: includes once, defines after `#version`, compiler errors mapped back to file and line."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import moderngl
+
+Defines = Mapping[str, int | float | str]
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
+_VERSION = re.compile(r"^\s*#\s*version\b.*$")
+# Mesa writes "0:12(5): error", NVIDIA "0(12) : error", others "ERROR: 0:12: ...".
+_LOCATION = re.compile(r"\b(\d+)(?::(\d+)|\((\d+)\))")
+
+
+class ShaderError(Exception):
+    """A shader that cannot be assembled or compiled; the message names file and line."""
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """An assembled shader."""
+
+    text: str
+    files: tuple[str, ...]
+    """File of each source number that the text's `#line` directives use."""
+
+    def explain(self, log: str) -> str:
+        """A compiler's log with source numbers replaced by file names."""
+
+        def name(match: re.Match[str]) -> str:
+            number, line = int(match[1]), match[2] or match[3]
+            return f"{self.files[number]}:{line}" if number < len(self.files) else match[0]
+
+        return "\n".join(_LOCATION.sub(name, line, count=1) for line in log.splitlines())
+
+
+class ShaderLibrary:
+    """The GLSL files of a folder, and generated ones that exist only in memory."""
+
+    def __init__(self, folder: Path, generated: Mapping[str, str] | None = None) -> None:
+        self._folder = folder
+        self._generated = dict(generated or {})
+
+    def with_generated(self, generated: Mapping[str, str]) -> "ShaderLibrary":
+        """This library with further generated files."""
+        return ShaderLibrary(self._folder, {**self._generated, **generated})
+
+    def _read(self, name: str) -> str:
+        if name in self._generated:
+            return self._generated[name]
+        if ".." in PurePosixPath(name).parts:
+            raise ShaderError(f"{name}: lies outside the shader folder")
+        try:
+            return (self._folder / name).read_text(encoding="utf-8")
+        except OSError as error:
+            raise ShaderError(f"{name}: {error.strerror}") from error
+
+    def assemble(self, name: str, defines: Defines | None = None) -> ShaderSource:
+        """The shader `name` with its includes, each file once. `defines` (0 is a value like any other) follow `#version`."""
+        files: list[str] = []
+        output: list[str] = []
+        self._append(name, files, output)
+        for position, line in enumerate(output):
+            if _VERSION.match(line):
+                lines = [f"#define {key} {value}" for key, value in (defines or {}).items()]
+                # The line after #version is line 2 of file 0, whatever was inserted.
+                output[position + 1 : position + 1] = [*lines, "#line 2 0"]
+                return ShaderSource("\n".join(output) + "\n", tuple(files))
+        raise ShaderError(f"{name}: has no #version line")
+
+    def _append(self, name: str, files: list[str], output: list[str]) -> None:
+        number = len(files)
+        files.append(name)
+        if number > 0:
+            output.append(f"#line 1 {number}")
+        for position, line in enumerate(self._read(name).splitlines(), start=1):
+            match = _INCLUDE.match(line)
+            if match is None:
+                output.append(line)
+                continue
+            if match[1] not in files:
+                try:
+                    self._append(match[1], files, output)
+                except ShaderError as error:
+                    raise ShaderError(f"{name}:{position}: {error}") from error
+            output.append(f"#line {position + 1} {number}")
+
+
+class ProgramFactory:
+    """Compiles programs of a library, each distinct one once."""
+
+    def __init__(self, gl: moderngl.Context, library: ShaderLibrary) -> None:
+        self._gl = gl
+        self._library = library
+        self._programs: dict[object, moderngl.Program | moderngl.ComputeShader] = {}
+
+    def with_generated(self, generated: Mapping[str, str]) -> "ProgramFactory":
+        """A factory for the same library with further generated files."""
+        return ProgramFactory(self._gl, self._library.with_generated(generated))
+
+    def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
+        """Program of a vertex and a fragment shader file. Raises ShaderError."""
+        key = (vertex, fragment, tuple(sorted((defines or {}).items())))
+        if key not in self._programs:
+            sources = [self._library.assemble(name, defines) for name in (vertex, fragment)]
+            try:
+                made = self._gl.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+            except moderngl.Error as error:
+                log = str(error)
+                source = sources[0] if "vertex_shader" in log else sources[1]
+                raise ShaderError(f"{vertex} + {fragment}: {source.explain(log)}") from error
+            self._programs[key] = made
+        found = self._programs[key]
+        assert isinstance(found, moderngl.Program)
+        return found
+
+    def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
+        """Compute program of a file. Raises ShaderError."""
+        key = (name, tuple(sorted((defines or {}).items())))
+        if key not in self._programs:
+            source = self._library.assemble(name, defines)
+            try:
+                self._programs[key] = self._gl.compute_shader(source.text)
+            except moderngl.Error as error:
+                raise ShaderError(f"{name}: {source.explain(str(error))}") from error
+        found = self._programs[key]
+        assert isinstance(found, moderngl.ComputeShader)
+        return found
+
+    def release(self) -> None:
+        """Free all programs."""
+        for program in self._programs.values():
+            program.release()
+        self._programs.clear()
+
+
+def set_uniforms(program: moderngl.Program | moderngl.ComputeShader, values: Mapping[str, object]) -> None:
+    """Set the uniforms that the program has; the compiler may have dropped one that has no effect."""
+    for name, value in values.items():
+        if name in program:
+            uniform = program[name]
+            if isinstance(value, bytes):
+                uniform.write(value)  # type: ignore[union-attr]
+            else:
+                uniform.value = value  # type: ignore[union-attr]

@@ -1,0 +1,46 @@
+"""Times of passes in ms: by timer queries on a GPU, by wall time around `finish()` on a software renderer."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Literal
+
+from viewer.gl.context import GraphicsContext
+
+TimerKind = Literal["gpu timer query", "wall time around finish"]
+
+
+class PassTimer:
+    """Collects the times of the passes of one frame."""
+
+    def __init__(self, context: GraphicsContext) -> None:
+        self._gl = context.gl
+        # llvmpipe's timer queries return nonsense.
+        self._by_wall = context.info.is_software
+        self._query = None if self._by_wall else context.gl.query(time=True)
+        self._times: dict[str, float] = {}
+
+    @property
+    def kind(self) -> TimerKind:
+        """How the times are taken, for reports."""
+        return "wall time around finish" if self._by_wall else "gpu timer query"
+
+    @contextmanager
+    def measure(self, name: str) -> Iterator[None]:
+        """Add the time of the block to the pass `name`."""
+        if self._query is not None:
+            with self._query:
+                yield
+            elapsed = self._query.elapsed / 1e6
+        else:
+            self._gl.finish()
+            start = time.perf_counter()
+            yield
+            self._gl.finish()
+            elapsed = (time.perf_counter() - start) * 1e3
+        self._times[name] = self._times.get(name, 0.0) + elapsed
+
+    def take(self) -> dict[str, float]:
+        """Times in ms since the last call, by pass, in order of their first measurement."""
+        times, self._times = self._times, {}
+        return times

@@ -1,0 +1,203 @@
+"""Everything that Python and GLSL must agree on: bindings, units, records, constants. GLSL gets it as a generated include."""
+
+from enum import IntEnum
+
+import numpy as np
+
+from ntc.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from viewer.scene.model import AlphaMode, Sampler
+
+
+class StorageBinding(IntEnum):
+    """Binding points of shader storage buffers."""
+
+    MATERIALS = 0
+    TEXTURES = 1
+    LEVELS = 2
+    LATENTS = 3
+    WEIGHTS = 4
+    REQUESTS = 5
+    RESULTS = 6
+
+
+class TextureUnit(IntEnum):
+    """Texture units."""
+
+    SURFACE_FIRST = 0
+    SURFACE_SECOND = 1
+    IMAGES = 2
+    ALPHA = 3
+    ALBEDO_A = 4
+    ALBEDO_B = 5
+
+
+class ImageUnit(IntEnum):
+    """Image units of compute passes."""
+
+    ALBEDO = 0
+
+
+class WrapCode(IntEnum):
+    """Wrap modes as GLSL sees them."""
+
+    REPEAT = 0
+    MIRROR = 1
+    CLAMP = 2
+
+
+class AlphaCode(IntEnum):
+    """Alpha modes as GLSL sees them."""
+
+    OPAQUE = 0
+    MASK = 1
+    BLEND = 2
+
+
+class SamplerFlag(IntEnum):
+    """Bits of MaterialRecord.sampler_flags: how a material's filter differs from trilinear."""
+
+    MAGNIFY_NEAREST = 1
+    MINIFY_NEAREST = 2
+    MIPMAP_NONE = 4
+    MIPMAP_NEAREST = 8
+
+
+WRAP_CODES: dict[WrapMode, WrapCode] = {
+    "repeat": WrapCode.REPEAT,
+    "mirror": WrapCode.MIRROR,
+    "clamp": WrapCode.CLAMP,
+}
+ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
+
+GROUP_SIDE = 8
+"""Side of a compute work group in pixels: the block of the divergence map."""
+TEXEL_GROUP = 64
+"""Work group size of the texel decoder."""
+GRADIENT_SCALE = 256.0
+"""Uv gradients are stored as half floats times this, so that close-ups keep their precision."""
+MATERIAL_SHIFT = 16
+"""The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
+LARGEST_ID = 65534
+"""Most textures, and most materials, that the visibility buffer can name."""
+BUCKET_DEPTHS = 4096
+"""Texture arrays of the reference pass are told apart by depth, in steps of 1 / BUCKET_DEPTHS."""
+
+MATERIAL_RECORD = np.dtype(
+    [
+        ("factor", "<f4", (4,)),
+        ("texture_id", "<i4"),
+        ("wrap_u", "<i4"),
+        ("wrap_v", "<i4"),
+        ("sampler_flags", "<i4"),
+        ("alpha_cutoff", "<f4"),
+        ("alpha_mode", "<i4"),
+        ("image_array", "<i4"),
+        ("image_layer", "<i4"),
+    ]
+)
+"""One material: std430, 48 bytes."""
+
+LEVEL_RECORD = np.dtype(
+    [
+        ("width", "<i4"),
+        ("height", "<i4"),
+        ("texel_width", "<i4"),
+        ("texel_height", "<i4"),
+        ("first_cell", "<i4"),
+        ("padding_0", "<i4"),
+        ("padding_1", "<i4"),
+        ("padding_2", "<i4"),
+    ]
+)
+"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents."""
+
+REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
+"""One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
+
+
+def texture_record(config: CodecConfig) -> np.dtype:
+    """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold."""
+    words = config.latent_channels // 4
+    return np.dtype(
+        [
+            ("first_level", "<i4"),
+            ("levels", "<i4"),
+            ("decoder", "<i4"),
+            ("channels", "<i4"),
+            ("srgb", "<i4"),
+            ("padding_0", "<i4"),
+            ("padding_1", "<i4"),
+            ("padding_2", "<i4"),
+            ("scale", "<f4", (words, 4)),
+            ("offset", "<f4", (words, 4)),
+        ]
+    )
+
+
+def sampler_flags(sampler: Sampler) -> int:
+    """Bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
+    flags = 0 if sampler.magnify_linear else SamplerFlag.MAGNIFY_NEAREST
+    flags |= 0 if sampler.minify_linear else SamplerFlag.MINIFY_NEAREST
+    flags |= {"none": SamplerFlag.MIPMAP_NONE, "nearest": SamplerFlag.MIPMAP_NEAREST, "linear": 0}[sampler.mipmap]
+    return int(flags)
+
+
+_SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "float"}
+
+
+def glsl_struct(name: str, record: np.dtype) -> str:
+    """The GLSL struct that has the layout of `record` under std430."""
+    lines = [f"struct {name} {{"]
+    for field in record.names or ():
+        kind = record[field]
+        base, shape = kind.base, kind.shape
+        if shape == ():
+            lines.append(f"    {_SCALARS[base]} {field};")
+        elif len(shape) == 1:
+            lines.append(f"    vec{shape[0]} {field};")
+        else:
+            lines.append(f"    vec{shape[1]} {field}[{shape[0]}];")
+    return "\n".join([*lines, "};"])
+
+
+def scene_layout_glsl() -> str:
+    """The include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec."""
+    lines = ["// Generated from viewer/passes/layout.py."]
+    for enumeration, prefix in (
+        (StorageBinding, "BINDING_"),
+        (TextureUnit, "UNIT_"),
+        (ImageUnit, "IMAGE_"),
+        (WrapCode, "WRAP_"),
+        (AlphaCode, "ALPHA_"),
+        (SamplerFlag, "SAMPLER_"),
+    ):
+        lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
+    lines += [
+        f"#define GROUP_SIDE {GROUP_SIDE}",
+        f"#define TEXEL_GROUP {TEXEL_GROUP}",
+        f"#define GRADIENT_SCALE {GRADIENT_SCALE}",
+        f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
+        f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
+        glsl_struct("MaterialRecord", MATERIAL_RECORD),
+        glsl_struct("LevelRecord", LEVEL_RECORD),
+        glsl_struct("RequestRecord", REQUEST_RECORD),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def codec_layout_glsl(config: CodecConfig) -> str:
+    """The include `generated/codec.glsl`: the shape of the codec and its texture record."""
+    return "\n".join(
+        [
+            "// Generated from viewer/passes/layout.py for one CodecConfig.",
+            f"#define LATENT_WORDS {config.latent_channels // 4}",
+            f"#define LATENT_CHANNELS {config.latent_channels}",
+            f"#define POSITIONAL_OCTAVES {config.positional_octaves}",
+            f"#define POSITIONAL_INPUTS {config.positional_inputs}",
+            f"#define LOD_INPUTS {config.lod_inputs}",
+            f"#define LOD_INPUT_SCALE {LOD_INPUT_SCALE}",
+            f"#define DECODER_INPUTS {config.decoder_inputs}",
+            glsl_struct("TextureRecord", texture_record(config)),
+            "",
+        ]
+    )

@@ -1,0 +1,94 @@
+"""The decoder network as GLSL, unrolled for its shape, and the buffer of weights that it reads."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.config import CodecConfig
+from ntc.pack import Decoder
+from viewer.view_state import Precision
+
+PARTS = "xyzw"
+
+
+class NetworkLayout:
+    """Where the weights of one decoder lie, in blocks of four numbers.
+
+    First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
+    Third layer: for each output, for each block of hidden values, their four weights; then one block of biases.
+    """
+
+    def __init__(self, config: CodecConfig) -> None:
+        self.inputs = config.decoder_inputs
+        self.hidden = config.hidden_width
+        self.hidden_blocks = config.hidden_width // 4
+        self.outputs = config.output_channels
+        self.first_bias = self.hidden_blocks * self.inputs
+        self.second = self.first_bias + self.hidden_blocks
+        self.second_bias = self.second + self.hidden_blocks * self.hidden
+        self.third = self.second_bias + self.hidden_blocks
+        self.third_bias = self.third + self.outputs * self.hidden_blocks
+        self.blocks = self.third_bias + 1
+
+    def arrange(self, decoder: Decoder) -> NDArray[np.float32]:
+        """[blocks, 4] float32: the weights of `decoder` in this order."""
+        first, second, third = decoder.weights
+        arranged = [
+            first.reshape(self.hidden_blocks, 4, self.inputs).transpose(0, 2, 1),
+            decoder.biases[0],
+            second.reshape(self.hidden_blocks, 4, self.hidden).transpose(0, 2, 1),
+            decoder.biases[1],
+            third,
+            np.pad(decoder.biases[2], (0, 4 - self.outputs)),
+        ]
+        return np.concatenate([part.reshape(-1, 4) for part in arranged]).astype(np.float32)
+
+
+def weight_bytes(config: CodecConfig, decoders: Sequence[Decoder], precision: Precision) -> bytes:
+    """Contents of the weight buffer: all decoders one after the other, as fp32 or as fp16 storage.
+
+    Weights beyond the range of fp16 become its largest number, not infinity.
+    """
+    layout = NetworkLayout(config)
+    numbers = np.concatenate([layout.arrange(decoder) for decoder in decoders]) if decoders else np.zeros((1, 4), np.float32)
+    if precision == "fp16":
+        return np.clip(numbers, -65504.0, 65504.0).astype("<f2").tobytes()
+    return numbers.astype("<f4").tobytes()
+
+
+def network_glsl(config: CodecConfig) -> str:
+    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, float x[DECODER_INPUTS], int blocks)`.
+
+    `blocks` is the number of hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop
+    whose length the compiler knows is unrolled into code that takes minutes to compile on llvmpipe.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+    lines = [
+        "// Generated from viewer/passes/network.py for one CodecConfig.",
+        "vec4 run_decoder(int decoder, float x[DECODER_INPUTS], int blocks) {",
+        f"    int base = decoder * {layout.blocks};",
+        f"    vec4 hidden[{layout.hidden_blocks}];",
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + k * {layout.inputs};",
+        f"        vec4 sum = weight(base + {layout.first_bias} + k);",
+        *[f"        sum += weight(row + {i}) * x[{i}];" for i in range(layout.inputs)],
+        f"        hidden[k] = max(sum, {slope} * sum);",
+        "    }",
+        f"    vec4 result = weight(base + {layout.third_bias});",
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + {layout.second} + k * {layout.hidden};",
+        f"        vec4 sum = weight(base + {layout.second_bias} + k);",
+    ]
+    for block in range(layout.hidden_blocks):
+        lines.append(f"        {{ vec4 h = hidden[{block}];")
+        lines += [f"          sum += weight(row + {4 * block + part}) * h.{PARTS[part]};" for part in range(4)]
+        lines.append("        }")
+    lines.append(f"        sum = max(sum, {slope} * sum);")
+    lines += [
+        f"        result.{PARTS[output]} += dot(sum, weight(base + {layout.third + output * layout.hidden_blocks} + k));"
+        for output in range(layout.outputs)
+    ]
+    lines += ["    }", "    return result;", "}", ""]
+    return "\n".join(lines)

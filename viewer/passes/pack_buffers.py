@@ -1,0 +1,70 @@
+"""A pack on the GPU: records, latents and weights in storage buffers."""
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from ntc.latents import latent_levels
+from ntc.pack import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.passes.layout import LEVEL_RECORD, StorageBinding, codec_layout_glsl, texture_record
+from viewer.passes.network import NetworkLayout, network_glsl, weight_bytes
+from viewer.view_state import Precision
+
+
+class PackBuffers:
+    """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1."""
+
+    def __init__(self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision) -> None:
+        config = pack.config
+        self.hidden_blocks = NetworkLayout(config).hidden_blocks
+        self.precision = precision
+        records = np.zeros(max(1, len(texture_index)), texture_record(config))
+        records["decoder"] = -1
+        levels: list[tuple[int, ...]] = []
+        latents: list[np.ndarray] = []
+        first_cell = 0
+        # Only what the table names is uploaded: latents of other scenes' textures cost nothing.
+        for slot, index in enumerate(texture_index):
+            if index < 0:
+                continue
+            texture = pack.textures[index]
+            pyramid = latent_levels(texture.width, texture.height, config)
+            records[slot]["first_level"], records[slot]["levels"] = len(levels), len(pyramid)
+            records[slot]["decoder"], records[slot]["channels"] = texture.group, texture.channels
+            records[slot]["srgb"] = texture.color_space == "srgb"
+            records[slot]["scale"] = texture.scale.reshape(-1, 4)
+            records[slot]["offset"] = texture.offset.reshape(-1, 4)
+            for level in pyramid:
+                sizes = (level.width, level.height, level.texel_width, level.texel_height)
+                levels.append((*sizes, first_cell + level.first_cell, 0, 0, 0))
+            latents.append(texture.latents)
+            first_cell += len(texture.latents)
+        cells = np.concatenate(latents) if latents else np.zeros((1, config.latent_channels), np.uint8)
+        gl = context.gl
+        self._buffers: dict[StorageBinding, moderngl.Buffer] = {
+            StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
+            StorageBinding.LEVELS: gl.buffer(np.array(levels or [(0,) * 8], LEVEL_RECORD).tobytes()),
+            StorageBinding.LATENTS: gl.buffer(np.ascontiguousarray(cells).tobytes()),
+            StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, precision)),
+        }
+        self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values())
+
+    def bind(self) -> None:
+        """Bind all buffers to their storage bindings."""
+        for binding, buffer in self._buffers.items():
+            buffer.bind_to_storage_buffer(int(binding))
+
+    def release(self) -> None:
+        """Free the buffers."""
+        for buffer in self._buffers.values():
+            buffer.release()
+
+
+def codec_programs(factory: ProgramFactory, pack: Pack) -> ProgramFactory:
+    """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
+    return factory.with_generated(
+        {"generated/codec.glsl": codec_layout_glsl(pack.config), "generated/network.glsl": network_glsl(pack.config)}
+    )
