@@ -18,7 +18,9 @@ def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> ND
     rows, columns = -(-height // block[0]), -(-width // block[1])
     padded = np.full((rows * block[0], columns * block[1]), -1, np.int32)
     padded[:height, :width] = ids
-    pixels = padded.reshape(rows, block[0], columns, block[1]).swapaxes(1, 2).reshape(rows, columns, -1)
+    pixels = (
+        padded.reshape(rows, block[0], columns, block[1]).swapaxes(1, 2).reshape(rows, columns, block[0] * block[1])
+    )
     ordered = np.sort(pixels, axis=-1)
     starts = (ordered[..., 1:] != ordered[..., :-1]) & (ordered[..., 1:] >= 0)
     return (starts.sum(axis=-1) + (ordered[..., 0] >= 0)).astype(np.uint16)

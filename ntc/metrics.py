@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from ntc.pack import Pack
 
 
+def _finite_or_none(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
 def mean_square_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     """Mean of squared differences, in units of 8-bit steps squared. `a` and `b` have one shape."""
     difference = a.astype(np.float64) - b.astype(np.float64)
@@ -62,13 +66,13 @@ class PsnrTable:
         """Everything as JSON values; an infinite PSNR becomes null."""
         summary = None
         if self.summary is not None:
-            summary = {name: value if math.isfinite(value) else None for name, value in vars(self.summary).items()}
+            summary = {name: _finite_or_none(value) for name, value in vars(self.summary).items()}
         return {
             "psnr_db": summary,
             "bits_per_texel": self.bits_per_texel,
             "latent_bytes": self.latent_bytes,
             "decoder_bytes": self.decoder_bytes,
-            "textures": list(self.rows),
+            "textures": [{**row, "psnr_db": _finite_or_none(row["psnr_db"])} for row in self.rows],
         }
 
     def lines(self) -> list[str]:
