@@ -41,7 +41,9 @@ def view_matrix(camera: Camera) -> Matrix:
 def clip_distances(camera: Camera, bounds: NDArray[np.float32]) -> tuple[float, float]:
     """(near, far) distances: the camera's own, else fitted to `bounds` [2, 3]."""
     view = view_matrix(camera)
-    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array(
+        [[bounds[i, 0], bounds[j, 1], bounds[k, 2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     depths = -(corners @ view.T)[:, 2]
     far = camera.far if camera.far is not None else max(float(depths.max()) * 1.01, 1e-3)
     near = camera.near if camera.near is not None else max(float(depths.min()) * 0.99, far * NEAREST_SHARE)

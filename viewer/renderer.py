@@ -1,1 +1,258 @@
 """The frame: which passes run, in which order, and which of them may be skipped because nothing they read has changed."""
+
+import time
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.pack import Pack
+from ntc.pack_match import PackMatch, match_pack
+from viewer.camera import view_projection
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.gl.timer import PassTimer
+from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.composite import CompositePass, CompositeTarget
+from viewer.passes.culling import Culling, DrawList
+from viewer.passes.decode_deferred import DecodeDeferredPass
+from viewer.passes.decode_forward import DecodeForwardPass
+from viewer.passes.layout import scene_layout_glsl
+from viewer.passes.pack_buffers import PackBuffers, codec_programs
+from viewer.passes.reference import ReferencePass
+from viewer.passes.scene_buffers import SceneBuffers, material_records
+from viewer.passes.visibility import VisibilityPass, VisibilityTarget
+from viewer.resources import shaders_folder
+from viewer.scene.model import Scene
+from viewer.view_state import REFERENCE, Precision, Slot, ViewState
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """One frame."""
+
+    image: moderngl.Texture
+    """RGBA8, sRGB-coded, row 0 at the bottom."""
+    timings_ms: Mapping[str, float]
+    """Time of each pass that ran, in ms; `python` is the CPU's share of preparing it all."""
+    timer: str
+    """How the times were taken."""
+    skipped: Mapping[str, int]
+    """What was left out, and how many of it."""
+    drawn: Mapping[str, int]
+    """Triangles and draw commands of the visibility buffer."""
+
+
+@dataclass
+class _Targets:
+    """Everything that has the size of the picture."""
+
+    visibility: VisibilityTarget
+    composite: CompositeTarget
+    albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
+    drawn: dict[Slot, object] = field(default_factory=dict)
+    """For each slot what its albedo was made from; equal means it is still good."""
+    visibility_key: object = None
+    composite_key: object = None
+
+    def release(self) -> None:
+        for target in (self.visibility, self.composite, *self.albedo.values()):
+            target.release()
+
+
+@dataclass
+class _DecodePasses:
+    """A pack on the GPU in one precision, with the paths that read it; forward compiles only when it is used."""
+
+    buffers: PackBuffers
+    programs: ProgramFactory
+    deferred: DecodeDeferredPass | None = None
+    forward: DecodeForwardPass | None = None
+
+
+class Renderer:
+    """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
+
+    def __init__(self, context: GraphicsContext, scene: Scene) -> None:
+        self._context, self._scene = context, scene
+        library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+        self._programs = ProgramFactory(context.gl, library)
+        self._culling = Culling(scene)
+        materials = material_records(scene)
+        self._reference = ReferencePass(context, self._programs, scene, materials)
+        self._scene_buffers = SceneBuffers(context, scene, materials)
+        self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
+        self._composite = CompositePass(context, self._programs)
+        self._timer = PassTimer(context)
+        self._packs: dict[str, Pack] = {}
+        self._pack_versions: dict[str, int] = {}
+        self._version = 0
+        self._matches: dict[str, PackMatch] = {}
+        self._decode: dict[tuple[str, Precision], _DecodePasses] = {}
+        self._targets: _Targets | None = None
+        self._draw_list: DrawList | None = None
+        self._matrix = np.eye(4)
+        self._view: ViewState | None = None
+
+    @property
+    def matches(self) -> Mapping[str, PackMatch]:
+        """How each open pack fits the scene, by the pack's name."""
+        return self._matches
+
+    def set_packs(self, packs: Mapping[str, Pack]) -> None:
+        """The packs that slots may name. Those that are gone or replaced are freed."""
+        hashes = [texture.pixel_hash for texture in self._scene.textures]
+        names = [texture.name for texture in self._scene.textures]
+        for name in [name for name, pack in self._packs.items() if packs.get(name) is not pack]:
+            for key in [key for key in self._decode if key[0] == name]:
+                self._decode.pop(key).buffers.release()
+        for name, pack in packs.items():
+            if self._packs.get(name) is not pack:
+                self._version += 1
+                self._pack_versions[name] = self._version
+                self._matches[name] = match_pack(pack, hashes, names)
+        self._matches = {name: match for name, match in self._matches.items() if name in packs}
+        self._packs = dict(packs)
+
+    def gpu_bytes(self, slot: Slot) -> int | None:
+        """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
+        passes = self._decode.get((slot.source, slot.precision))
+        return passes.buffers.bytes_on_gpu if passes is not None else None
+
+    def render(self, view: ViewState) -> FrameResult:
+        """Draw `view`; passes whose inputs are as before are skipped and counted."""
+        skipped: dict[str, int] = defaultdict(int)
+        started = time.perf_counter()
+        self._view = view
+        targets = self._targets_for(view.size)
+        draw_list = self._update_visibility(view, targets, skipped)
+        slots = {"a": (view.slot_a,), "b": (view.slot_b,), "wipe": (view.slot_a, view.slot_b)}[view.compare]
+        prepared = time.perf_counter()
+        for slot in dict.fromkeys(slots):
+            self._update_albedo(view, slot, targets, draw_list, skipped)
+        self._forget_unused(view, targets)
+        self._update_composite(view, targets, skipped)
+        timings = self._timer.take()
+        # Waiting for passes is not Python's share.
+        timings["python"] = max(0.0, (prepared - started) * 1e3 - timings.get("visibility", 0.0))
+        skipped["images_not_uploaded"] = self._reference.images_not_uploaded
+        skipped["clusters_culled"] = draw_list.culled_clusters
+        skipped["triangles_culled"] = draw_list.culled_triangles
+        drawn = {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)}
+        return FrameResult(targets.composite.texture, timings, self._timer.kind, dict(skipped), drawn)
+
+    def _targets_for(self, size: tuple[int, int]) -> _Targets:
+        if self._targets is None or self._targets.visibility.size != size:
+            if self._targets is not None:
+                self._targets.release()
+            self._targets = _Targets(VisibilityTarget(self._context, size), CompositeTarget(self._context, size))
+        return self._targets
+
+    def _update_visibility(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> DrawList:
+        key = view.camera
+        if self._draw_list is not None and targets.visibility_key == key:
+            skipped["passes"] += 1
+            return self._draw_list
+        self._matrix = view_projection(view.camera, view.size, self._scene.bounds)
+        self._draw_list = self._culling.draw_list(view.camera, self._matrix)
+        self._scene_buffers.upload(self._draw_list)
+        with self._timer.measure("visibility"):
+            self._visibility.run(targets.visibility, self._matrix)
+        targets.visibility_key = key
+        return self._draw_list
+
+    def _update_albedo(
+        self, view: ViewState, slot: Slot, targets: _Targets, draw_list: DrawList, skipped: dict[str, int]
+    ) -> None:
+        is_reference = slot.source == REFERENCE
+        version = view.anisotropy if is_reference else self._pack_versions[slot.source]
+        key = (view.camera, version)
+        if targets.drawn.get(slot) == key:
+            skipped["passes"] += 1
+            return
+        if slot not in targets.albedo:
+            targets.albedo[slot] = AlbedoTarget(self._context, view.size)
+        target = targets.albedo[slot]
+        if is_reference:
+            visible = np.nonzero(draw_list.materials)[0].tolist()
+            with self._timer.measure("upload"):
+                self._reference.upload(visible)
+            with self._timer.measure("reference"):
+                self._reference.run(targets.visibility, self._scene_buffers, target, visible, view.anisotropy)
+        else:
+            passes = self._decode_passes(slot)
+            with self._timer.measure(f"decode_{slot.path}"):
+                if slot.path == "forward" and passes.forward is not None:
+                    passes.forward.run(targets.visibility, self._scene_buffers, target, self._matrix)
+                elif passes.deferred is not None:
+                    passes.deferred.run(targets.visibility, self._scene_buffers, target)
+        targets.drawn[slot] = key
+
+    def _decode_passes(self, slot: Slot) -> _DecodePasses:
+        key = (slot.source, slot.precision)
+        if key not in self._decode:
+            pack = self._packs[slot.source]
+            buffers = PackBuffers(self._context, pack, self._matches[slot.source].texture_index, slot.precision)
+            self._decode[key] = _DecodePasses(buffers, codec_programs(self._programs, pack))
+        passes = self._decode[key]
+        if slot.path == "forward" and passes.forward is None:
+            colors = self._scene_buffers.has_colors
+            passes.forward = DecodeForwardPass(self._context, passes.programs, passes.buffers, colors)
+        if slot.path == "deferred" and passes.deferred is None:
+            passes.deferred = DecodeDeferredPass(self._context, passes.programs, passes.buffers)
+        return passes
+
+    def _forget_unused(self, view: ViewState, targets: _Targets) -> None:
+        """Keep the pictures of slots A and B and of the reference; free those of slots that nobody looks at."""
+        for slot in [s for s in targets.albedo if s not in (view.slot_a, view.slot_b) and s.source != REFERENCE]:
+            targets.albedo.pop(slot).release()
+            targets.drawn.pop(slot, None)
+
+    def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
+        divider = {"a": float(view.size[0]), "b": -1.0, "wipe": view.wipe_position * view.size[0]}[view.compare]
+        left = view.slot_b if view.compare == "b" else view.slot_a
+        right = view.slot_a if view.compare == "a" else view.slot_b
+        key: Any = (left, right, divider, targets.drawn.get(left), targets.drawn.get(right))
+        if targets.composite_key == key:
+            skipped["passes"] += 1
+            return
+        with self._timer.measure("composite"):
+            self._composite.run(targets.albedo[left], targets.albedo[right], divider, targets.composite)
+        targets.composite_key = key
+
+    def albedo(self, slot: Slot) -> NDArray[np.float32]:
+        """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
+        if self._targets is None or self._view is None or self._draw_list is None:
+            raise RuntimeError("render a view first")
+        self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int))
+        self._timer.take()
+        return self._targets.albedo[slot].read()
+
+    def texture_ids(self) -> NDArray[np.int32]:
+        """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
+        if self._targets is None:
+            raise RuntimeError("render a view first")
+        return self._targets.visibility.texture_ids()
+
+    def covered(self) -> NDArray[np.bool_]:
+        """[H, W], row 0 on top: whether a surface is seen."""
+        if self._targets is None:
+            raise RuntimeError("render a view first")
+        return self._targets.visibility.materials() >= 0
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        if self._targets is not None:
+            self._targets.release()
+            self._targets = None
+        for passes in self._decode.values():
+            passes.buffers.release()
+        self._decode.clear()
+        self._composite.release()
+        self._reference.release()
+        self._scene_buffers.release()
+        self._programs.release()

@@ -28,7 +28,9 @@ class GlTexelDecoder:
         self._pack = pack
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         programs = codec_programs(ProgramFactory(context.gl, library), pack)
-        self._program = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": int(precision == "fp16")})
+        self._program = programs.compute(
+            "passes/decode_texels/decode.comp", {"PRECISION_FP16": int(precision == "fp16")}
+        )
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision)
 
     def decode_texels(
@@ -43,7 +45,9 @@ class GlTexelDecoder:
         modes = texture.wrap if wrap is None else wrap
         code = texture_index * 16 + WRAP_CODES[modes[0]] * 4 + WRAP_CODES[modes[1]]
         parts = [
-            self._decode(np.asarray(uv[start : start + TEXELS_AT_ONCE]), np.asarray(lod[start : start + TEXELS_AT_ONCE]), code)
+            self._decode(
+                np.asarray(uv[start : start + TEXELS_AT_ONCE]), np.asarray(lod[start : start + TEXELS_AT_ONCE]), code
+            )
             for start in range(0, len(uv), TEXELS_AT_ONCE)
         ]
         values = np.concatenate(parts) if parts else np.zeros((0, 4), np.float32)

@@ -51,7 +51,9 @@ def weight_bytes(config: CodecConfig, decoders: Sequence[Decoder], precision: Pr
     Weights beyond the range of fp16 become its largest number, not infinity.
     """
     layout = NetworkLayout(config)
-    numbers = np.concatenate([layout.arrange(decoder) for decoder in decoders]) if decoders else np.zeros((1, 4), np.float32)
+    numbers = (
+        np.concatenate([layout.arrange(decoder) for decoder in decoders]) if decoders else np.zeros((1, 4), np.float32)
+    )
     if precision == "fp16":
         return np.clip(numbers, -65504.0, 65504.0).astype("<f2").tobytes()
     return numbers.astype("<f4").tobytes()

@@ -17,7 +17,9 @@ from viewer.view_state import Precision
 class PackBuffers:
     """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1."""
 
-    def __init__(self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision) -> None:
+    def __init__(
+        self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision
+    ) -> None:
         config = pack.config
         self.hidden_blocks = NetworkLayout(config).hidden_blocks
         self.precision = precision

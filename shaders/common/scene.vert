@@ -1,0 +1,33 @@
+#version 430
+// Vertices of the scene. The visibility pass and the forward path both draw with this one shader, so depths agree bit for bit.
+invariant gl_Position;
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 texture_coordinate;
+#if VERTEX_COLORS
+layout(location = 2) in vec4 vertex_color;
+#endif
+// Per instance: rows of the local-to-world matrix, and the material.
+layout(location = 3) in vec4 transform_x;
+layout(location = 4) in vec4 transform_y;
+layout(location = 5) in vec4 transform_z;
+layout(location = 6) in int instance_material;
+
+uniform mat4 view_projection;
+
+out vec2 uv;
+out vec4 color;
+flat out int material_index;
+
+void main() {
+    vec4 local = vec4(position, 1.0);
+    vec4 world = vec4(dot(transform_x, local), dot(transform_y, local), dot(transform_z, local), 1.0);
+    gl_Position = view_projection * world;
+    uv = texture_coordinate;
+#if VERTEX_COLORS
+    color = vertex_color;
+#else
+    color = vec4(1.0);
+#endif
+    material_index = instance_material;
+}

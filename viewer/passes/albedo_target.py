@@ -1,0 +1,32 @@
+"""Linear albedo of one slot: what every decode path and the reference write."""
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+
+
+class AlbedoTarget:
+    """RGBA fp32 of one picture size (width, height); alpha is 1 where a surface is seen."""
+
+    def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
+        self.size = size
+        self.texture = context.gl.texture(size, 4, dtype="f4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.framebuffer = context.gl.framebuffer([self.texture])
+        self._context = context
+
+    def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
+        """A framebuffer of this target and a depth texture; the caller releases it."""
+        return self._context.gl.framebuffer([self.texture], depth)
+
+    def read(self) -> NDArray[np.float32]:
+        """[H, W, 3] float32 linear, row 0 on top, background 0."""
+        pixels = np.frombuffer(self.texture.read(), np.float32).reshape(self.size[1], self.size[0], 4)
+        return np.ascontiguousarray(pixels[::-1, :, :3])
+
+    def release(self) -> None:
+        """Free the texture."""
+        self.framebuffer.release()
+        self.texture.release()

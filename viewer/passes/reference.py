@@ -1,0 +1,185 @@
+"""The reference path: the original images, filtered by the hardware, over the same visibility buffer."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from ntc.mips import mip_chain
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.srgb_texture_array import SrgbTextureArray
+from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.layout import BUCKET_DEPTHS, TextureUnit
+from viewer.passes.scene_buffers import SceneBuffers
+from viewer.passes.visibility import VisibilityTarget
+from viewer.scene.model import Sampler, Scene
+
+LAYERS_AT_MOST = 256
+"""Every OpenGL 4.3 driver has at least this many layers."""
+
+
+@dataclass(frozen=True)
+class ImagePlace:
+    """Where a material finds its original image."""
+
+    array: int
+    layer: int
+
+
+@dataclass(frozen=True)
+class ImageArrayPlan:
+    """Textures of one size that are sampled alike."""
+
+    size: tuple[int, int]
+    sampler: Sampler
+    textures: tuple[int, ...]
+
+
+def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
+    """Texture arrays for a scene, and the place of each textured material's image, by material index."""
+    members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
+    for material in scene.materials:
+        if material.texture_id < 0:
+            continue
+        height, width = scene.textures[material.texture_id].pixels.shape[:2]
+        textures = members[((width, height), material.sampler)]
+        if material.texture_id not in textures:
+            textures.append(material.texture_id)
+    plans: list[ImageArrayPlan] = []
+    place: dict[tuple[int, Sampler], ImagePlace] = {}
+    for (size, sampler), textures in members.items():
+        for start in range(0, len(textures), LAYERS_AT_MOST):
+            part = textures[start : start + LAYERS_AT_MOST]
+            place.update({(texture, sampler): ImagePlace(len(plans), layer) for layer, texture in enumerate(part)})
+            plans.append(ImageArrayPlan(size, sampler, tuple(part)))
+    places = {
+        index: place[(material.texture_id, material.sampler)]
+        for index, material in enumerate(scene.materials)
+        if material.texture_id >= 0
+    }
+    return tuple(plans), places
+
+
+def _filters(sampler: Sampler) -> tuple[int, int]:
+    minify = {
+        ("none", False): moderngl.NEAREST,
+        ("none", True): moderngl.LINEAR,
+        ("nearest", False): moderngl.NEAREST_MIPMAP_NEAREST,
+        ("nearest", True): moderngl.LINEAR_MIPMAP_NEAREST,
+        ("linear", False): moderngl.NEAREST_MIPMAP_LINEAR,
+        ("linear", True): moderngl.LINEAR_MIPMAP_LINEAR,
+    }[(sampler.mipmap, sampler.minify_linear)]
+    return minify, moderngl.LINEAR if sampler.magnify_linear else moderngl.NEAREST
+
+
+class ReferencePass:
+    """Inputs: visibility buffer, materials, original images. Output: linear albedo.
+
+    Images are uploaded when a material that may be seen first asks for them.
+    """
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
+        self._context, self._scene = context, scene
+        self._plans, self._places = plan_image_arrays(scene)
+        for index, place in self._places.items():
+            materials[index]["image_array"], materials[index]["image_layer"] = place.array, place.layer
+        self._arrays: dict[int, SrgbTextureArray] = {}
+        self._samplers: dict[tuple[Sampler, int], moderngl.Sampler] = {}
+        self._uploaded: set[tuple[int, int]] = set()
+        self._sort = programs.program("common/fullscreen.vert", "passes/reference/sort.frag")
+        self._trilinear, self._anisotropic = (
+            programs.program("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": value})
+            for value in (0, 1)
+        )
+        self._triangles = {
+            program: context.gl.vertex_array(program, [])
+            for program in (self._sort, self._trilinear, self._anisotropic)
+        }
+        self._depth: moderngl.Texture | None = None
+
+    @property
+    def images_not_uploaded(self) -> int:
+        """Images that no frame has needed so far."""
+        return len(set(self._places.values())) - len(self._uploaded)
+
+    def upload(self, visible_materials: Iterable[int]) -> None:
+        """Upload the images of these materials that are not on the GPU yet, with their mip chains."""
+        wanted = {self._places[index] for index in visible_materials if index in self._places}
+        fresh = sorted((p.array, p.layer) for p in wanted if (p.array, p.layer) not in self._uploaded)
+        if not fresh:
+            return
+        textures = [self._scene.textures[self._plans[array].textures[layer]] for array, layer in fresh]
+        with ThreadPoolExecutor() as pool:
+            chains = pool.map(lambda texture: mip_chain(texture.pixels, "srgb"), textures)
+            for (array, layer), chain in zip(fresh, chains, strict=True):
+                if array not in self._arrays:
+                    plan = self._plans[array]
+                    self._arrays[array] = SrgbTextureArray(self._context, plan.size, len(plan.textures))
+                self._arrays[array].write(layer, chain)
+                self._uploaded.add((array, layer))
+
+    def _sampler(self, sampler: Sampler, anisotropy: int) -> moderngl.Sampler:
+        key = (sampler, anisotropy)
+        if key not in self._samplers:
+            self._samplers[key] = self._context.gl.sampler(
+                repeat_x=sampler.wrap[0] == "repeat",
+                repeat_y=sampler.wrap[1] == "repeat",
+                filter=_filters(sampler),
+                anisotropy=float(anisotropy),
+            )
+        return self._samplers[key]
+
+    def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
+        if self._depth is None or self._depth.size != size:
+            if self._depth is not None:
+                self._depth.release()
+            self._depth = self._context.gl.depth_texture(size)
+        return self._depth
+
+    def run(
+        self,
+        visibility: VisibilityTarget,
+        scene_buffers: SceneBuffers,
+        target: AlbedoTarget,
+        visible_materials: Iterable[int],
+        anisotropy: int,
+    ) -> None:
+        """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them."""
+        gl = self._context.gl
+        framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size))
+        try:
+            framebuffer.use()
+            framebuffer.depth_mask = True
+            visibility.bind()
+            scene_buffers.bind_materials()
+            gl.enable_only(moderngl.DEPTH_TEST)
+            gl.depth_func = "1"
+            self._triangles[self._sort].render(moderngl.TRIANGLES, vertices=3)
+            framebuffer.depth_mask = False
+            gl.depth_func = "=="
+            program = self._anisotropic if anisotropy > 1 else self._trilinear
+            for array in sorted({self._places[index].array for index in visible_materials if index in self._places}):
+                self._arrays[array].use(int(TextureUnit.IMAGES))
+                sampler = self._sampler(self._plans[array].sampler, anisotropy)
+                sampler.use(int(TextureUnit.IMAGES))
+                set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS})
+                self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+                sampler.clear(int(TextureUnit.IMAGES))
+        finally:
+            gl.depth_func = "<"
+            framebuffer.release()
+
+    def release(self) -> None:
+        """Free images, samplers and depth."""
+        for array in self._arrays.values():
+            array.release()
+        for sampler in self._samplers.values():
+            sampler.release()
+        for triangle in self._triangles.values():
+            triangle.release()
+        if self._depth is not None:
+            self._depth.release()
