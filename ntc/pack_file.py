@@ -110,9 +110,9 @@ def read_pack(path: Path) -> Pack:
     Shapes are compared with the metadata, and by safetensors with the file's length, before anything is allocated.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
     try:
+        if not path.is_file():
+            raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty; {REMEDY}")
         with safe_open(path, framework="numpy") as file:

@@ -15,6 +15,7 @@ LARGEST_SIDE = 32768
 """Texels: the largest texture side a pack may name."""
 LARGEST_COUNT = 65535
 """Most textures of a pack; the visibility buffer has 16 bits for a texture id."""
+LARGEST_DECIBELS = 1000.0
 WRAP_MODES = ("repeat", "mirror", "clamp")
 COLOR_SPACES = ("srgb", "linear")
 
@@ -101,7 +102,8 @@ def _field(owner: Any, key: str, where: str, check: Callable[[Any], bool], expec
 
 
 def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and len(value) <= 4096
+    """A text that can be printed: JSON can spell half of a surrogate pair, which no output accepts."""
+    return isinstance(value, str) and len(value) <= 4096 and not any("\ud800" <= letter <= "\udfff" for letter in value)
 
 
 def _is_count(low: int, high: int) -> Callable[[Any], bool]:
@@ -112,8 +114,10 @@ def _is_object(value: Any) -> bool:
     return isinstance(value, dict)
 
 
-def _is_optional_number(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+def _is_optional_decibels(value: Any) -> bool:
+    if value is None:
+        return True
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_DECIBELS
 
 
 def _codec(document: Any) -> CodecConfig:
@@ -154,21 +158,27 @@ def _texture(document: Any, index: int, config: CodecConfig) -> TextureMetadata:
         ),
         wrap=(wrap[0], wrap[1]),
         category=_field(document, "category", where, lambda value: value is None or _is_text(value), "a text or null"),
-        psnr_db=_field(document, "psnr_db", where, _is_optional_number, "a number or null"),
+        psnr_db=_field(document, "psnr_db", where, _is_optional_decibels, "a number of dB or null"),
     )
 
 
 def _reject_constant(name: str) -> NoReturn:
-    _fail(f"the metadata contains {name}, which is not a number")
+    _fail(f"the metadata contains {name}, which is not a finite number")
+
+
+def _finite_number(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _reject_constant(text[:60])
 
 
 def parse_metadata(text: str) -> PackMetadata:
     """Metadata from the text of a file. Raises MetadataError naming the first field that is wrong."""
     try:
-        document = json.loads(text, parse_constant=_reject_constant)
-    except (json.JSONDecodeError, RecursionError) as error:
+        document = json.loads(text, parse_constant=_reject_constant, parse_float=_finite_number)
+    except (ValueError, RecursionError) as error:
+        # ValueError beside JSONDecodeError: Python refuses to read integers of thousands of digits.
         raise MetadataError("the metadata is not JSON") from error
-    version = _field(document, "format_version", "metadata", lambda value: isinstance(value, int), "a number")
+    version = _field(document, "format_version", "metadata", _is_count(0, 2**31), "a number")
     if version != FORMAT_VERSION:
         _fail(f"format version {version}, this program reads {FORMAT_VERSION}")
     config = _codec(document)

@@ -1,0 +1,165 @@
+"""Damaged pack files give a Pack or InputError: never another exception, never for long."""
+
+import json
+import random
+import struct
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ntc.config import CodecConfig
+from ntc.errors import InputError
+from ntc.latents import latent_cell_count
+from ntc.metrics import psnr_table
+from ntc.pack import Pack
+from ntc.pack_file import read_pack, write_pack
+from ntc.pack_metadata import metadata_json, parse_metadata
+from tests.support.pack_bytes import LENGTH_BYTES, PackBytes
+from tests.support.packs import random_pack
+
+SECONDS = 1.5
+"""How long each of the fuzz tests may run; they stop there, with whatever number of files."""
+CASES = 3000
+"""Most files of a test."""
+SLOWEST = 2.0
+"""Seconds that one file may take, on a loaded machine."""
+
+VALUES: tuple[Any, ...] = (
+    None, True, False, -1, 0, 1, 2, 3, 4, 8, 255, 4096, 32768, 65535, 2**31, 2**63, 10**400, 0.5, -0.0, 1e300,
+    float("nan"), float("inf"), "", "x", "repeat", "srgb", "F32", "U8", "BF16", "F8_E4M3", "\ud800", "a\0b", [], {},
+    [0], [[]], [0, 0], [0, 1, 0], [1, 4], [0, 2**62], [2**62, 2**62], {"a": 1},
+)  # fmt: skip
+"""What a field is replaced by."""
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A small well-formed file."""
+    path = tmp_path_factory.mktemp("good") / "good.ntc"
+    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=CodecConfig(hidden_width=4)))
+    return path.read_bytes()
+
+
+def check(path: Path, file: bytes) -> bool:
+    """Whether `file` reads as a pack; if so it is whole and can be used, if not the message is one line."""
+    path.write_bytes(file)
+    start = time.monotonic()
+    try:
+        pack = read_pack(path)
+    except InputError as error:
+        line = str(error)
+        assert line.startswith(f"{path}: ")
+        assert "\n" not in line
+        assert len(line) < 1000
+        line.encode("utf-8")
+        return False
+    finally:
+        assert time.monotonic() - start < SLOWEST
+    assert_whole(pack)
+    return True
+
+
+def assert_whole(pack: Pack) -> None:
+    """What docs/pack-format.md promises of a pack that was read."""
+    assert len(pack.textures) == len(pack.grouping.groups)
+    for texture in pack.textures:
+        cells = latent_cell_count(texture.width, texture.height, pack.config)
+        assert texture.latents.shape == (cells, pack.config.latent_channels)
+        assert np.isfinite(texture.scale).all()
+        assert np.isfinite(texture.offset).all()
+        assert 0 <= texture.group < len(pack.decoders)
+        assert 1 <= texture.channels <= pack.config.output_channels
+    for decoder in pack.decoders:
+        assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes
+        assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
+    "\n".join(psnr_table(pack).lines()).encode("utf-8")
+    parse_metadata(metadata_json(pack))
+
+
+def cases(seed: int) -> Iterator[random.Random]:
+    """Sources of randomness, one a case, until the time is over."""
+    end = time.monotonic() + SECONDS
+    for case in range(CASES):
+        if time.monotonic() > end:
+            return
+        yield random.Random(seed * CASES + case)
+
+
+def test_damaged_bytes(tmp_path: Path, good: bytes) -> None:
+    read = 0
+    (header,) = struct.unpack("<Q", good[:LENGTH_BYTES])
+    for source in cases(1):
+        file = bytearray(good)
+        for _ in range(source.choice((1, 1, 2, 8, 64))):
+            # Most of what can go wrong is in the header, which is the smaller part.
+            end = len(file) if source.random() < 0.3 else min(len(file), LENGTH_BYTES + header)
+            at = source.randrange(max(1, end))
+            match source.randrange(5):
+                case 0:
+                    file[at : at + 1] = bytes([source.randrange(256)])
+                case 1:
+                    file[at : at + 1] = bytes([file[at] ^ (1 << source.randrange(8))]) if at < len(file) else b""
+                case 2:
+                    del file[at : at + source.randrange(1, 16)]
+                case 3:
+                    file[at:at] = source.randbytes(source.randrange(1, 16))
+                case _:
+                    other = source.randrange(len(file) + 1)
+                    file[at : at + 8] = file[other : other + 8]
+        read += check(tmp_path / "a.ntc", bytes(file))
+    assert read > 0, "no damage was harmless: the test damages too much to reach the checks behind the header"
+
+
+def paths_into(document: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where every field of a JSON document lies."""
+    items = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, value in items:
+        yield (*path, key)
+        if isinstance(value, dict | list):
+            yield from paths_into(value, (*path, key))
+
+
+def damage_document(document: Any, source: random.Random) -> None:
+    """Replace, remove or move one field."""
+    path = source.choice(list(paths_into(document)))
+    owner = document
+    for key in path[:-1]:
+        owner = owner[key]
+    action = source.randrange(8)
+    if action == 0:
+        del owner[path[-1]]
+    elif action == 1 and isinstance(owner, dict):
+        owner[source.choice(("x", "", "textures", "weight"))] = source.choice(VALUES)
+    elif action == 1:
+        owner.append(source.choice(VALUES))
+    else:
+        owner[path[-1]] = source.choice(VALUES)
+
+
+@pytest.mark.parametrize("part", ["metadata", "tensors"])
+def test_damaged_fields(tmp_path: Path, good: bytes, part: str) -> None:
+    read = 0
+    for source in cases(2 if part == "metadata" else 3):
+        pieces = PackBytes.of(good)
+        document = pieces.metadata if part == "metadata" else pieces.tensors
+        for _ in range(source.choice((1, 1, 1, 2, 3))):
+            if document:
+                damage_document(document, source)
+        try:
+            text = json.dumps(pieces.metadata)
+        except ValueError:
+            continue
+        read += check(tmp_path / "a.ntc", pieces.file(text))
+    assert read > 0 or part == "tensors"
+
+
+def test_random_bytes(tmp_path: Path) -> None:
+    source = random.Random(0)
+    for length in (*range(1, 40), 100, 1000):
+        assert not check(tmp_path / "a.ntc", source.randbytes(length))
+        header = struct.pack("<Q", source.randrange(length + 2))
+        assert not check(tmp_path / "a.ntc", header + source.randbytes(length))
