@@ -25,7 +25,7 @@ def view_matrix(camera: Camera) -> Matrix:
     """[4, 4] float64 world-to-camera matrix, looking along -Z, for column vectors."""
     eye, target, up = (np.array(vector, np.float64) for vector in (camera.eye, camera.target, camera.up))
     backward = eye - target
-    backward /= max(np.linalg.norm(backward), 1e-30)
+    backward /= max(float(np.linalg.norm(backward)), 1e-30)
     right = np.cross(up, backward)
     if np.linalg.norm(right) < 1e-9:
         # Looking straight along `up`: any horizontal direction will do.

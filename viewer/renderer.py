@@ -1,6 +1,5 @@
 """The frame: which passes run, in which order, and which of them may be skipped because nothing they read has changed."""
 
-import time
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -38,7 +37,7 @@ class FrameResult:
     image: moderngl.Texture
     """RGBA8, sRGB-coded, row 0 at the bottom."""
     timings_ms: Mapping[str, float]
-    """Time of each pass that ran, in ms; `python` is the CPU's share of preparing it all."""
+    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes."""
     timer: str
     """How the times were taken."""
     skipped: Mapping[str, int]
@@ -60,7 +59,9 @@ class _Targets:
     composite_key: object = None
 
     def release(self) -> None:
-        for target in (self.visibility, self.composite, *self.albedo.values()):
+        self.visibility.release()
+        self.composite.release()
+        for target in self.albedo.values():
             target.release()
 
 
@@ -126,19 +127,15 @@ class Renderer:
     def render(self, view: ViewState) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted."""
         skipped: dict[str, int] = defaultdict(int)
-        started = time.perf_counter()
         self._view = view
         targets = self._targets_for(view.size)
         draw_list = self._update_visibility(view, targets, skipped)
         slots = {"a": (view.slot_a,), "b": (view.slot_b,), "wipe": (view.slot_a, view.slot_b)}[view.compare]
-        prepared = time.perf_counter()
         for slot in dict.fromkeys(slots):
             self._update_albedo(view, slot, targets, draw_list, skipped)
         self._forget_unused(view, targets)
         self._update_composite(view, targets, skipped)
         timings = self._timer.take()
-        # Waiting for passes is not Python's share.
-        timings["python"] = max(0.0, (prepared - started) * 1e3 - timings.get("visibility", 0.0))
         skipped["images_not_uploaded"] = self._reference.images_not_uploaded
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
@@ -157,9 +154,10 @@ class Renderer:
         if self._draw_list is not None and targets.visibility_key == key:
             skipped["passes"] += 1
             return self._draw_list
-        self._matrix = view_projection(view.camera, view.size, self._scene.bounds)
-        self._draw_list = self._culling.draw_list(view.camera, self._matrix)
-        self._scene_buffers.upload(self._draw_list)
+        with self._timer.measure_cpu("cull"):
+            self._matrix = view_projection(view.camera, view.size, self._scene.bounds)
+            self._draw_list = self._culling.draw_list(view.camera, self._matrix)
+            self._scene_buffers.upload(self._draw_list)
         with self._timer.measure("visibility"):
             self._visibility.run(targets.visibility, self._matrix)
         targets.visibility_key = key

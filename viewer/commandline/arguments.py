@@ -5,7 +5,6 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -82,7 +81,7 @@ def parse_arguments(arguments: Sequence[str]) -> Options:
     try:
         with contextlib.redirect_stderr(complaint):
             options: Options = tyro.cli(
-                _Subcommands,  # type: ignore[arg-type]
+                _Subcommands,
                 prog="ntc-viewer",
                 description=DESCRIPTION,
                 args=_with_packs_merged(_with_subcommand(list(arguments))),

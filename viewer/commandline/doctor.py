@@ -12,7 +12,17 @@ from ntc.errors import InputError
 from viewer.commandline.options import DoctorOptions
 from viewer.gl.context import create_headless_context
 
-PACKAGES = ("moderngl", "moderngl-window", "glfw", "imgui-bundle", "numpy", "torch", "OpenImageIO", "trimesh", "safetensors")
+PACKAGES = (
+    "moderngl",
+    "moderngl-window",
+    "glfw",
+    "imgui-bundle",
+    "numpy",
+    "torch",
+    "OpenImageIO",
+    "trimesh",
+    "safetensors",
+)
 OPTIONAL_MODULES = {"DracoPy": "Draco-compressed meshes: pip install 'ntc-viewer[draco]'"}
 
 

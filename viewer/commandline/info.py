@@ -27,7 +27,9 @@ def pack_json(pack: Pack) -> dict[str, Any]:
 
 def pack_lines(pack: Pack) -> list[str]:
     """What `info F.ntc` prints."""
-    shape = "-".join(str(side) for side in (pack.config.decoder_inputs, *(rows for rows, _ in pack.config.layer_shapes)))
+    shape = "-".join(
+        str(side) for side in (pack.config.decoder_inputs, *(rows for rows, _ in pack.config.layer_shapes))
+    )
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [
         f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {pack.grouping.name}",

@@ -3,7 +3,7 @@
 import io
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,8 @@ from viewer.scene.images import write_png
 from viewer.scene.model import Scene
 from viewer.view_state import REFERENCE, Slot, ViewState
 
-WARM_UP_SIZE = (32, 32)
-"""Pixels of the frame that compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
+WARM_UP_SHARE = 16
+"""A frame this many times smaller compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def render(options: RenderOptions) -> int:
     renderer.set_packs(chosen)
     slot = Slot(source, options.path, options.precision)
     view = ViewState(camera=camera, size=options.size, slot_a=slot, anisotropy=options.anisotropy)
-    renderer.render(ViewState(camera=camera, size=WARM_UP_SIZE, slot_a=slot, anisotropy=options.anisotropy))
+    renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
     picture = draw(renderer, scene, chosen, view)
     stats = statistics(picture, view, context.info.renderer)
     write_picture(options.out, picture, stats, options.overlay)

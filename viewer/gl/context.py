@@ -1,6 +1,7 @@
 """OpenGL contexts: headless under EGL, or one that a window has made."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 
@@ -43,7 +44,8 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader) -> GraphicsContext:
 def create_headless_context() -> GraphicsContext:
     """A context without a window. Raises InputError where EGL or OpenGL 4.3 are not to be had."""
     try:
-        gl = moderngl.create_standalone_context(backend="egl", require=REQUIRED_VERSION)
+        settings: Any = {"backend": "egl"}
+        gl = moderngl.create_standalone_context(require=REQUIRED_VERSION, **settings)
         return wrap_context(gl, egl_loader())
     except Exception as error:
         raise InputError(

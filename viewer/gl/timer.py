@@ -26,6 +26,13 @@ class PassTimer:
         return "wall time around finish" if self._by_wall else "gpu timer query"
 
     @contextmanager
+    def measure_cpu(self, name: str) -> Iterator[None]:
+        """Add the wall time of a block that OpenGL does not take part in."""
+        start = time.perf_counter()
+        yield
+        self._times[name] = self._times.get(name, 0.0) + (time.perf_counter() - start) * 1e3
+
+    @contextmanager
     def measure(self, name: str) -> Iterator[None]:
         """Add the time of the block to the pass `name`."""
         if self._query is not None:

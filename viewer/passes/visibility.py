@@ -26,6 +26,8 @@ class VisibilityTarget:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.depth = gl.depth_texture(size)
         self.framebuffer = gl.framebuffer([self._first, self._second], self.depth)
+        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        self.clear()
 
     def clear(self) -> None:
         """Background everywhere: zero ids, farthest depth."""
