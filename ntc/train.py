@@ -227,6 +227,20 @@ def with_psnr(pack: Pack, textures: Sequence[SourceTexture], device: torch.devic
     return replace(pack, textures=measured)
 
 
+def _check(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> None:
+    if not textures:
+        raise InputError("there is no texture to train")
+    if len(grouping.groups) != len(textures) or set(grouping.groups) != set(range(grouping.group_count)):
+        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
+    for texture in textures:
+        channels = texture.pixels.shape[2]
+        if channels > codec.output_channels:
+            raise InputError(
+                f"{texture.name}: has {channels} channels; set codec.output_channels to at least that, "
+                f"not {codec.output_channels}"
+            )
+
+
 def train(
     textures: Sequence[SourceTexture],
     grouping: Grouping,
@@ -237,8 +251,10 @@ def train(
 ) -> Pack:
     """Train a pack for `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
 
-    Raises InputError for a device that is not there, TrainingCancelledError when `cancelled` says so.
+    Raises InputError for a device that is not there and for textures or groups that do not fit,
+    TrainingCancelledError when `cancelled` says so.
     """
+    _check(textures, grouping, codec)
     device = choose_device(training.device)
     generator = torch.Generator().manual_seed(training.seed)
     started = time.monotonic()

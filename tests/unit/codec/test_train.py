@@ -1,0 +1,247 @@
+"""Training: reproducible, frozen when it should be, good enough on easy textures, and stoppable."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from ntc.config import CodecConfig, ColorSpace, WrapMode
+from ntc.decoder import DecoderStack
+from ntc.errors import InputError
+from ntc.latents import latent_levels
+from ntc.metrics import psnr_db
+from ntc.mips import mip_chain
+from ntc.pack import Grouping, Pack
+from ntc.pack_file import read_pack, write_pack
+from ntc.reference import decode_image
+from ntc.textures import SourceTexture, hash_pixels
+from ntc.train import TrainingCancelledError, TrainingProgress, choose_device, train
+from ntc.training_config import FreezingConfig, TrainingConfig, recipe_config
+
+SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
+SMALL = CodecConfig(hidden_width=16)
+MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
+
+
+def texture(
+    width: int, height: int, channels: int = 3, seed: int = 0, color_space: ColorSpace = "srgb"
+) -> SourceTexture:
+    """A texture of smooth waves that repeat at its edges."""
+    random = np.random.default_rng(seed)
+    u, v = (np.arange(width) + 0.5) / width, ((np.arange(height) + 0.5) / height)[:, None]
+    planes = [
+        0.5 + 0.4 * np.sin(2.0 * np.pi * (u * random.integers(1, 3) + v * random.integers(0, 2)) + random.uniform(0, 6))
+        for _ in range(channels)
+    ]
+    pixels = np.rint(np.stack([np.broadcast_to(plane, (height, width)) for plane in planes], -1) * 255).astype(np.uint8)
+    return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels), color_space)
+
+
+def own_decoders(count: int) -> Grouping:
+    """The baseline grouping of `count` textures."""
+    return Grouping("baseline", tuple(range(count)))
+
+
+def arrays(pack: Pack) -> list[NDArray[np.generic]]:
+    """All arrays of a pack in a fixed order."""
+    found: list[NDArray[np.generic]] = []
+    for encoded in pack.textures:
+        found += [encoded.latents, encoded.scale, encoded.offset]
+    for decoder in pack.decoders:
+        found += [*decoder.weights, *decoder.biases]
+    return found
+
+
+def same(a: Pack, b: Pack) -> bool:
+    """Whether two packs hold the same bits."""
+    return [array.tobytes() for array in arrays(a)] == [array.tobytes() for array in arrays(b)]
+
+
+def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
+    """The decoders that a training with `seed` starts from."""
+    stack = DecoderStack(config, count, torch.Generator().manual_seed(seed)).export()
+    return [array for decoder in stack for array in (*decoder.weights, *decoder.biases)]
+
+
+def decoder_arrays(pack: Pack) -> list[NDArray[np.float32]]:
+    """All decoder arrays of a pack."""
+    return [array for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases)]
+
+
+def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.float32]]) -> bool:
+    """Whether all arrays are equal bit by bit."""
+    return all(np.array_equal(x, y) for x, y in zip(before, after, strict=True))
+
+
+@pytest.mark.parametrize("training", [SHORT, replace(SHORT, texels_per_group=64, freezing=FreezingConfig())])
+def test_the_seed_decides_every_bit(training: TrainingConfig) -> None:
+    textures = [texture(16, 16), texture(12, 8, seed=1), texture(7, 5, seed=2)]
+    grouping = Grouping("random", (0, 1, 0))
+    first = train(textures, grouping, SMALL, training)
+    assert same(first, train(textures, grouping, SMALL, training))
+    assert not same(first, train(textures, grouping, SMALL, replace(training, seed=6)))
+
+
+def smooth_texture(side: int) -> SourceTexture:
+    """One slow wave a channel: 16 latent cells a period at 64 texels a side."""
+    u = 2.0 * np.pi * (np.arange(side) + 0.5) / side
+    v, flat = u[:, None], np.zeros((side, side))
+    planes = [0.5 + 0.4 * np.sin(u + flat), 0.5 + 0.3 * np.cos(v + flat), 0.5 + 0.2 * np.sin(u + v)]
+    pixels = np.rint(np.stack(planes, axis=-1) * 255).astype(np.uint8)
+    return SourceTexture("smooth", pixels, hash_pixels(pixels))
+
+
+def test_a_smooth_texture_is_learnt_well() -> None:
+    source = smooth_texture(64)
+    training = TrainingConfig(steps=900, texels_per_texture=512, decoder_rate=1e-2, device="cpu")
+    pack = train([source], own_decoders(1), CodecConfig(), training)
+    measured = pack.textures[0].psnr_db
+    assert measured is not None
+    assert measured > 35.0
+    assert psnr_db(decode_image(pack, 0), source.pixels) == pytest.approx(measured, abs=0.1)
+    # Every level is trained, not mip 0 alone.
+    for level, mip in enumerate(mip_chain(source.pixels, "srgb")[: len(latent_levels(64, 64, CodecConfig()))]):
+        assert psnr_db(decode_image(pack, 0, level), mip) > 30.0
+
+
+def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
+    training = replace(SHORT, freezing=FreezingConfig(start=0.0, duration=0.0))
+    pack = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
+    assert unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(pack))
+    thawed = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
+    assert not unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(thawed))
+
+
+def test_once_frozen_the_decoder_does_not_change_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[float, list[NDArray[np.float32]]]] = []
+    forward = DecoderStack.forward
+
+    def watched(self: DecoderStack, inputs: torch.Tensor, decoder: torch.Tensor) -> torch.Tensor:
+        if self.training and torch.is_grad_enabled():
+            exported = self.export()[0]
+            seen.append((len(seen) / 20, [*exported.weights, *exported.biases]))
+        return forward(self, inputs, decoder)
+
+    monkeypatch.setattr(DecoderStack, "forward", watched)
+    training = replace(SHORT, steps=20, schedule="constant", freezing=FreezingConfig(start=0.5, duration=0.2))
+    pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
+    final = decoder_arrays(pack)
+    assert len(seen) == 20
+    for progress, values in seen:
+        # The last update before e_s + T = 0.7 comes from step 13 of 20; step 14 sees the frozen weights.
+        assert unchanged(values, final) == (progress >= 0.7 - 1e-9), progress
+
+
+def test_cancelling_raises_and_delivers_nothing() -> None:
+    asked: list[int] = []
+
+    def cancelled() -> bool:
+        asked.append(1)
+        return len(asked) >= 4
+
+    with pytest.raises(TrainingCancelledError):
+        train([texture(8, 8)], own_decoders(1), SMALL, SHORT, cancelled=cancelled)
+    assert len(asked) == 4
+
+
+@pytest.mark.parametrize("per_group", [None, 32])
+def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
+    reports: list[TrainingProgress] = []
+    textures = [texture(16, 16), texture(8, 8, seed=1)]
+    pack = train(textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append)
+    assert reports[-1].step == reports[-1].steps == pack.training["steps"] == 12 * (1 if per_group is None else 2)
+    assert reports[-1].seconds_left == 0.0
+    assert [report.step for report in reports] == sorted(report.step for report in reports)
+    for report in reports:
+        values = (report.psnr_db, report.texels_per_second, report.seconds_left, report.loss)
+        assert np.isfinite(values).all()
+        assert report.freezing_scale == 1.0
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("levels", [None, 1])
+def test_channels_and_sizes(channels: int, levels: int | None) -> None:
+    sizes = ((16, 16), (33, 17), (1, 1), (50, 3))
+    textures = [
+        replace(texture(*size, channels, seed), color_space="linear" if seed % 2 else "srgb")
+        for seed, size in enumerate(sizes)
+    ]
+    config = CodecConfig(hidden_width=16, output_channels=channels, levels=levels)
+    pack = train(textures, Grouping("single", (0,) * 4), config, SHORT)
+    for index, (width, height) in enumerate(sizes):
+        assert decode_image(pack, index).shape == (height, width, channels)
+        assert pack.textures[index].psnr_db is not None
+        assert pack.textures[index].pixel_hash == textures[index].pixel_hash
+
+
+def test_textures_of_different_channels_share_a_decoder() -> None:
+    textures = [texture(8, 8, channels, channels) for channels in (1, 2, 3, 4)]
+    pack = train(textures, Grouping("single", (0,) * 4), CodecConfig(hidden_width=16, output_channels=4), SHORT)
+    assert [encoded.channels for encoded in pack.textures] == [1, 2, 3, 4]
+    assert decode_image(pack, 1).shape == (8, 8, 2)
+
+
+@pytest.mark.parametrize("wrap", list(product(MODES, MODES)))
+def test_every_wrap_trains(wrap: tuple[WrapMode, WrapMode]) -> None:
+    pack = train([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
+    assert pack.textures[0].wrap == wrap
+    assert all(np.isfinite(array).all() for array in arrays(pack))
+
+
+def test_a_constant_texture_trains() -> None:
+    pixels = np.full((16, 16, 3), 200, np.uint8)
+    pack = train([SourceTexture("flat", pixels, hash_pixels(pixels))], own_decoders(1), SMALL, SHORT)
+    assert all(np.isfinite(array).all() for array in arrays(pack))
+
+
+def test_the_paper_recipe_runs() -> None:
+    training = replace(recipe_config("paper"), epochs=1.0, texels_per_group=64, device="cpu")
+    textures = [texture(16, 16), texture(8, 16, seed=1), texture(8, 8, seed=2)]
+    pack = train(textures, Grouping("clustered", (0, 1, 0)), CodecConfig(levels=1), training)
+    # Group 0 holds 256 + 64 texels at 2 x 32 a step, group 1 holds 128 at 64 a step.
+    assert pack.training["steps"] == 5 + 2
+    assert pack.training["recipe"] == "paper"
+
+
+def test_a_group_is_trained_without_regard_to_its_number() -> None:
+    training = replace(SHORT, texels_per_group=64)
+    pack = train([texture(8, 8), texture(8, 8, seed=1)], Grouping("random", (1, 0)), SMALL, training)
+    assert [encoded.group for encoded in pack.textures] == [1, 0]
+    assert len(pack.decoders) == 2
+
+
+def test_a_trained_pack_survives_the_file(tmp_path: Path) -> None:
+    pack = train([texture(16, 16)], own_decoders(1), SMALL, SHORT)
+    write_pack(tmp_path / "a.ntc", pack)
+    read = read_pack(tmp_path / "a.ntc")
+    assert same(pack, read)
+    assert read.training == pack.training
+    assert read.textures[0].psnr_db == pack.textures[0].psnr_db
+
+
+@pytest.mark.parametrize(
+    ("textures", "groups", "words"),
+    [
+        ([], (), "no texture"),
+        ([texture(8, 8, 4)], (0,), "4 channels"),
+        ([texture(8, 8)], (0, 0), "grouping"),
+        ([texture(8, 8), texture(8, 8)], (0, 2), "grouping"),
+    ],
+)
+def test_what_cannot_be_trained_is_bad_input(
+    textures: list[SourceTexture], groups: tuple[int, ...], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        train(textures, Grouping("random", groups), SMALL, SHORT)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a CUDA device")
+def test_cuda_that_is_not_there_is_bad_input() -> None:
+    assert choose_device("auto").type == "cpu"
+    with pytest.raises(InputError, match="--device cuda"):
+        choose_device("cuda")
