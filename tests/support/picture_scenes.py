@@ -144,7 +144,7 @@ def cube(material: int, *transforms: NDArray[np.floating]) -> Part:
     return Part(material, positions, np.tile(QUAD_UVS, (6, 1)), indices, transforms or (IDENTITY,))
 
 
-def sphere(material: int, *transforms: NDArray[np.floating], steps: int = 24) -> Part:
+def sphere(material: int, *transforms: NDArray[np.floating], steps: int = 9) -> Part:
     """A unit sphere of 2 * steps * steps quads."""
     v, u = np.meshgrid(np.linspace(0.0, 1.0, steps + 1), np.linspace(0.0, 1.0, 2 * steps + 1), indexing="ij")
     polar, turn = v * np.pi, u * 2.0 * np.pi
