@@ -29,7 +29,7 @@ def assert_same(
     pack: Pack, index: int, uv: NDArray[np.float32], lod: NDArray[np.float32], wrap: tuple[WrapMode, WrapMode] | None
 ) -> None:
     """Both decode `uv` and `lod` to the same finite numbers in [0, 1]."""
-    truth = decode_texels(pack, index, uv, lod, wrap)
+    truth = decode_texels(pack, index, uv.astype(np.float64), lod.astype(np.float64), wrap)
     fast = TorchCodec(pack, "cpu").decode_texels(index, uv, lod, wrap)
     assert truth.shape == fast.shape == (len(uv), pack.textures[index].channels)
     assert np.isfinite(truth).all()

@@ -117,24 +117,37 @@ def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
     assert not unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(thawed))
 
 
-def test_once_frozen_the_decoder_does_not_change_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[float, list[NDArray[np.float32]]]] = []
+def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) -> list[list[NDArray[np.float32]]]:
+    """The decoder's arrays as each step of a training on one texture finds them, and last as the pack holds them."""
+    seen: list[list[NDArray[np.float32]]] = []
     forward = DecoderStack.forward
 
     def watched(self: DecoderStack, inputs: torch.Tensor, decoder: torch.Tensor) -> torch.Tensor:
-        if self.training and torch.is_grad_enabled():
+        if torch.is_grad_enabled():
             exported = self.export()[0]
-            seen.append((len(seen) / 20, [*exported.weights, *exported.biases]))
+            seen.append([*exported.weights, *exported.biases])
         return forward(self, inputs, decoder)
 
-    monkeypatch.setattr(DecoderStack, "forward", watched)
-    training = replace(SHORT, steps=20, schedule="constant", freezing=FreezingConfig(start=0.5, duration=0.2))
-    pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
-    final = decoder_arrays(pack)
-    assert len(seen) == 20
-    for progress, values in seen:
-        # The last update before e_s + T = 0.7 comes from step 13 of 20; step 14 sees the frozen weights.
-        assert unchanged(values, final) == (progress >= 0.7 - 1e-9), progress
+    with monkeypatch.context() as patch:
+        patch.setattr(DecoderStack, "forward", watched)
+        pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
+    return [*seen, decoder_arrays(pack)]
+
+
+def test_freezing_scales_the_updates_and_then_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = replace(SHORT, steps=20, schedule="constant", rounded_share=0.0)
+    freezing = replace(free, freezing=FreezingConfig(start=0.5, duration=0.2))
+    moving, slowing = watched_decoders(monkeypatch, free), watched_decoders(monkeypatch, freezing)
+    assert len(moving) == len(slowing) == 21
+    for step in range(12):
+        assert unchanged(moving[step], slowing[step]), "e_s is at step 10, where the scale is still 1"
+    # Step 11 lies a quarter into T and starts from equal weights, so that the updates differ by the scale alone.
+    scale = 0.5 * (1.0 + np.cos(np.pi / 4.0))
+    for start, full, less in zip(moving[11], moving[12], slowing[12], strict=True):
+        np.testing.assert_allclose(less - start, scale * (full - start), atol=1e-6)
+    assert not unchanged(slowing[13], slowing[14])
+    for later in slowing[15:]:
+        assert unchanged(slowing[14], later), "e_s + T is at step 14"
 
 
 def test_cancelling_raises_and_delivers_nothing() -> None:
