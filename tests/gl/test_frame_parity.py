@@ -1,7 +1,7 @@
 """Whole frames of both decode paths against the float64 codec at each pixel's own texture coordinate and lod."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from ntc import reference
 from ntc.color import linear_to_srgb
 from ntc.config import WrapMode
+from ntc.latents import latent_levels
 from ntc.pack import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
+from tests.support.sampling import selected_lod
 from viewer.gl.context import GraphicsContext
 from viewer.renderer import Renderer
 from viewer.scene.model import Material, Sampler
@@ -27,6 +29,10 @@ LOD_TOLERANCE = 1e-3
 """Half floats round gradients to 11 bits: log2(1 + 2**-11) = 7e-4."""
 
 
+TRILINEAR = Sampler()
+NEAREST = Sampler(magnify_linear=False, minify_linear=False, mipmap="nearest")
+
+
 @dataclass(frozen=True)
 class Case:
     """One full-screen quad."""
@@ -34,6 +40,8 @@ class Case:
     map: PixelMap
     texture: int = 0
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat")
+    sampler: Sampler = TRILINEAR
+    """Filters; `wrap` holds for the modes."""
 
 
 CASES = {
@@ -45,6 +53,10 @@ CASES = {
     "not square": Case(PixelMap((0.4, -1.2), (5 / 256, 0.0), (1 / 128, 3 / 64)), 1, ("clamp", "repeat")),
     "odd sides": Case(PixelMap((-0.6, 1.9), (3 / 64, -1 / 64), (1 / 32, -7 / 128)), 2, ("mirror", "mirror")),
     "shrunk along y alone": Case(PixelMap((0.0, 0.0), (1 / 512, 0.0), (0.0, 7 / 64)), 2, ("repeat", "clamp")),
+    "nearest texel": Case(PixelMap((-0.31, 0.62), (1 / 256, 1 / 512), (0.0, -1 / 256)), sampler=NEAREST),
+    "nearest of a small mip": Case(PixelMap((0.01, 0.02), (1 / 16, 0.0), (0.0, 3 / 128)), 1, sampler=NEAREST),
+    "no mips": Case(PixelMap((0.01, 0.02), (1 / 16, 0.0), (0.0, 3 / 128)), sampler=Sampler(mipmap="none")),
+    "nearest mip": Case(PixelMap((0.01, 0.02), (3 / 64, 0.0), (0.0, 3 / 128)), sampler=Sampler(mipmap="nearest")),
     # 0.0371 and the others have no short binary form: the stored footprint is rounded.
     "any gradients": Case(PixelMap((0.2, 0.1), (0.0371, 0.0113), (-0.0057, 0.0219))),
 }
@@ -59,7 +71,7 @@ def pack() -> Pack:
 @pytest.fixture(scope="module")
 def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     """All cases, one quad behind the other."""
-    materials = [Material("m", case.texture, WHITE, Sampler(case.wrap)) for case in CASES.values()]
+    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     made = Renderer(graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]))
     made.set_packs({"p": pack})
@@ -78,8 +90,13 @@ def shown(renderer: Renderer, name: str, path: DecodePath, precision: Precision 
 def expected(pack: Pack, name: str, lod_offset: float = 0.0) -> NDArray[np.float64]:
     """[H * W, 3] what docs/codec.md says about a case."""
     case = CASES[name]
-    lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]) + lod_offset)
-    return reference.decode_texels(pack, case.texture, case.map.uv(SIZE), lod, case.wrap)
+    size, uv = SIZES[case.texture], case.map.uv(SIZE)
+    levels = latent_levels(*size, pack.config)
+    lod, linear = selected_lod(case.map.lod(size) + lod_offset, case.sampler, len(levels))
+    if not linear:
+        texels = np.array([levels[int(lod)].texel_width, levels[int(lod)].texel_height])
+        uv = (np.floor(uv * texels) + 0.5) / texels
+    return reference.decode_texels(pack, case.texture, uv, np.full(len(uv), lod), case.wrap)
 
 
 @pytest.mark.parametrize("path", ["deferred", "forward"])

@@ -1,0 +1,59 @@
+"""glTF samplers in numpy, written after OpenGL 4.3, Sec. 8.14: what a texture fetch must give."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.color import srgb_to_linear
+from ntc.mips import mip_chain
+from viewer.scene.model import Sampler
+
+Array = NDArray[np.float64]
+
+
+def wrapped(texel: NDArray[np.int64], texels: int, mode: str) -> NDArray[np.int64]:
+    """Texel numbers [N] inside the image."""
+    if mode == "clamp":
+        return np.clip(texel, 0, texels - 1)
+    if mode == "repeat":
+        return texel % texels
+    folded = texel % (2 * texels)
+    return np.where(folded < texels, folded, 2 * texels - 1 - folded)
+
+
+def fetch(mip: Array, uv: Array, sampler: Sampler, linear: bool) -> Array:
+    """[N, C] of one mip [h, w, C] at `uv` [N, 2], by nearest texel or bilinear."""
+    height, width = mip.shape[:2]
+    at = uv * (width, height)
+
+    def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+        return mip[wrapped(row, height, sampler.wrap[1]), wrapped(column, width, sampler.wrap[0])]
+
+    if not linear:
+        column, row = np.floor(at).astype(np.int64).T
+        return texel(column, row)
+    corner = np.floor(at - 0.5).astype(np.int64)
+    x, y = (at - 0.5 - corner).T[:, :, None]
+    column, row = corner.T
+    upper = texel(column, row) * (1.0 - x) + texel(column + 1, row) * x
+    lower = texel(column, row + 1) * (1.0 - x) + texel(column + 1, row + 1) * x
+    return upper * (1.0 - y) + lower * y
+
+
+def selected_lod(lod: float, sampler: Sampler, levels: int) -> tuple[float, bool]:
+    """(level of detail that is read, whether the filter is linear within a level)."""
+    linear = sampler.magnify_linear if lod <= 0.0 else sampler.minify_linear
+    if sampler.mipmap == "none" or lod <= 0.0:
+        return 0.0, linear
+    if sampler.mipmap == "nearest":
+        return float(np.clip(np.ceil(lod + 0.5) - 1.0, 0, levels - 1)), linear
+    return float(np.clip(lod, 0.0, levels - 1)), linear
+
+
+def sample(pixels: NDArray[np.uint8], uv: Array, lod: float, sampler: Sampler) -> Array:
+    """[N, 3] float64 linear light of `pixels` [H, W, 3] sRGB at `uv` [N, 2] and one `lod`."""
+    chain = [srgb_to_linear(mip / 255.0) for mip in mip_chain(pixels, "srgb")]
+    level, linear = selected_lod(lod, sampler, len(chain))
+    lower = int(level)
+    upper = min(lower + 1, len(chain) - 1)
+    share = level - lower
+    return fetch(chain[lower], uv, sampler, linear) * (1.0 - share) + fetch(chain[upper], uv, sampler, linear) * share
