@@ -1,0 +1,80 @@
+"""Shapes as lists of quads, with texture coordinates in world units: metres divided by the texture's size in metres."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Point = tuple[float, float, float]
+Vector = NDArray[np.float64]
+
+
+@dataclass
+class Shape:
+    """Triangles of one material."""
+
+    positions: list[Vector] = field(default_factory=list)
+    uvs: list[Vector] = field(default_factory=list)
+    indices: list[NDArray[np.int64]] = field(default_factory=list)
+    count: int = 0
+
+    def patch(self, points: Vector, uvs: Vector) -> None:
+        """A grid of [rows, columns] points; seen from the front its columns run right and its rows run up."""
+        rows, columns = points.shape[:2]
+        numbers = self.count + np.arange(rows * columns).reshape(rows, columns)
+        a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
+        self.indices.append(np.stack([a, b, c, a, c, d], axis=-1).reshape(-1))
+        self.positions.append(points.reshape(-1, 3))
+        self.uvs.append(uvs.reshape(-1, 2))
+        self.count += rows * columns
+
+    def quad(
+        self, origin: Point, right: Point, up: Point, metres: float, stretch: bool = False, turned: bool = False
+    ) -> None:
+        """A rectangle from its lower left corner; `stretch` shows the texture once, `turned` lays its grain along `right`."""
+        o, r, u = (np.array(vector, np.float64) for vector in (origin, right, up))
+        width, height = float(np.linalg.norm(r)), float(np.linalg.norm(u))
+        w, h = (1.0, 1.0) if stretch else (width / metres, height / metres)
+        corners = np.array([[[0, h], [w, h]], [[0, 0], [w, 0]]])
+        self.patch(np.array([[o, o + r], [o + u, o + r + u]]), corners[..., ::-1] if turned else corners)
+
+    def box(self, low: Point, high: Point, metres: float, skip: str = "", turned: bool = False) -> None:
+        """An axis-aligned box; `skip` names faces that nobody can see: any of -x +x -y +y -z +z."""
+        (x0, y0, z0), (x1, y1, z1) = low, high
+        w, h, d = x1 - x0, y1 - y0, z1 - z0
+        faces: dict[str, tuple[Point, Point, Point]] = {
+            "+z": ((x0, y0, z1), (w, 0, 0), (0, h, 0)),
+            "-z": ((x1, y0, z0), (-w, 0, 0), (0, h, 0)),
+            "+x": ((x1, y0, z1), (0, 0, -d), (0, h, 0)),
+            "-x": ((x0, y0, z0), (0, 0, d), (0, h, 0)),
+            "+y": ((x0, y1, z1), (w, 0, 0), (0, 0, -d)),
+            "-y": ((x0, y0, z0), (w, 0, 0), (0, 0, d)),
+        }
+        for name, (origin, right, up) in faces.items():
+            if name not in skip:
+                self.quad(origin, right, up, metres, turned=turned)
+
+    def lathe(self, centre: Point, profile: Iterable[tuple[float, float]], metres: float, sides: int = 24) -> None:
+        """A surface of revolution about a vertical axis; `profile` holds (radius, height) from bottom to top, seen from outside."""
+        rings = np.array(list(profile), np.float64)
+        angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
+        # Seen from outside with up upwards, growing angle in (sin, cos) order runs to the right.
+        x = centre[0] + rings[:, :1] * np.sin(angle)
+        z = centre[2] + rings[:, :1] * np.cos(angle)
+        y = np.broadcast_to(centre[1] + rings[:, 1:], x.shape)
+        around = 2.0 * np.pi * max(float(rings[:, 0].max()), 1e-6) / metres
+        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rings, axis=0).T))]) / metres
+        # Whole turns of the texture meet at the seam.
+        u = np.broadcast_to(angle / (2.0 * np.pi) * max(1.0, round(around)), x.shape)
+        v = np.broadcast_to((lengths[-1] - lengths)[:, None], x.shape)
+        self.patch(np.stack([x, y, z], axis=-1), np.stack([u, v], axis=-1))
+
+    def arrays(self) -> tuple[Vector, Vector, NDArray[np.int64]]:
+        """(positions [V, 3], uvs [V, 2], indices [3 T])."""
+        return np.concatenate(self.positions), np.concatenate(self.uvs), np.concatenate(self.indices)
+
+
+def cylinder_profile(radius: float, height: float) -> list[tuple[float, float]]:
+    """A closed cylinder standing on the ground (open below)."""
+    return [(radius, 0.0), (radius, height), (0.0, height)]
