@@ -199,6 +199,15 @@ def test_textures_of_different_channels_share_a_decoder() -> None:
     assert decode_image(pack, 1).shape == (8, 8, 2)
 
 
+def test_channels_that_no_texture_has_are_not_trained() -> None:
+    config = CodecConfig(hidden_width=16, output_channels=4)
+    pack = train([texture(8, 8, 1)], own_decoders(1), config, SHORT)
+    start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
+    last = pack.decoders[0].weights[2]
+    assert not np.array_equal(last[0], start.weights[2][0])
+    np.testing.assert_array_equal(last[1:], start.weights[2][1:])
+
+
 @pytest.mark.parametrize("wrap", list(product(MODES, MODES)))
 def test_every_wrap_trains(wrap: tuple[WrapMode, WrapMode]) -> None:
     pack = train([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
