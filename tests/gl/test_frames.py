@@ -1,0 +1,168 @@
+"""Frames of the renderer: what is skipped, what is redrawn, what times are reported, how A and B are put together."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.color import linear_to_srgb8
+from ntc.pack import Pack
+from tests.support.packs import random_pack
+from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
+from viewer.gl.context import GraphicsContext
+from viewer.renderer import FrameResult, Renderer
+from viewer.scene.model import Camera, Material
+from viewer.view_state import Slot, ViewState
+
+SIZE = (64, 40)
+CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
+ASIDE = Camera("aside", (-3.0, 0.0, 3.0), (-3.0, 0.0, 0.0))
+TEXTURES = (texture(32, 32, 1), texture(16, 8, 2))
+DEFERRED, FORWARD = Slot("p", "deferred"), Slot("p", "forward")
+VIEW = ViewState(CAMERA, SIZE, Slot(), DEFERRED, "wipe", 0.5)
+PASSES = {"visibility", "upload", "reference", "decode_deferred", "decode_forward", "composite"}
+
+
+def pack(seed: int = 0) -> Pack:
+    """A pack of both textures."""
+    hashes = [image.pixel_hash for image in TEXTURES]
+    return random_pack([(32, 32), (16, 8)], (0, 1), hashes=hashes, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def shared(graphics: GraphicsContext) -> Iterator[Renderer]:
+    """Two cubes with a texture each, the second one only seen from aside."""
+    parts = [cube(0, placed(1.0)), cube(1, placed(-12.0))]
+    renderer = Renderer(graphics, scene_of(parts, [Material(f"m{i}", i, WHITE) for i in (0, 1)], TEXTURES))
+    yield renderer
+    renderer.release()
+
+
+@pytest.fixture
+def renderer(shared: Renderer) -> Renderer:
+    """The renderer, its last frame forgotten."""
+    shared.set_packs({})
+    shared.set_packs({"p": pack()})
+    shared.render(ViewState(ASIDE, (8, 8)))
+    return shared
+
+
+def passes(frame: FrameResult) -> set[str]:
+    """The passes that ran."""
+    return PASSES & frame.timings_ms.keys()
+
+
+def picture(frame: FrameResult) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8, row 0 on top."""
+    pixels = np.frombuffer(frame.image.read(), np.uint8).reshape(frame.image.height, frame.image.width, 4)
+    return pixels[::-1, :, :3]
+
+
+def test_images_that_no_frame_needed_are_not_uploaded(graphics: GraphicsContext) -> None:
+    parts = [cube(0, placed(1.0)), cube(1, placed(-12.0))]
+    fresh = Renderer(graphics, scene_of(parts, [Material(f"m{i}", i, WHITE) for i in (0, 1)], TEXTURES))
+    assert fresh.render(ViewState(CAMERA, SIZE)).skipped["images_not_uploaded"] == 1
+    far = Camera("far", (-12.0, 0.5, 5.0), (-12.0, 0.0, 0.0))
+    assert fresh.render(ViewState(far, SIZE)).skipped["images_not_uploaded"] == 0
+    fresh.release()
+
+
+def test_a_first_frame_runs_what_it_needs_and_says_how_it_was_timed(
+    renderer: Renderer, graphics: GraphicsContext
+) -> None:
+    frame = renderer.render(VIEW)
+    assert passes(frame) >= {"visibility", "reference", "decode_deferred", "composite"}
+    assert "decode_forward" not in frame.timings_ms
+    assert all(0.0 <= time < 60e3 for time in frame.timings_ms.values())
+    assert (frame.timer == "wall time around finish") == graphics.info.is_software
+    assert frame.drawn["triangles"] == 12
+    assert frame.drawn["commands"] == 1
+
+
+def test_the_same_view_again_runs_no_pass(renderer: Renderer) -> None:
+    first = picture(renderer.render(VIEW))
+    again = renderer.render(VIEW)
+    assert passes(again) == set()
+    assert again.skipped["passes"] == 4
+    assert np.array_equal(picture(again), first)
+
+
+def test_moving_the_divider_only_composes(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    assert passes(renderer.render(replace(VIEW, wipe_position=0.25))) == {"composite"}
+    assert passes(renderer.render(replace(VIEW, compare="b"))) == {"composite"}
+
+
+def test_another_path_for_b_draws_only_b(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    assert passes(renderer.render(replace(VIEW, slot_b=FORWARD))) == {"decode_forward", "composite"}
+
+
+def test_flipping_back_and_forth_is_free_of_passes(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    for compare in ("a", "b", "a", "b"):
+        assert passes(renderer.render(replace(VIEW, compare=compare))) <= {"composite"}
+
+
+def test_a_moved_camera_draws_all(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    moved = renderer.render(replace(VIEW, camera=replace(CAMERA, eye=(0.1, 0.5, 5.0))))
+    assert passes(moved) >= {"visibility", "reference", "decode_deferred", "composite"}
+
+
+def test_another_size_draws_all(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    frame = renderer.render(replace(VIEW, size=(33, 17)))
+    assert passes(frame) >= {"visibility", "reference", "decode_deferred", "composite"}
+    assert frame.image.size == (33, 17)
+
+
+def test_a_replaced_pack_is_drawn_again(renderer: Renderer) -> None:
+    before = picture(renderer.render(VIEW))
+    renderer.set_packs({"p": pack(seed=5)})
+    frame = renderer.render(VIEW)
+    assert passes(frame) == {"decode_deferred", "composite"}
+    changed = (picture(frame) != before).any(axis=2)
+    assert not changed[:, : SIZE[0] // 2].any()
+    assert changed[:, SIZE[0] // 2 :].mean() > 0.1
+
+
+def test_setting_the_same_pack_again_changes_nothing(renderer: Renderer) -> None:
+    packs = {"p": pack()}
+    renderer.set_packs(packs)
+    renderer.render(VIEW)
+    renderer.set_packs(dict(packs))
+    assert passes(renderer.render(VIEW)) == set()
+
+
+@pytest.mark.parametrize(("share", "columns"), [(0.0, 0), (0.25, 16), (0.5, 32), (1.0, 64)])
+def test_a_is_left_of_the_divider_and_b_right(renderer: Renderer, share: float, columns: int) -> None:
+    frame = renderer.render(replace(VIEW, wipe_position=share))
+    expected_a, expected_b = (linear_to_srgb8(renderer.albedo(slot)) for slot in (VIEW.slot_a, VIEW.slot_b))
+    shown = picture(frame).astype(int)
+    assert np.abs(shown[:, :columns] - expected_a[:, :columns]).max(initial=0) <= 1
+    assert np.abs(shown[:, columns:] - expected_b[:, columns:]).max(initial=0) <= 1
+    assert (expected_a != expected_b).mean() > 0.1
+
+
+def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
+    for compare, slot in (("a", VIEW.slot_a), ("b", VIEW.slot_b)):
+        shown = picture(renderer.render(replace(VIEW, compare=compare))).astype(int)
+        assert np.abs(shown - linear_to_srgb8(renderer.albedo(slot))).max() <= 1
+
+
+def test_albedo_of_a_slot_that_was_not_shown_is_drawn_on_demand(renderer: Renderer) -> None:
+    renderer.render(replace(VIEW, compare="a"))
+    late = renderer.albedo(FORWARD)
+    renderer.render(replace(VIEW, slot_b=FORWARD))
+    assert np.array_equal(renderer.albedo(FORWARD), late)
+
+
+def test_reading_before_the_first_frame_is_refused(graphics: GraphicsContext) -> None:
+    fresh = Renderer(graphics, scene_of([cube(0)], [Material("m", -1, WHITE)]))
+    for read in (fresh.texture_ids, fresh.covered, lambda: fresh.albedo(Slot())):
+        with pytest.raises(RuntimeError, match="render a view first"):
+            read()
+    fresh.release()
