@@ -10,7 +10,8 @@ ALPHA_CHANNEL = 3
 """The fourth channel is never sRGB-coded."""
 
 
-def _to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
+def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
+    """[H, W, C] float32 linear light in [0, 1] of `pixels` [H, W, C] uint8."""
     if color_space == "linear":
         return pixels.astype(np.float32) / np.float32(255.0)
     linear = srgb8_to_linear_table()[pixels]
@@ -59,7 +60,7 @@ def mip_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> tuple[NDArr
     """
     height, width = pixels.shape[:2]
     chain = [pixels]
-    linear = _to_linear(pixels, color_space)
+    linear = to_linear(pixels, color_space)
     while width >> len(chain) or height >> len(chain):
         linear = box_resize(linear, max(1, width >> len(chain)), max(1, height >> len(chain)))
         chain.append(_to_8bit(linear, color_space))
@@ -68,4 +69,4 @@ def mip_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> tuple[NDArr
 
 def resize_to(pixels: NDArray[np.uint8], width: int, height: int, color_space: ColorSpace) -> NDArray[np.uint8]:
     """[height, width, C] uint8: `pixels` reduced by an area-weighted box filter in linear light."""
-    return _to_8bit(box_resize(_to_linear(pixels, color_space), width, height), color_space)
+    return _to_8bit(box_resize(to_linear(pixels, color_space), width, height), color_space)

@@ -135,8 +135,9 @@ class _Cohort:
 
     def _ranges(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Smallest and largest latent [T, channels] of every texture."""
-        pieces = torch.split(self.latents.detach(), self.data.cell_counts)
-        return torch.stack([p.amin(dim=0) for p in pieces]), torch.stack([p.amax(dim=0) for p in pieces])
+        pieces = torch.split(self.latents.detach().t().contiguous(), self.data.cell_counts, dim=1)
+        bounds = [torch.aminmax(piece, dim=1) for piece in pieces]
+        return torch.stack([low for low, _ in bounds]), torch.stack([high for _, high in bounds])
 
     def quantized(self) -> list[QuantizedLatents]:
         """The latents of each texture, rounded."""

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from ntc.color import srgb8_to_linear_table
 from ntc.config import CodecConfig
 from ntc.latents import latent_levels
-from ntc.mips import mip_chain
+from ntc.mips import mip_chain, to_linear
 from ntc.sampling import PyramidTable, trilinear_corners
 from ntc.textures import SourceTexture
 
@@ -51,10 +51,10 @@ class TrainingData:
         rows = []
         for texture, levels in zip(textures, pyramids, strict=True):
             for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
-                flat = torch.from_numpy(mip.reshape(-1, mip.shape[2]).copy())
-                rows.append(torch.nn.functional.pad(flat, (0, channels - flat.shape[1])))
-        self._pixels = torch.cat(rows).to(device)
-        self._linear_table = torch.from_numpy(srgb8_to_linear_table()).to(device)
+                linear = to_linear(mip, texture.color_space).reshape(-1, mip.shape[2])
+                rows.append(np.pad(linear, ((0, 0), (0, channels - mip.shape[2]))).astype(np.float16))
+        # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
+        self._linear = torch.from_numpy(np.concatenate(rows)).to(device)
         used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
         self.channel_mask = used.to(device=device, dtype=torch.float32)
         """[T, output_channels]: 1 for the channels that a texture has."""
@@ -92,11 +92,9 @@ class TrainingData:
 
     def _targets(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
         index, weights = trilinear_corners(self.texels, texture, uv, lod)
-        pixels = self._pixels[index]
-        coded = self._srgb_coded[texture]
-        linear = torch.where(coded[:, None, :], self._linear_table[pixels.long()], pixels / 255.0)
-        blended = (linear * weights[..., None]).sum(dim=1)
+        texels = self._linear.index_select(0, index.reshape(-1)).float().view(*index.shape, -1)
+        blended = torch.bmm(weights.unsqueeze(1), texels).squeeze(1)
         srgb = torch.where(
             blended <= 0.0031308, blended * 12.92, 1.055 * blended.clamp(min=1e-6) ** (1.0 / 2.4) - 0.055
         )
-        return torch.where(coded, srgb, blended)
+        return torch.where(self._srgb_coded[texture], srgb, blended)
