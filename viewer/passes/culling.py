@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from viewer.camera import frustum_planes
 from viewer.passes.clusters import Clusters, build_clusters
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera, Sampler, Scene
 
 COMMAND = np.dtype(
     [
@@ -26,15 +26,21 @@ NO_ALPHA_TEXTURE = -1
 """Alpha texture of a bucket whose alpha comes from factors and vertex colours alone."""
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Bucket:
-    """Instances that are drawn with the same OpenGL state; opaque ones sort first."""
+    """Instances that are drawn with the same OpenGL state."""
 
     alpha_texture: int
     """Texture id, or OPAQUE, or NO_ALPHA_TEXTURE."""
     double_sided: bool
     mirrored: bool
     """Whether the transform turns the winding round."""
+    alpha_sampler: Sampler | None = None
+    """How the alpha texture is sampled; None without one."""
+
+    def sort_key(self) -> tuple[object, ...]:
+        """Order in which buckets are drawn: opaque ones first, so that they hide what would cost an alpha test."""
+        return self.alpha_texture, self.double_sided, self.mirrored, repr(self.alpha_sampler)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +66,7 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
     else:
         has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].alpha is not None
         alpha = material.texture_id if has_alpha else NO_ALPHA_TEXTURE
-    return Bucket(alpha, material.double_sided, mirrored)
+    return Bucket(alpha, material.double_sided, mirrored, material.sampler if alpha >= 0 else None)
 
 
 class Culling:
@@ -85,7 +91,7 @@ class Culling:
         inverse[invertible] = np.linalg.inv(rotations[invertible])
         self._inverse, self._translation = inverse, transforms[:, :3, 3]
         buckets = [instance_bucket(scene, index, bool(determinant[index] < 0.0)) for index in range(len(primitive))]
-        self.buckets = tuple(sorted(set(buckets)))
+        self.buckets = tuple(sorted(set(buckets), key=Bucket.sort_key))
         numbers = {bucket: number for number, bucket in enumerate(self.buckets)}
         self._bucket_of_instance = np.array([numbers[bucket] for bucket in buckets], np.int64)
         self._bucket = self._bucket_of_instance[self._instance]

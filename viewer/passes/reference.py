@@ -14,6 +14,7 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_texture_array import SrgbTextureArray
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.layout import BUCKET_DEPTHS, TextureUnit
+from viewer.passes.samplers import SamplerCache
 from viewer.passes.scene_buffers import SceneBuffers
 from viewer.passes.visibility import VisibilityTarget
 from viewer.scene.model import Sampler, Scene
@@ -64,18 +65,6 @@ def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping
     return tuple(plans), places
 
 
-def _filters(sampler: Sampler) -> tuple[int, int]:
-    minify = {
-        ("none", False): moderngl.NEAREST,
-        ("none", True): moderngl.LINEAR,
-        ("nearest", False): moderngl.NEAREST_MIPMAP_NEAREST,
-        ("nearest", True): moderngl.LINEAR_MIPMAP_NEAREST,
-        ("linear", False): moderngl.NEAREST_MIPMAP_LINEAR,
-        ("linear", True): moderngl.LINEAR_MIPMAP_LINEAR,
-    }[(sampler.mipmap, sampler.minify_linear)]
-    return minify, moderngl.LINEAR if sampler.magnify_linear else moderngl.NEAREST
-
-
 class ReferencePass:
     """Inputs: visibility buffer, materials, original images. Output: linear albedo.
 
@@ -88,7 +77,7 @@ class ReferencePass:
         for index, place in self._places.items():
             materials[index]["image_array"], materials[index]["image_layer"] = place.array, place.layer
         self._arrays: dict[int, SrgbTextureArray] = {}
-        self._samplers: dict[tuple[Sampler, int], moderngl.Sampler] = {}
+        self._samplers = SamplerCache(context)
         self._uploaded: set[tuple[int, int]] = set()
         self._sort = programs.program("common/fullscreen.vert", "passes/reference/sort.frag")
         self._trilinear, self._anisotropic = (
@@ -122,17 +111,6 @@ class ReferencePass:
                 self._arrays[array].write(layer, chain)
                 self._uploaded.add((array, layer))
 
-    def _sampler(self, sampler: Sampler, anisotropy: int) -> moderngl.Sampler:
-        key = (sampler, anisotropy)
-        if key not in self._samplers:
-            self._samplers[key] = self._context.gl.sampler(
-                repeat_x=sampler.wrap[0] == "repeat",
-                repeat_y=sampler.wrap[1] == "repeat",
-                filter=_filters(sampler),
-                anisotropy=float(anisotropy),
-            )
-        return self._samplers[key]
-
     def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         if self._depth is None or self._depth.size != size:
             if self._depth is not None:
@@ -164,7 +142,7 @@ class ReferencePass:
             program = self._anisotropic if anisotropy > 1 else self._trilinear
             for array in sorted({self._places[index].array for index in visible_materials if index in self._places}):
                 self._arrays[array].use(int(TextureUnit.IMAGES))
-                sampler = self._sampler(self._plans[array].sampler, anisotropy)
+                sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
                 sampler.use(int(TextureUnit.IMAGES))
                 set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS})
                 self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
@@ -177,8 +155,7 @@ class ReferencePass:
         """Free images, samplers and depth."""
         for array in self._arrays.values():
             array.release()
-        for sampler in self._samplers.values():
-            sampler.release()
+        self._samplers.release()
         for triangle in self._triangles.values():
             triangle.release()
         if self._depth is not None:

@@ -15,7 +15,8 @@ from viewer.passes.layout import (
     TextureUnit,
     sampler_flags,
 )
-from viewer.scene.model import Scene
+from viewer.passes.samplers import SamplerCache
+from viewer.scene.model import Sampler, Scene
 
 INSTANCE_FORMAT = "4f 4f 4f 1i /i"
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_material")
@@ -51,6 +52,7 @@ class SceneBuffers:
         self._instances = self._buffer(self._instance_rows())
         self._materials = self._buffer(materials)
         self._alpha: dict[int, moderngl.Texture] = {}
+        self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
         self._ranges: tuple[tuple[Bucket, int, int], ...] = ()
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
@@ -87,7 +89,6 @@ class SceneBuffers:
             pixels = np.full((1, 1), 255, np.uint8) if alpha is None else np.ascontiguousarray(alpha)
             texture = self._gl.texture((pixels.shape[1], pixels.shape[0]), 1, pixels.tobytes(), alignment=1)
             texture.build_mipmaps()
-            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             self._alpha[texture_id] = texture
         return self._alpha[texture_id]
 
@@ -120,15 +121,19 @@ class SceneBuffers:
             needs_alpha = bucket.alpha_texture >= -1
             if needs_alpha:
                 self._alpha_texture(bucket.alpha_texture).use(int(TextureUnit.ALPHA))
+                self._samplers.get(bucket.alpha_sampler or Sampler()).use(int(TextureUnit.ALPHA))
             (gl.disable if bucket.double_sided else gl.enable)(moderngl.CULL_FACE)
             gl.front_face = "cw" if bucket.mirrored else "ccw"
             array = self._vertex_array(alpha_tested if needs_alpha else opaque)
             array.render_indirect(self._commands, moderngl.TRIANGLES, count=count, first=first)
+            if needs_alpha:
+                self._samplers.get(bucket.alpha_sampler or Sampler()).clear(int(TextureUnit.ALPHA))
         gl.disable(moderngl.CULL_FACE)
         gl.front_face = "ccw"
 
     def release(self) -> None:
         """Free everything."""
+        self._samplers.release()
         for array in self._arrays.values():
             array.release()
         for texture in self._alpha.values():

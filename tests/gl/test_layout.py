@@ -1,0 +1,91 @@
+"""Python records and GLSL structs have the same bytes: every field written by numpy is read back by a shader."""
+
+import numpy as np
+import pytest
+
+from ntc.config import CodecConfig
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.passes.layout import (
+    LEVEL_RECORD,
+    MATERIAL_RECORD,
+    REQUEST_RECORD,
+    codec_layout_glsl,
+    scene_layout_glsl,
+    texture_record,
+)
+from viewer.resources import shaders_folder
+
+CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
+RECORDS = {
+    "MaterialRecord": (MATERIAL_RECORD, CONFIGS[4]),
+    "LevelRecord": (LEVEL_RECORD, CONFIGS[4]),
+    "RequestRecord": (REQUEST_RECORD, CONFIGS[4]),
+    "TextureRecord, 4 channels": (texture_record(CONFIGS[4]), CONFIGS[4]),
+    "TextureRecord, 12 channels": (texture_record(CONFIGS[12]), CONFIGS[12]),
+}
+
+
+def components(record: np.dtype) -> list[str]:
+    """GLSL expressions for all numbers of a record, in numpy's order."""
+    found = []
+    for field in record.names or ():
+        shape = record[field].shape
+        places = [""] if shape == () else [f"[{i}]" for i in range(shape[0])]
+        if len(shape) == 2:
+            places = [f"[{i}][{j}]" for i in range(shape[0]) for j in range(shape[1])]
+        found += [f"{field}{place}" for place in places]
+    return found
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_shader_reads_what_numpy_wrote(graphics: GraphicsContext, name: str) -> None:
+    record, config = RECORDS[name]
+    numbers = components(record)
+    assert record.itemsize == 4 * len(numbers), "no hidden padding"
+    # Small whole numbers, different in every place of every record, as int or as float.
+    values = np.arange(3 * len(numbers)).reshape(3, -1)
+    records = np.zeros(3, record)
+    for row in range(3):
+        flat = iter(values[row])
+        for field in record.names or ():
+            shape = record[field].shape
+            count = int(np.prod(shape))
+            records[row][field] = np.array([next(flat) for _ in range(count)]).reshape(shape)
+    reads = [
+        f"    found[gl_GlobalInvocationID.x * {len(numbers)} + {index}] = int(records[gl_GlobalInvocationID.x].{place});"
+        for index, place in enumerate(numbers)
+    ]
+    shader = "\n".join(
+        [
+            "#version 430",
+            "layout(local_size_x = 1) in;",
+            '#include "generated/layout.glsl"',
+            '#include "generated/codec.glsl"',
+            f"layout(std430, binding = 0) readonly buffer Records {{ {name.split(',')[0]} records[]; }};",
+            "layout(std430, binding = 1) writeonly buffer Found { int found[]; };",
+            "void main() {",
+            *reads,
+            "}",
+        ]
+    )
+    generated = {
+        "generated/layout.glsl": scene_layout_glsl(),
+        "generated/codec.glsl": codec_layout_glsl(config),
+        "test.comp": shader,
+    }
+    factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), generated))
+    source, result = graphics.gl.buffer(records.tobytes()), graphics.gl.buffer(reserve=values.size * 4)
+    source.bind_to_storage_buffer(0)
+    result.bind_to_storage_buffer(1)
+    factory.compute("test.comp").run(3)
+    graphics.gl.memory_barrier()
+    assert np.frombuffer(result.read(), np.int32).tolist() == values.ravel().tolist()
+    for part in (source, result, factory):
+        part.release()
+
+
+def test_records_are_whole_vectors() -> None:
+    """std430 rounds a struct that holds a vec4 up to 16 bytes; the arrays' strides must not differ."""
+    for record, _ in RECORDS.values():
+        assert record.itemsize % 16 == 0
