@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.config import CodecConfig
 from ntc.pack import Pack
 from ntc.pack_match import PackMatch, match_pack
 from viewer.camera import view_projection
@@ -94,6 +95,7 @@ class Renderer:
         self._version = 0
         self._matches: dict[str, PackMatch] = {}
         self._decode: dict[tuple[str, Precision], _DecodePasses] = {}
+        self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
         self._targets: _Targets | None = None
         self._draw_list: DrawList | None = None
         self._matrix = np.eye(4)
@@ -195,7 +197,10 @@ class Renderer:
         if key not in self._decode:
             pack = self._packs[slot.source]
             buffers = PackBuffers(self._context, pack, self._matches[slot.source].texture_index, slot.precision)
-            self._decode[key] = _DecodePasses(buffers, codec_programs(self._programs, pack))
+            # Packs of one codec share their programs: those take seconds to compile.
+            if pack.config not in self._codec_programs:
+                self._codec_programs[pack.config] = codec_programs(self._programs, pack)
+            self._decode[key] = _DecodePasses(buffers, self._codec_programs[pack.config])
         passes = self._decode[key]
         if slot.path == "forward" and passes.forward is None:
             colors = self._scene_buffers.has_colors
@@ -253,4 +258,5 @@ class Renderer:
         self._composite.release()
         self._reference.release()
         self._scene_buffers.release()
-        self._programs.release()
+        for programs in (self._programs, *self._codec_programs.values()):
+            programs.release()

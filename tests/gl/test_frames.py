@@ -12,6 +12,7 @@ from ntc.pack import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderLibrary
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.model import Camera, Material
 from viewer.view_state import Slot, ViewState
@@ -166,3 +167,11 @@ def test_reading_before_the_first_frame_is_refused(graphics: GraphicsContext) ->
         with pytest.raises(RuntimeError, match="render a view first"):
             read()
     fresh.release()
+
+
+def test_packs_of_one_codec_share_their_programs(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    renderer.render(VIEW)
+    monkeypatch.setattr(ShaderLibrary, "assemble", lambda *arguments: pytest.fail("compiles again"))
+    renderer.set_packs({"p": pack(seed=6), "q": pack(seed=7)})
+    renderer.render(VIEW)
+    renderer.render(replace(VIEW, slot_b=Slot("q")))
