@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import moderngl
@@ -76,6 +76,11 @@ class _DecodePasses:
     forward: DecodeForwardPass | None = None
 
 
+def _distinct(slot: Slot) -> Slot:
+    """`slot` without the fields that are of no effect for it, so that equal pictures have equal slots."""
+    return Slot(REFERENCE) if slot.source == REFERENCE else slot
+
+
 class Renderer:
     """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
 
@@ -129,6 +134,7 @@ class Renderer:
     def render(self, view: ViewState) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted."""
         skipped: dict[str, int] = defaultdict(int)
+        view = replace(view, slot_a=_distinct(view.slot_a), slot_b=_distinct(view.slot_b))
         self._view = view
         targets = self._targets_for(view.size)
         draw_list = self._update_visibility(view, targets, skipped)
@@ -231,6 +237,7 @@ class Renderer:
         """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
         if self._targets is None or self._view is None or self._draw_list is None:
             raise RuntimeError("render a view first")
+        slot = _distinct(slot)
         self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int))
         self._timer.take()
         return self._targets.albedo[slot].read()

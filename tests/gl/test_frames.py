@@ -175,3 +175,11 @@ def test_packs_of_one_codec_share_their_programs(renderer: Renderer, monkeypatch
     renderer.set_packs({"p": pack(seed=6), "q": pack(seed=7)})
     renderer.render(VIEW)
     renderer.render(replace(VIEW, slot_b=Slot("q")))
+
+
+def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> None:
+    reference = Slot("reference", "forward", "fp16")
+    frame = renderer.render(replace(VIEW, slot_b=reference))
+    assert passes(frame) == {"visibility", "upload", "reference", "composite"}
+    assert np.array_equal(renderer.albedo(reference), renderer.albedo(Slot()))
+    assert passes(renderer.render(replace(VIEW, slot_a=reference, slot_b=Slot()))) == set()
