@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO
 from numpy.typing import NDArray
 
 from assets.build.courtyard import Model, Placement, cameras, models
@@ -29,13 +29,13 @@ def encode_image(recipe_number: int) -> tuple[str, bytes]:
     suffix, mime = (".png", "image/png") if image.shape[2] == 4 else (".jpg", "image/jpeg")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"image{suffix}"
-        spec = oiio.ImageSpec(image.shape[1], image.shape[0], image.shape[2], oiio.UINT8)
+        spec = OpenImageIO.ImageSpec(image.shape[1], image.shape[0], image.shape[2], OpenImageIO.UINT8)
         spec.attribute("oiio:UnassociatedAlpha", 1)
         spec.attribute("Compression", f"jpeg:{JPEG_QUALITY}")
         spec.attribute("png:compressionLevel", 9)
-        output = oiio.ImageOutput.create(str(path))
+        output = OpenImageIO.ImageOutput.create(str(path))
         if not (output and output.open(str(path), spec) and output.write_image(image) and output.close()):
-            raise RuntimeError(f"{recipe.name}: {oiio.geterror()}")
+            raise RuntimeError(f"{recipe.name}: {OpenImageIO.geterror()}")
         return mime, path.read_bytes()
 
 

@@ -117,7 +117,7 @@ def fabric(seed: int, warp_colors: Sequence[str], weft_colors: Sequence[str], th
     u, v = coordinates()
     column, row = np.floor(u * threads).astype(int), np.floor(v * threads).astype(int)
     fu, fv = u * threads - column, v * threads - row
-    over = (column + row * (1 if twill > 2 else 1)) % twill < max(1, twill // 2)
+    over = (column + row) % twill < max(1, twill // 2)
     band = max(1, threads // (2 * len(warp_colors) * 2))
     warp_table = np.array([_hex(color) for color in warp_colors])
     weft_table = np.array([_hex(color) for color in weft_colors])
@@ -126,8 +126,7 @@ def fabric(seed: int, warp_colors: Sequence[str], weft_colors: Sequence[str], th
     image = np.where(over[..., None], warp, weft)
     rounding = np.where(over, np.sin(np.pi * fu), np.sin(np.pi * fv))
     fibre = np.where(over, gradient_noise(seed, 256, 32), gradient_noise(seed + 1, 32, 256))
-    image = _shade(image, -0.30 + 0.42 * rounding + 0.10 * fibre + 0.05 * grain(seed) + 0.05 * fractal(seed + 2, 4))
-    return image
+    return _shade(image, -0.30 + 0.42 * rounding + 0.10 * fibre + 0.05 * grain(seed) + 0.05 * fractal(seed + 2, 4))
 
 
 def floor(seed: int, kind: str, colors: Sequence[str], joint: str, count: int) -> Image:

@@ -71,10 +71,9 @@ class Shape:
         self.patch(np.stack([x, y, z], axis=-1), np.stack([u, v], axis=-1))
 
     def arrays(self) -> tuple[Vector, Vector, NDArray[np.int64]]:
-        """(positions [V, 3], uvs [V, 2], indices [3 T])."""
-        return np.concatenate(self.positions), np.concatenate(self.uvs), np.concatenate(self.indices)
-
-
-def cylinder_profile(radius: float, height: float) -> list[tuple[float, float]]:
-    """A closed cylinder standing on the ground (open below)."""
-    return [(radius, 0.0), (radius, height), (0.0, height)]
+        """(positions [V, 3], uvs [V, 2], indices [3 T]), without the empty triangles at the poles of a lathe."""
+        positions = np.concatenate(self.positions)
+        triangles = np.concatenate(self.indices).reshape(-1, 3)
+        a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+        filled = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-10
+        return positions, np.concatenate(self.uvs), triangles[filled].reshape(-1)

@@ -6,6 +6,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+PROGRAM = "import sys, viewer, viewer.cli; print(viewer.__file__); sys.exit(viewer.cli.main())"
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
@@ -20,8 +21,7 @@ def test_wheel_draws_the_built_in_scene_from_another_folder(tmp_path: Path) -> N
     assert not any("/build/" in name or name.startswith("tests/") for name in names)
     subprocess.run([*pip, "install", "--no-deps", "--target", str(site), str(wheel)], check=True)
     result = subprocess.run(
-        [sys.executable, "-c", "import sys, viewer, viewer.cli; print(viewer.__file__); sys.exit(viewer.cli.main())"]
-        + ["render", "--out", "o", "--size", "96x54"],
+        [sys.executable, "-c", PROGRAM, "render", "--out", "o", "--size", "96x54"],
         cwd=elsewhere,
         env={**os.environ, "PYTHONPATH": str(site)},
         capture_output=True,

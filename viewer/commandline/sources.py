@@ -1,11 +1,13 @@
 """What the options name: scene, packs, camera."""
 
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.pack import Pack
+from ntc.pack_match import match_pack, require_match
 from viewer.camera import frame_all
 from viewer.commandline.options import RenderOptions
 from viewer.pack_files import open_packs, packs_beside
@@ -29,9 +31,20 @@ def open_scene(path: Path | None) -> Scene:
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
-    """Packs by name: those named first, then those beside the scene. Raises InputError."""
+    """Packs by name: those named first, then those beside the scene.
+
+    Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
+    """
     beside = packs_beside(scene.path) if scene.path is not None else ()
-    return open_packs([*named, *beside])
+    packs = open_packs([*named, *beside])
+    hashes, names = [t.pixel_hash for t in scene.textures], [t.name for t in scene.textures]
+    for pack in packs.values():
+        match = match_pack(pack, hashes, names)
+        if pack.path in named:
+            require_match(pack, match, scene.name)
+        if match.absent:
+            sys.stderr.write(f"note: {pack.path}: {match.line()}; the others show their factor\n")
+    return packs
 
 
 def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[Path, ...]) -> str:

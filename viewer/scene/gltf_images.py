@@ -49,7 +49,8 @@ def _names(file: GltfFile, index: int) -> tuple[str, str]:
     external = isinstance(uri, str) and uri[:5].lower() != "data:"
     path = file.label({"name": unquote(uri)}, "") if external and isinstance(uri, str) else ""
     stem = PurePosixPath(path.replace("\\", "/")).stem
-    return file.label(entry, stem or f"image {index}"), path or f"image {index} (embedded)"
+    name = file.label(entry, stem or f"image {index}")
+    return name, path or (f"{name} (embedded)" if name == f"image {index}" else f"image {index} {name!r} (embedded)")
 
 
 def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool) -> _DecodedImage:

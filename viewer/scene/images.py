@@ -75,9 +75,9 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = OpenImageIO.ImageInput.open(path, config)
     if image is None:
-        raise InputError(
-            f"{name}: not a readable image ({OpenImageIO.geterror() or 'unknown format'}); give a PNG or JPEG"
-        )
+        # The library's own message names a temporary file that nobody has heard of.
+        OpenImageIO.geterror()
+        raise InputError(f"{name}: not an image that OpenImageIO {OpenImageIO.__version__} reads; give a PNG or JPEG")
     try:
         spec = image.spec()
         width, height, channels = spec.width, spec.height, spec.nchannels

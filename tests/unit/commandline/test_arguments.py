@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from ntc.errors import InputError
 from viewer import cli
 from viewer.commandline.arguments import parse_arguments
 from viewer.commandline.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
@@ -38,8 +37,7 @@ def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
 
 def test_render_takes_what_the_design_lists() -> None:
     options = parse_arguments(
-        "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48 --eye 1 -2 3 "
-        "--target 0 0 0 --fov 45 --overlay divergence --require-gpu".split()
+        ["render", "a.gltf", "--out", "o", "--grouping", "clustered", "--path", "forward", "--precision", "fp16", "--size", "64x48", "--eye", "1", "-2", "3", "--target", "0", "0", "0", "--fov", "45", "--overlay", "divergence", "--require-gpu"]
     )
     assert options == RenderOptions(
         out=Path("o"),
@@ -58,15 +56,14 @@ def test_render_takes_what_the_design_lists() -> None:
 
 def test_encode_decode_and_info() -> None:
     encode = parse_arguments(
-        "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper --texture-size 256 --steps 9 --seed 3 "
-        "--device cpu".split()
+        ["encode", "s.glb", "--out", "f.ntc", "--grouping", "random", "--clusters", "4", "--recipe", "paper", "--texture-size", "256", "--steps", "9", "--seed", "3", "--device", "cpu"]
     )
     assert isinstance(encode, EncodeOptions)
     assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
     assert (encode.steps, encode.seed, encode.device) == (9, 3, "cpu")
-    decode = parse_arguments("decode f.ntc --out d --backend gl --precision fp16".split())
+    decode = parse_arguments(["decode", "f.ntc", "--out", "d", "--backend", "gl", "--precision", "fp16"])
     assert decode == DecodeOptions(pack=Path("f.ntc"), out=Path("d"), backend="gl", precision="fp16")
-    assert parse_arguments("info f.ntc --json".split()) == InfoOptions(file=Path("f.ntc"), json=True)
+    assert parse_arguments(["info", "f.ntc", "--json"]) == InfoOptions(file=Path("f.ntc"), json=True)
 
 
 @pytest.mark.parametrize(

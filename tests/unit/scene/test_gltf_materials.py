@@ -27,7 +27,7 @@ def test_pixels_are_kept_and_v_is_not_flipped() -> None:
     scene = with_material(builder, builder.material(builder.image(png(pixels), name="brick")))
     (texture,) = scene.textures
     np.testing.assert_array_equal(texture.pixels, pixels)
-    assert (texture.name, texture.alpha, texture.origin) == ("brick", None, "image 0 (embedded)")
+    assert (texture.name, texture.alpha, texture.origin) == ("brick", None, "image 0 'brick' (embedded)")
     assert texture.pixel_hash == hash_pixels(pixels)
     assert scene.materials[0].texture_id == 0
 

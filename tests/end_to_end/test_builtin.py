@@ -1,0 +1,48 @@
+"""The built-in scene from a fresh process: quick, and without the heavy libraries."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+PROGRAM = """
+import sys
+from viewer.cli import main
+status = main(sys.argv[1:])
+heavy = sorted({"torch", "sklearn", "trimesh", "imgui_bundle", "glfw"} & set(sys.modules))
+print("HEAVY", heavy)
+sys.exit(status)
+"""
+
+
+def test_viewing_a_pack_imports_no_training_libraries(tmp_path: Path) -> None:
+    arguments = ["render", "--grouping", "clustered", "--size", "160x90", "--out", "o"]
+    result = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert "HEAVY []" in result.stdout
+    stats = json.loads((tmp_path / "o" / "stats.json").read_text())
+    assert stats["camera"] == "entrance"
+    assert stats["grouping"] == "clustered"
+    assert stats["pixels"]["decoded"] > 0
+    # Several decoders meet inside blocks from the first viewpoint on.
+    assert np.load(tmp_path / "o" / "divergence.npy").max() >= 3
+
+
+def test_without_a_display_pictures_are_drawn_and_their_place_is_said(tmp_path: Path) -> None:
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    result = subprocess.run(
+        [sys.executable, "-m", "viewer"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert f"the pictures are in {tmp_path}" in result.stdout.replace("/private", "")
+    assert (tmp_path / "ntc-viewer-pictures" / "decoded" / "color.png").is_file()
+    assert (tmp_path / "ntc-viewer-pictures" / "original" / "color.png").is_file()

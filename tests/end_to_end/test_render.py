@@ -1,0 +1,84 @@
+"""`ntc-viewer render` from the command line to the files it writes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.divergence import divergence_map
+from viewer import cli
+from viewer.scene.images import read_image
+
+VIEW = ["--eye", "0", "0", "1.2", "--target", "0", "0", "0", "--fov", "60", "--size", "100x60"]
+
+
+def rendered(scene: Path, out: Path, *arguments: str) -> dict:
+    assert cli.main(["render", str(scene), "--out", str(out), *VIEW, *arguments]) == 0
+    return json.loads((out / "stats.json").read_text())
+
+
+@pytest.mark.parametrize("path", ["deferred", "forward"])
+@pytest.mark.parametrize("grouping", ["single", "baseline"])
+def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, grouping: str) -> None:
+    stats = rendered(encoded_scene, tmp_path, "--grouping", grouping, "--path", path, "--overlay", "divergence")
+    color = read_image(tmp_path / "color.png")
+    assert color.shape == (60, 100, 3)
+    assert read_image(tmp_path / "overlay.png").shape == (60, 100, 3)
+    texture_ids, decoder_ids = (np.load(tmp_path / f"{name}_id.npy") for name in ("texture", "decoder"))
+    assert texture_ids.dtype == decoder_ids.dtype == np.int32
+    assert texture_ids.shape == (60, 100)
+    assert set(np.unique(texture_ids)) == {-1, 0, 1}
+    assert (color[texture_ids < 0] == 0).all()
+    # The first texture is on the left square.
+    assert np.nonzero(texture_ids == 0)[1].max() < np.nonzero(texture_ids == 1)[1].min()
+    expected = np.where(texture_ids < 0, -1, texture_ids if grouping == "baseline" else 0)
+    np.testing.assert_array_equal(decoder_ids, expected)
+    divergence = np.load(tmp_path / "divergence.npy")
+    np.testing.assert_array_equal(divergence, divergence_map(decoder_ids))
+    assert divergence.shape == (8, 13)
+    assert divergence.dtype == np.uint16
+    assert stats["divergence"]["max"] == (2 if grouping == "baseline" else 1)
+    assert stats["pixels"] == {"covered": int((texture_ids >= 0).sum()), "decoded": int((decoder_ids >= 0).sum())}
+    assert stats["psnr_db"] > 20.0
+    assert stats["size"] == [100, 60]
+    assert f"decode_{path}" in stats["timings_ms"]
+    assert stats["renderer"]
+    assert "clusters_culled" in stats["skipped"]
+
+
+def test_the_reference_decodes_nothing(encoded_scene: Path, tmp_path: Path) -> None:
+    stats = rendered(encoded_scene, tmp_path, "--grouping", "reference")
+    assert stats["psnr_db"] is None
+    assert stats["pixels"]["decoded"] == 0
+    assert (np.load(tmp_path / "decoder_id.npy") == -1).all()
+    assert not np.load(tmp_path / "divergence.npy").any()
+
+
+def test_paths_agree(encoded_scene: Path, tmp_path: Path) -> None:
+    pictures = {}
+    for path in ("forward", "deferred"):
+        rendered(encoded_scene, tmp_path / path, "--grouping", "baseline", "--path", path)
+        pictures[path] = read_image(tmp_path / path / "color.png").astype(int)
+    difference = np.abs(pictures["forward"] - pictures["deferred"]).max(axis=-1)
+    assert (difference > 1).mean() <= 0.001
+
+
+def test_half_precision_storage_is_close(encoded_scene: Path, tmp_path: Path) -> None:
+    for precision in ("fp32", "fp16"):
+        rendered(encoded_scene, tmp_path / precision, "--precision", precision)
+    pictures = [read_image(tmp_path / precision / "color.png").astype(int) for precision in ("fp32", "fp16")]
+    assert np.abs(pictures[0] - pictures[1]).max() <= 3
+
+
+def test_error_overlay_is_black_for_the_reference(encoded_scene: Path, tmp_path: Path) -> None:
+    rendered(encoded_scene, tmp_path, "--grouping", "reference", "--overlay", "error")
+    assert not read_image(tmp_path / "overlay.png").any()
+
+
+def test_cameras_file_and_name(encoded_scene: Path, tmp_path: Path) -> None:
+    cameras = tmp_path / "cameras.json"
+    cameras.write_text(json.dumps([{"name": "near", "eye": [0, 0, 2], "target": [0, 0, 0], "fov": 40}]))
+    arguments = ["render", str(encoded_scene), "--out", str(tmp_path / "o"), "--size", "64x64"]
+    assert cli.main([*arguments, "--cameras", str(cameras), "--camera", "near"]) == 0
+    assert json.loads((tmp_path / "o" / "stats.json").read_text())["camera"] == "near"
