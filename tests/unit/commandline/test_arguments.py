@@ -37,7 +37,8 @@ def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
 
 def test_render_takes_what_the_design_lists() -> None:
     options = parse_arguments(
-        ["render", "a.gltf", "--out", "o", "--grouping", "clustered", "--path", "forward", "--precision", "fp16", "--size", "64x48", "--eye", "1", "-2", "3", "--target", "0", "0", "0", "--fov", "45", "--overlay", "divergence", "--require-gpu"]
+        "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48"
+        " --eye 1 -2 3 --target 0 0 0 --fov 45 --overlay divergence --require-gpu".split(),
     )
     assert options == RenderOptions(
         out=Path("o"),
@@ -56,7 +57,8 @@ def test_render_takes_what_the_design_lists() -> None:
 
 def test_encode_decode_and_info() -> None:
     encode = parse_arguments(
-        ["encode", "s.glb", "--out", "f.ntc", "--grouping", "random", "--clusters", "4", "--recipe", "paper", "--texture-size", "256", "--steps", "9", "--seed", "3", "--device", "cpu"]
+        "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper"
+        " --texture-size 256 --steps 9 --seed 3 --device cpu".split(),
     )
     assert isinstance(encode, EncodeOptions)
     assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
