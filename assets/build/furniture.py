@@ -81,7 +81,7 @@ def fences() -> Model:
             at = (x + dx * step, 0.0, z + dz * step)
             model["metal_lattice"].quad(at, (dx, 0, dz), (0, 1.0, 0), 1.0)
             model["metal_plates"].lathe(at, [(0.035, 0.0), (0.035, 1.05), (0.05, 1.08), (0.0, 1.14)], 0.4, 10)
-    model["terrain_leaves"].box((-1.0, 0.0, -1.0), (1.0, 0.03, 1.0), 1.0, skip="-y")
+    model["terrain_leaves"].box((-0.97, 0.0, -0.97), (0.97, 0.03, 0.97), 1.0, skip="-y")
     model["rock_slate"].lathe((0, 0, 0), [(0.3, 0), (0.2, 0.5), (0.17, 2.4), (0.0, 2.6)], 0.8, 16)
     for x, y, z, radius in ((0, 2.9, 0, 1.0), (0.7, 2.6, 0.3, 0.7), (-0.6, 2.5, -0.4, 0.75), (0.1, 3.6, -0.2, 0.7)):
         model["terrain_grass"].lathe((x, y, z), sphere_profile(radius, 0.8, 13), 0.7, 28)

@@ -127,7 +127,7 @@ def _opening(model: Model, x: float, y: float, height: float, frame: str, shutte
         )
     for side in (-1, 1):
         edge = x + side * half
-        model[frame].box((edge - 0.05, y, 0.0), (edge + 0.05, y + height, 0.12), 0.6, skip="-z-y")
+        model[frame].box((edge - 0.05, y, 0.0), (edge + 0.05, y + height, 0.12), 0.6, skip="-z-y+y")
     model[frame].box(
         (x - half - 0.05, y + height, 0.0), (x + half + 0.05, y + height + 0.1, 0.13), 0.6, skip="-z", turned=True
     )

@@ -1,0 +1,117 @@
+"""What the scripts in assets/build make: sound geometry, textures without seams, a well-formed file."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from assets.build.__main__ import encode_image
+from assets.build.courtyard import cameras
+from assets.build.glb import GlbWriter
+from assets.build.materials import recipes
+from viewer.resources import assets_folder
+from viewer.scene.images import decode_image
+from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+
+CLAMPED = ("metal_sign", "wood_sign")
+PLANE_STEP = 1e-3
+"""Triangles closer than about this (in metres), facing the same way, would flicker."""
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene(assets_folder() / "courtyard.glb")
+
+
+def world_triangles(scene: Scene) -> NDArray[np.float64]:
+    """[T, 3, 3] corners of all triangles that are drawn."""
+    corners = []
+    for number, transform in zip(scene.instances.primitive, scene.instances.transform.astype(np.float64), strict=True):
+        primitive = scene.primitives[number]
+        rows = scene.geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count].astype(int)
+        local = scene.geometry.positions[rows + primitive.base_vertex].astype(np.float64)
+        placed = (local @ transform[:3, :3].T + transform[:3, 3]).reshape(-1, 3, 3)
+        corners.append(placed if np.linalg.det(transform[:3, :3]) > 0 else placed[:, ::-1])
+    return np.concatenate(corners)
+
+
+def overlaps(triangle: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of `others` [N, 3, 2] share more than a hair with `triangle` [3, 2]: no edge of either parts them."""
+    apart = np.zeros(len(others), bool)
+    for edges in (np.broadcast_to(triangle, others.shape), others):
+        direction = np.roll(edges, -1, axis=1) - edges
+        normal = np.stack([direction[..., 1], -direction[..., 0]], axis=-1)
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        own = np.einsum("nek,vk->nev", normal, triangle)
+        their = np.einsum("nek,nvk->nev", normal, others)
+        gap = np.maximum(their.min(axis=2) - own.max(axis=2), own.min(axis=2) - their.max(axis=2))
+        apart |= (gap > -1e-3).any(axis=1)
+    return ~apart
+
+
+def test_triangles_are_neither_empty_nor_in_one_plane_with_others(scene: Scene) -> None:
+    triangles = world_triangles(scene)
+    assert 10_000 <= len(triangles) <= 60_000
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = np.linalg.norm(normals, axis=1)
+    assert doubled.min() > 1e-9
+    normals /= doubled[:, None]
+    distances = np.einsum("tk,tk->t", normals, triangles[:, 0])
+    planes: dict[bytes, list[int]] = defaultdict(list)
+    keys = np.concatenate([np.rint(normals * 200), np.rint(distances[:, None] / PLANE_STEP)], axis=1).astype(np.int64)
+    for number, key in enumerate(keys):
+        planes[key.tobytes()].append(number)
+    clashes = []
+    for members in planes.values():
+        axes = np.delete(np.arange(3), int(np.abs(normals[members[0]]).argmax()))
+        flat = triangles[members][..., axes]
+        low, high = flat.min(axis=1), flat.max(axis=1)
+        for i in range(len(members) - 1):
+            near = np.flatnonzero(((low[i + 1 :] < high[i]) & (high[i + 1 :] > low[i])).all(axis=1)) + i + 1
+            hits = near[overlaps(flat[i], flat[near])] if near.size else near
+            clashes += [(triangles[members[i]].mean(axis=0), triangles[members[j]].mean(axis=0)) for j in hits]
+    assert not clashes, [tuple(np.round(np.concatenate(pair), 2)) for pair in clashes[:10]]
+
+
+def test_textures_repeat_without_a_seam(scene: Scene) -> None:
+    for texture in scene.textures:
+        if texture.name in CLAMPED:
+            continue
+        pixels = texture.pixels.astype(np.float64)
+        for axis in (0, 1):
+            steps = np.abs(np.diff(pixels, axis=axis, append=pixels.take([0], axis=axis))).mean(axis=(1 - axis, 2))
+            assert steps[-1] <= 1.5 * np.sort(steps)[-8], texture.name
+
+
+def test_names_of_cameras_and_textures_are_those_of_the_scripts(scene: Scene) -> None:
+    assert [camera.name for camera in scene.cameras] == [camera["name"] for camera in cameras()]
+    assert all(camera.name.isalpha() and camera.name.islower() for camera in scene.cameras)
+    assert scene.cameras[0].name == "entrance"
+    assert {texture.name: texture.category for texture in scene.textures} == {r.name: r.category for r in recipes()}
+
+
+@pytest.mark.parametrize("name", ["brick_red", "metal_lattice", "wood_sign"])
+def test_textures_are_those_of_the_scripts(scene: Scene, name: str) -> None:
+    number = [recipe.name for recipe in recipes()].index(name)
+    _, content = encode_image(number)
+    made = decode_image(content, name)[..., :3]
+    (shipped,) = (texture.pixels for texture in scene.textures if texture.name == name)
+    # Another JPEG library or another sine may round differently.
+    assert np.abs(made.astype(int) - shipped.astype(int)).mean() < 1.0
+
+
+def test_the_file_stays_small() -> None:
+    assert (assets_folder() / "courtyard.glb").stat().st_size < 12e6
+
+
+def test_writer_aligns_views() -> None:
+    writer = GlbWriter()
+    writer.view(b"abc")
+    writer.view(b"defgh")
+    assert [view["byteOffset"] for view in writer.document["bufferViews"]] == [0, 4]
+    content = writer.bytes()
+    assert content[:4] == b"glTF"
+    assert len(content) == int.from_bytes(content[8:12], "little")
+    assert len(content) % 4 == 0
