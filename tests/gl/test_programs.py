@@ -26,9 +26,11 @@ DRAWN = [
 ]
 FULL_SCREEN = [
     ("common/fullscreen.vert", "passes/composite/composite.frag", {}),
-    ("common/fullscreen.vert", "passes/reference/sort.frag", {}),
-    ("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": 0}),
-    ("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": 1}),
+    *(
+        ("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": a, "FIRST": first, "SORTS": sorts})
+        for a in (0, 1)
+        for first, sorts in ((1, 0), (1, 1), (0, 0))
+    ),
 ]
 COMPUTED = [
     (name, precision)

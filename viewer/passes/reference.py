@@ -79,15 +79,8 @@ class ReferencePass:
         self._arrays: dict[int, SrgbTextureArray] = {}
         self._samplers = SamplerCache(context)
         self._uploaded: set[tuple[int, int]] = set()
-        self._sort = programs.program("common/fullscreen.vert", "passes/reference/sort.frag")
-        self._trilinear, self._anisotropic = (
-            programs.program("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": value})
-            for value in (0, 1)
-        )
-        self._triangles = {
-            program: context.gl.vertex_array(program, [])
-            for program in (self._sort, self._trilinear, self._anisotropic)
-        }
+        self._programs = programs
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._depth: moderngl.Texture | None = None
 
     @property
@@ -128,28 +121,47 @@ class ReferencePass:
     ) -> None:
         """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them."""
         gl = self._context.gl
-        framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size))
+        arrays = sorted({self._places[index].array for index in visible_materials if index in self._places})
+        # One array, the common case, needs no depth to tell pixels apart.
+        sorts = len(arrays) > 1
+        framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
         try:
             framebuffer.use()
-            framebuffer.depth_mask = True
             visibility.bind()
             scene_buffers.bind_materials()
-            gl.enable_only(moderngl.DEPTH_TEST)
+            gl.enable_only(moderngl.DEPTH_TEST if sorts else moderngl.NOTHING)
             gl.depth_func = "1"
-            self._triangles[self._sort].render(moderngl.TRIANGLES, vertices=3)
+            framebuffer.depth_mask = sorts
+            first = arrays[0] if arrays else -1
+            self._draw(first, anisotropy, {"FIRST": 1, "SORTS": int(sorts)})
             framebuffer.depth_mask = False
             gl.depth_func = "=="
-            program = self._anisotropic if anisotropy > 1 else self._trilinear
-            for array in sorted({self._places[index].array for index in visible_materials if index in self._places}):
-                self._arrays[array].use(int(TextureUnit.IMAGES))
-                sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
-                sampler.use(int(TextureUnit.IMAGES))
-                set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS})
-                self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
-                sampler.clear(int(TextureUnit.IMAGES))
+            for array in arrays[1:]:
+                self._draw(array, anisotropy, {"FIRST": 0, "SORTS": 0})
         finally:
             gl.depth_func = "<"
-            framebuffer.release()
+            if sorts:
+                framebuffer.release()
+
+    def _draw(self, array: int, anisotropy: int, variant: Mapping[str, int]) -> None:
+        """Draw the pixels of one texture array; -1 for none."""
+        program = self._programs.program(
+            "common/fullscreen.vert",
+            "passes/reference/sample.frag",
+            {"ANISOTROPIC": int(anisotropy > 1), **variant},
+        )
+        if program not in self._triangles:
+            self._triangles[program] = self._context.gl.vertex_array(program, [])
+        set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
+        unit = int(TextureUnit.IMAGES)
+        if array < 0:
+            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+            return
+        self._arrays[array].use(unit)
+        sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
+        sampler.use(unit)
+        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        sampler.clear(unit)
 
     def release(self) -> None:
         """Free images, samplers and depth."""

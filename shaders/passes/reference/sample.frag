@@ -1,11 +1,17 @@
 #version 430
 // Samples the original images of one texture array.
+// FIRST: the pass of the first array; also colours what has no texture, and the background.
+// SORTS: with FIRST, writes the array of the pixels that are still to be coloured as depth, so that the pass of each further
+// array touches only its own pixels.
 #include "common/materials.glsl"
 #include "common/visibility.glsl"
 #include "common/wrap.glsl"
 
+#if !FIRST
 layout(early_fragment_tests) in;
+#endif
 layout(binding = UNIT_IMAGES) uniform sampler2DArray images;
+uniform int first_array;
 layout(location = 0) out vec4 albedo;
 
 void main() {
@@ -19,5 +25,15 @@ void main() {
 #else
     vec3 texel = textureLod(images, at, surface_lod(surface, vec2(textureSize(images, 0).xy))).rgb;
 #endif
+#if FIRST
+    bool covered = surface.material >= 0;
+    bool textured = covered && surface.texture_id >= 0;
+    if (!textured) texel = vec3(1.0);
+    albedo = covered ? vec4(material.factor.rgb * surface.color * texel, 1.0) : vec4(0.0);
+#if SORTS
+    gl_FragDepth = textured && material.image_array != first_array ? float(material.image_array + 1) / BUCKET_DEPTHS : 0.0;
+#endif
+#else
     albedo = vec4(material.factor.rgb * surface.color * texel, 1.0);
+#endif
 }
