@@ -25,7 +25,7 @@ from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import PackBuffers, codec_programs
 from viewer.passes.reference import ReferencePass
 from viewer.passes.scene_buffers import SceneBuffers, material_records
-from viewer.passes.visibility import VisibilityPass, VisibilityTarget
+from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
 from viewer.resources import shaders_folder
 from viewer.scene.model import Scene
 from viewer.view_state import REFERENCE, Precision, Slot, ViewState
@@ -136,7 +136,7 @@ class Renderer:
         skipped: dict[str, int] = defaultdict(int)
         view = replace(view, slot_a=_distinct(view.slot_a), slot_b=_distinct(view.slot_b))
         self._view = view
-        targets = self._targets_for(view.size)
+        targets = self._targets_for(view)
         draw_list = self._update_visibility(view, targets, skipped)
         slots = {"a": (view.slot_a,), "b": (view.slot_b,), "wipe": (view.slot_a, view.slot_b)}[view.compare]
         for slot in dict.fromkeys(slots):
@@ -150,12 +150,16 @@ class Renderer:
         drawn = {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)}
         return FrameResult(targets.composite.texture, timings, self._timer.kind, dict(skipped), drawn)
 
-    def _targets_for(self, size: tuple[int, int]) -> _Targets:
-        if self._targets is None or self._targets.visibility.size != size:
-            if self._targets is not None:
-                self._targets.release()
-            self._targets = _Targets(VisibilityTarget(self._context, size), CompositeTarget(self._context, size))
-        return self._targets
+    def _targets_for(self, view: ViewState) -> _Targets:
+        shows_reference = REFERENCE in (view.slot_a.source, view.slot_b.source)
+        content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and shows_reference)
+        targets = self._targets
+        if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
+            if targets is not None:
+                targets.release()
+            visibility = VisibilityTarget(self._context, view.size, content)
+            targets = self._targets = _Targets(visibility, CompositeTarget(self._context, view.size))
+        return targets
 
     def _update_visibility(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> DrawList:
         key = view.camera
@@ -209,10 +213,13 @@ class Renderer:
             self._decode[key] = _DecodePasses(buffers, self._codec_programs[pack.config])
         passes = self._decode[key]
         if slot.path == "forward" and passes.forward is None:
-            colors = self._scene_buffers.has_colors
-            passes.forward = DecodeForwardPass(self._context, passes.programs, passes.buffers, colors)
+            passes.forward = DecodeForwardPass(
+                self._context, passes.programs, passes.buffers, self._scene_buffers.has_colors
+            )
         if slot.path == "deferred" and passes.deferred is None:
-            passes.deferred = DecodeDeferredPass(self._context, passes.programs, passes.buffers)
+            passes.deferred = DecodeDeferredPass(
+                self._context, passes.programs, passes.buffers, self._scene_buffers.has_colors
+            )
         return passes
 
     def _forget_unused(self, view: ViewState, targets: _Targets) -> None:

@@ -7,17 +7,22 @@ layout(location = 1) in vec2 texture_coordinate;
 #if VERTEX_COLORS
 layout(location = 2) in vec4 vertex_color;
 #endif
-// Per instance: rows of the local-to-world matrix, and the material.
+// Per instance: rows of the local-to-world matrix, and the ids as the visibility buffer stores them.
 layout(location = 3) in vec4 transform_x;
 layout(location = 4) in vec4 transform_y;
 layout(location = 5) in vec4 transform_z;
-layout(location = 6) in int instance_material;
+layout(location = 6) in uint instance_ids;
+// Height over width of the image that the instance's material shows.
+layout(location = 7) in float instance_aspect;
 
 uniform mat4 view_projection;
 
 out vec2 uv;
+#if VERTEX_COLORS
 out vec4 color;
-flat out int material_index;
+#endif
+flat out uint ids;
+flat out float aspect;
 
 void main() {
     vec4 local = vec4(position, 1.0);
@@ -26,8 +31,7 @@ void main() {
     uv = texture_coordinate;
 #if VERTEX_COLORS
     color = vertex_color;
-#else
-    color = vec4(1.0);
 #endif
-    material_index = instance_material;
+    ids = instance_ids;
+    aspect = instance_aspect;
 }

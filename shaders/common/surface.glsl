@@ -1,12 +1,20 @@
-// What is seen at a pixel, and its two words of storage in the visibility buffer. Nothing else reads or writes that storage.
+// What is seen at a pixel, and its storage in the visibility buffer. Nothing else reads or writes that storage.
 #include "generated/layout.glsl"
+
+// Defined to 1 where the scene has vertex colours.
+#ifndef VERTEX_COLORS
+#define VERTEX_COLORS 0
+#endif
+// Defined to 1 where an anisotropic filter needs the shape of the footprint, not only its length.
+#ifndef GRADIENTS
+#define GRADIENTS 0
+#endif
 
 struct Surface {
     int texture_id;      // -1: the material has no texture
     int material;        // -1: background
     vec2 uv;             // not wrapped
-    vec2 gradient_x;     // change of uv from this pixel to the next on the right
-    vec2 gradient_y;     // change of uv to the next pixel above
+    float footprint;     // longer side of the pixel's footprint, in widths of the texture's image
     vec3 color;          // linear vertex colour, 1 without
 };
 
@@ -21,30 +29,37 @@ vec3 unpack_color(uint bits) {
     return root * root;
 }
 
-uint pack_gradient(vec2 gradient) {
-    return packHalf2x16(clamp(gradient * GRADIENT_SCALE, -65504.0, 65504.0));
+// Changes of uv to the next pixel on the right and above. `aspect` is the image's height over its width.
+float pixel_footprint(vec2 gradient_x, vec2 gradient_y, float aspect) {
+    vec2 x = gradient_x * vec2(1.0, aspect);
+    vec2 y = gradient_y * vec2(1.0, aspect);
+    return sqrt(max(dot(x, x), dot(y, y)));
 }
 
-void pack_surface(Surface surface, out uvec4 first, out uvec2 second) {
-    uint ids = uint(surface.texture_id + 1) | (uint(surface.material + 1) << MATERIAL_SHIFT);
-    first = uvec4(ids, floatBitsToUint(surface.uv), pack_gradient(surface.gradient_x));
-    second = uvec2(pack_gradient(surface.gradient_y), pack_color(surface.color));
+int surface_texture(uint ids) {
+    return int(ids & ((1u << MATERIAL_SHIFT) - 1u)) - 1;
 }
 
-Surface unpack_surface(uvec4 first, uvec2 second) {
-    Surface surface;
-    surface.texture_id = int(first.x & ((1u << MATERIAL_SHIFT) - 1u)) - 1;
-    surface.material = int(first.x >> MATERIAL_SHIFT) - 1;
-    surface.uv = uintBitsToFloat(first.yz);
-    surface.gradient_x = unpackHalf2x16(first.w) / GRADIENT_SCALE;
-    surface.gradient_y = unpackHalf2x16(second.x) / GRADIENT_SCALE;
-    surface.color = unpack_color(second.y);
-    return surface;
+int surface_material(uint ids) {
+    return int(ids >> MATERIAL_SHIFT) - 1;
 }
 
-// Level of detail for a texture of `size` texels: log2 of the longer side of the pixel's footprint.
-float surface_lod(Surface surface, vec2 size) {
-    vec2 x = surface.gradient_x * size;
-    vec2 y = surface.gradient_y * size;
-    return 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-20));
+// `ids` is the word that SceneBuffers made for the instance.
+uvec4 pack_surface(uint ids, vec2 uv, float footprint) {
+    return uvec4(ids, floatBitsToUint(uv), floatBitsToUint(footprint));
+}
+
+Surface unpack_surface(uvec4 words, vec3 color) {
+    return Surface(
+        surface_texture(words.x),
+        surface_material(words.x),
+        uintBitsToFloat(words.yz),
+        uintBitsToFloat(words.w),
+        color
+    );
+}
+
+// Level of detail for a texture `width` texels wide: log2 of the footprint's longer side in texels.
+float surface_lod(Surface surface, float width) {
+    return log2(max(surface.footprint * width, 1e-10));
 }

@@ -25,7 +25,7 @@ vec3 decoded_albedo(Surface surface) {
         LevelRecord finest = levels[record.first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
         vec2 uv = surface.uv;
-        float lod = surface_lod(surface, size);
+        float lod = surface_lod(surface, size.x);
         apply_sampler(uv, lod, material.sampler_flags, size, record.levels - 1);
         vec4 decoded = decode_texture(record, uv, lod, ivec2(material.wrap_u, material.wrap_v), wanted);
         vec3 rgb = record.channels < 3 ? decoded.rrr : decoded.rgb;

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from viewer.scene.model import Scene
 
-CLUSTER_TRIANGLES = 2048
+CLUSTER_TRIANGLES = 512
 NEVER_BACKFACING = 2.0
 """A cone cutoff that no angle reaches."""
 

@@ -12,11 +12,12 @@ from viewer.passes.visibility import VisibilityTarget
 class DecodeDeferredPass:
     """Inputs: visibility buffer, materials, a pack. Output: linear albedo."""
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, pack: PackBuffers) -> None:
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, pack: PackBuffers, colors: bool) -> None:
         self._gl = context.gl
         self._pack = pack
         self._program = programs.compute(
-            "passes/decode_deferred/decode.comp", {"PRECISION_FP16": int(pack.precision == "fp16")}
+            "passes/decode_deferred/decode.comp",
+            {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")},
         )
 
     def run(self, visibility: VisibilityTarget, scene_buffers: SceneBuffers, target: AlbedoTarget) -> None:

@@ -23,12 +23,13 @@ class StorageBinding(IntEnum):
 class TextureUnit(IntEnum):
     """Texture units."""
 
-    SURFACE_FIRST = 0
-    SURFACE_SECOND = 1
-    IMAGES = 2
-    ALPHA = 3
-    ALBEDO_A = 4
-    ALBEDO_B = 5
+    SURFACE = 0
+    SURFACE_COLOR = 1
+    SURFACE_GRADIENTS = 2
+    IMAGES = 3
+    ALPHA = 4
+    ALBEDO_A = 5
+    ALBEDO_B = 6
 
 
 class ImageUnit(IntEnum):
@@ -73,8 +74,6 @@ GROUP_SIDE = 8
 """Side of a compute work group in pixels: the block of the divergence map."""
 TEXEL_GROUP = 64
 """Work group size of the texel decoder."""
-GRADIENT_SCALE = 256.0
-"""Uv gradients are stored as half floats times this, so that close-ups keep their precision."""
 MATERIAL_SHIFT = 16
 """The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
 LARGEST_ID = 65534
@@ -175,7 +174,6 @@ def scene_layout_glsl() -> str:
     lines += [
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
-        f"#define GRADIENT_SCALE {GRADIENT_SCALE}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
         glsl_struct("MaterialRecord", MATERIAL_RECORD),

@@ -13,10 +13,10 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_texture_array import SrgbTextureArray
 from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.layout import BUCKET_DEPTHS, TextureUnit
+from viewer.passes.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.passes.samplers import SamplerCache
 from viewer.passes.scene_buffers import SceneBuffers
-from viewer.passes.visibility import VisibilityTarget
+from viewer.passes.visibility import SurfaceContent, VisibilityTarget
 from viewer.scene.model import Sampler, Scene
 
 LAYERS_AT_MOST = 256
@@ -119,7 +119,10 @@ class ReferencePass:
         visible_materials: Iterable[int],
         anisotropy: int,
     ) -> None:
-        """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them."""
+        """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them.
+
+        With `anisotropy` above 1 the visibility buffer must hold gradients.
+        """
         gl = self._context.gl
         arrays = sorted({self._places[index].array for index in visible_materials if index in self._places})
         # One array, the common case, needs no depth to tell pixels apart.
@@ -133,22 +136,22 @@ class ReferencePass:
             gl.depth_func = "1"
             framebuffer.depth_mask = sorts
             first = arrays[0] if arrays else -1
-            self._draw(first, anisotropy, {"FIRST": 1, "SORTS": int(sorts)})
+            self._draw(first, anisotropy, visibility.content, {"FIRST": 1, "SORTS": int(sorts)})
             framebuffer.depth_mask = False
             gl.depth_func = "=="
             for array in arrays[1:]:
-                self._draw(array, anisotropy, {"FIRST": 0, "SORTS": 0})
+                self._draw(array, anisotropy, visibility.content, {"FIRST": 0, "SORTS": 0})
         finally:
             gl.depth_func = "<"
             if sorts:
                 framebuffer.release()
 
-    def _draw(self, array: int, anisotropy: int, variant: Mapping[str, int]) -> None:
+    def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
         """Draw the pixels of one texture array; -1 for none."""
         program = self._programs.program(
             "common/fullscreen.vert",
             "passes/reference/sample.frag",
-            {"ANISOTROPIC": int(anisotropy > 1), **variant},
+            {**content.defines(), **variant},
         )
         if program not in self._triangles:
             self._triangles[program] = self._context.gl.vertex_array(program, [])
@@ -158,6 +161,7 @@ class ReferencePass:
             self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
             return
         self._arrays[array].use(unit)
+        set_uniforms(program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in self._plans[array].sampler.wrap)})
         sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
         sampler.use(unit)
         self._triangles[program].render(moderngl.TRIANGLES, vertices=3)

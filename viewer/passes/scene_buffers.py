@@ -10,6 +10,7 @@ from viewer.passes.layout import (
     ALPHA_CODES,
     LARGEST_ID,
     MATERIAL_RECORD,
+    MATERIAL_SHIFT,
     WRAP_CODES,
     StorageBinding,
     TextureUnit,
@@ -18,8 +19,8 @@ from viewer.passes.layout import (
 from viewer.passes.samplers import SamplerCache
 from viewer.scene.model import Sampler, Scene
 
-INSTANCE_FORMAT = "4f 4f 4f 1i /i"
-INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_material")
+INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
+INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
 
 
 def material_records(scene: Scene) -> np.ndarray:
@@ -67,10 +68,17 @@ class SceneBuffers:
         return self._gl.buffer(np.ascontiguousarray(array).tobytes() or bytes(64))
 
     def _instance_rows(self) -> np.ndarray:
-        instances = self._scene.instances
-        rows = np.zeros(len(instances.primitive), np.dtype([("transform", "<f4", (3, 4)), ("material", "<i4")]))
+        instances, primitives = self._scene.instances, self._scene.primitives
+        rows = np.zeros(
+            len(instances.primitive), np.dtype([("transform", "<f4", (3, 4)), ("ids", "<u4"), ("aspect", "<f4")])
+        )
         rows["transform"] = instances.transform[:, :3, :]
-        rows["material"] = np.array([p.material for p in self._scene.primitives], np.int32)[instances.primitive]
+        material = np.array([primitive.material for primitive in primitives], np.int64)[instances.primitive]
+        texture = np.array([entry.texture_id for entry in self._scene.materials], np.int64)[material]
+        rows["ids"] = (texture + 1) | ((material + 1) << MATERIAL_SHIFT)
+        sizes = [image.pixels.shape[:2] for image in self._scene.textures]
+        aspects = np.array([height / width for height, width in sizes] + [1.0])
+        rows["aspect"] = aspects[texture]
         return rows
 
     def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:

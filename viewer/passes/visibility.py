@@ -1,6 +1,7 @@
 """The visibility pass: what surface is seen at each pixel. All later passes read only this."""
 
 import ctypes
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -13,38 +14,56 @@ from viewer.passes.layout import MATERIAL_SHIFT, TextureUnit
 from viewer.passes.scene_buffers import SceneBuffers
 
 
-class VisibilityTarget:
-    """The visibility buffer of one picture size (width, height): two integer textures and depth."""
+@dataclass(frozen=True)
+class SurfaceContent:
+    """What a visibility buffer holds besides ids, uv and footprint."""
 
-    def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
+    colors: bool
+    """Vertex colours."""
+    gradients: bool
+    """Changes of uv from pixel to pixel, for anisotropic filtering."""
+
+    def defines(self) -> dict[str, int]:
+        """Defines for shaders that write or read it."""
+        return {"VERTEX_COLORS": int(self.colors), "GRADIENTS": int(self.gradients)}
+
+
+class VisibilityTarget:
+    """The visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
+
+    def __init__(self, context: GraphicsContext, size: tuple[int, int], content: SurfaceContent) -> None:
         gl = context.gl
         self._functions = context.functions
         self.size = size
-        self._first = gl.texture(size, 4, dtype="u4")
-        self._second = gl.texture(size, 2, dtype="u4")
-        for texture in (self._first, self._second):
+        self.content = content
+        self._words = gl.texture(size, 4, dtype="u4")
+        self._textures = {TextureUnit.SURFACE: self._words}
+        if content.colors:
+            self._textures[TextureUnit.SURFACE_COLOR] = gl.texture(size, 1, dtype="u4")
+        if content.gradients:
+            self._textures[TextureUnit.SURFACE_GRADIENTS] = gl.texture(size, 4, dtype="f4")
+        for texture in self._textures.values():
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.depth = gl.depth_texture(size)
-        self.framebuffer = gl.framebuffer([self._first, self._second], self.depth)
+        self.framebuffer = gl.framebuffer(list(self._textures.values()), self.depth)
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.clear()
 
     def clear(self) -> None:
-        """Background everywhere: zero ids, farthest depth."""
+        """Background everywhere: zero ids, farthest depth. What lies behind zero ids is never read."""
         self.framebuffer.use()
         self.framebuffer.clear(depth=1.0)
         # glClear is undefined for integer targets.
         zero = (ctypes.c_uint * 4)()
-        for index in (0, 1):
-            self._functions("glClearBufferuiv", names.GL_COLOR, index, ctypes.addressof(zero))
+        self._functions("glClearBufferuiv", names.GL_COLOR, 0, ctypes.addressof(zero))
 
     def bind(self) -> None:
         """Bind for reading by `common/visibility.glsl`."""
-        self._first.use(int(TextureUnit.SURFACE_FIRST))
-        self._second.use(int(TextureUnit.SURFACE_SECOND))
+        for unit, texture in self._textures.items():
+            texture.use(int(unit))
 
     def _ids(self) -> NDArray[np.uint32]:
-        words = np.frombuffer(self._first.read(), np.uint32).reshape(self.size[1], self.size[0], 4)
+        words = np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)
         return words[::-1, :, 0]
 
     def texture_ids(self) -> NDArray[np.int32]:
@@ -57,8 +76,10 @@ class VisibilityTarget:
 
     def release(self) -> None:
         """Free the textures."""
-        for part in (self.framebuffer, self._first, self._second, self.depth):
-            part.release()
+        self.framebuffer.release()
+        self.depth.release()
+        for texture in self._textures.values():
+            texture.release()
 
 
 class VisibilityPass:
@@ -66,16 +87,12 @@ class VisibilityPass:
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene_buffers: SceneBuffers) -> None:
         self._gl = context.gl
+        self._programs = programs
         self._scene_buffers = scene_buffers
-        colors = int(scene_buffers.has_colors)
-        self._opaque, self._alpha_tested = (
-            programs.program(
-                "common/scene.vert",
-                "passes/visibility/visibility.frag",
-                {"VERTEX_COLORS": colors, "ALPHA_TEST": alpha},
-            )
-            for alpha in (0, 1)
-        )
+
+    def _program(self, target: VisibilityTarget, alpha_test: bool) -> moderngl.Program:
+        defines = {**target.content.defines(), "ALPHA_TEST": int(alpha_test)}
+        return self._programs.program("common/scene.vert", "passes/visibility/visibility.frag", defines)
 
     def run(self, target: VisibilityTarget, matrix: NDArray[np.float64]) -> None:
         """Draw the uploaded list with the world-to-clip `matrix` [4, 4]."""
@@ -84,6 +101,7 @@ class VisibilityPass:
         gl.enable_only(moderngl.DEPTH_TEST)
         gl.depth_func = "<"
         self._scene_buffers.bind_materials()
-        for program in (self._opaque, self._alpha_tested):
+        opaque, alpha_tested = (self._program(target, alpha_test) for alpha_test in (False, True))
+        for program in (opaque, alpha_tested):
             program["view_projection"].write(matrix.T.astype("<f4").tobytes())  # type: ignore[union-attr]
-        self._scene_buffers.draw(self._opaque, self._alpha_tested)
+        self._scene_buffers.draw(opaque, alpha_tested)

@@ -4,19 +4,25 @@
 #include "ntc/albedo.glsl"
 
 in vec2 uv;
+#if VERTEX_COLORS
 in vec4 color;
-flat in int material_index;
+#else
+const vec4 color = vec4(1.0);
+#endif
+flat in uint ids;
+flat in float aspect;
 
 layout(location = 0) out vec4 albedo;
 
 void main() {
-    int texture_id = materials[material_index].texture_id;
-    Surface surface = Surface(texture_id, material_index, uv, dFdx(uv), dFdy(uv), color.rgb);
-    uvec4 first;
-    uvec2 second;
-    pack_surface(surface, first, second);
     // Two surfaces may share a depth, and parts of one may have been cut out by alpha: the visibility buffer says whose pixel this is.
-    if (texelFetch(surface_first, ivec2(gl_FragCoord.xy), 0).x != first.x) discard;
-    // Through the same storage as the deferred path, so that both read the same footprint.
-    albedo = vec4(decoded_albedo(unpack_surface(first, second)), 1.0);
+    if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
+    float footprint = pixel_footprint(dFdx(uv), dFdy(uv), aspect);
+#if VERTEX_COLORS
+    // Rounded as in the visibility buffer, so that both paths show the same.
+    vec3 rounded = unpack_color(pack_color(color.rgb));
+#else
+    vec3 rounded = vec3(1.0);
+#endif
+    albedo = vec4(decoded_albedo(unpack_surface(pack_surface(ids, uv, footprint), rounded)), 1.0);
 }

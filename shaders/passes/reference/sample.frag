@@ -12,18 +12,21 @@ layout(early_fragment_tests) in;
 #endif
 layout(binding = UNIT_IMAGES) uniform sampler2DArray images;
 uniform int first_array;
+// WRAP_ codes, the same for all images of an array: a uniform costs less than a record.
+uniform ivec2 wrap;
 layout(location = 0) out vec4 albedo;
 
 void main() {
     Surface surface = read_surface(ivec2(gl_FragCoord.xy));
     MaterialRecord material = materials[max(surface.material, 0)];
     // Folded here for mirrored wrap; where the sampler repeats, the coordinate only loses its whole turns.
-    vec2 uv = vec2(wrap_coordinate(surface.uv.x, material.wrap_u), wrap_coordinate(surface.uv.y, material.wrap_v));
+    vec2 uv = vec2(wrap_coordinate(surface.uv.x, wrap.x), wrap_coordinate(surface.uv.y, wrap.y));
     vec3 at = vec3(uv, float(material.image_layer));
-#if ANISOTROPIC
-    vec3 texel = textureGrad(images, at, surface.gradient_x, surface.gradient_y).rgb;
+#if GRADIENTS
+    vec4 gradients = texelFetch(surface_gradients, ivec2(gl_FragCoord.xy), 0);
+    vec3 texel = textureGrad(images, at, gradients.xy, gradients.zw).rgb;
 #else
-    vec3 texel = textureLod(images, at, surface_lod(surface, vec2(textureSize(images, 0).xy))).rgb;
+    vec3 texel = textureLod(images, at, surface_lod(surface, float(textureSize(images, 0).x))).rgb;
 #endif
 #if FIRST
     bool covered = surface.material >= 0;

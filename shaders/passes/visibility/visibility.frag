@@ -5,11 +5,23 @@
 #include "common/wrap.glsl"
 
 in vec2 uv;
+#if VERTEX_COLORS
 in vec4 color;
-flat in int material_index;
+#else
+const vec4 color = vec4(1.0);
+#endif
+flat in uint ids;
+flat in float aspect;
 
-layout(location = 0) out uvec4 first;
-layout(location = 1) out uvec2 second;
+layout(location = 0) out uvec4 words;
+#if VERTEX_COLORS
+layout(location = 1) out uint packed_color;
+#endif
+#if GRADIENTS && VERTEX_COLORS
+layout(location = 2) out vec4 gradients;
+#elif GRADIENTS
+layout(location = 1) out vec4 gradients;
+#endif
 
 #if ALPHA_TEST
 layout(binding = UNIT_ALPHA) uniform sampler2D alpha_texture;
@@ -22,13 +34,19 @@ float threshold(vec2 pixel) {
 #endif
 
 void main() {
-    MaterialRecord material = materials[material_index];
     vec2 gradient_x = dFdx(uv);
     vec2 gradient_y = dFdy(uv);
 #if ALPHA_TEST
+    MaterialRecord material = materials[surface_material(ids)];
     vec2 at = vec2(wrap_coordinate(uv.x, material.wrap_u), wrap_coordinate(uv.y, material.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, gradient_x, gradient_y).r;
     if (alpha < (material.alpha_mode == ALPHA_BLEND ? threshold(gl_FragCoord.xy) : material.alpha_cutoff)) discard;
 #endif
-    pack_surface(Surface(material.texture_id, material_index, uv, gradient_x, gradient_y, color.rgb), first, second);
+    words = pack_surface(ids, uv, pixel_footprint(gradient_x, gradient_y, aspect));
+#if VERTEX_COLORS
+    packed_color = pack_color(color.rgb);
+#endif
+#if GRADIENTS
+    gradients = vec4(gradient_x, gradient_y);
+#endif
 }
