@@ -185,7 +185,7 @@ class Renderer:
             skipped["passes"] += 1
             return
         if slot not in targets.albedo:
-            targets.albedo[slot] = AlbedoTarget(self._context, view.size)
+            targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
         if is_reference:
             visible = np.nonzero(draw_list.materials)[0].tolist()
