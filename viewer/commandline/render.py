@@ -16,14 +16,13 @@ from ntc.errors import InputError
 from ntc.files import write_bytes, write_text
 from ntc.metrics import psnr_db
 from ntc.pack import Pack
-from ntc.pack_match import match_pack
 from viewer.commandline.options import RenderOptions
 from viewer.commandline.sources import choose_camera, choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
+from viewer.measurement import decoder_ids
 from viewer.overlay import divergence_overlay, error_overlay
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.images import write_png
-from viewer.scene.model import Scene
 from viewer.view_state import REFERENCE, Slot, ViewState
 
 WARM_UP_SHARE = 16
@@ -49,23 +48,17 @@ class Picture:
     frame: FrameResult
 
 
-def decoder_ids(texture_ids: NDArray[np.int32], scene: Scene, pack: Pack | None) -> NDArray[np.int32]:
-    """[H, W] int32 decoder of each pixel from its texture id; -1 where the pack decodes nothing."""
-    if pack is None:
-        return np.full_like(texture_ids, -1)
-    match = match_pack(pack, [texture.pixel_hash for texture in scene.textures], [t.name for t in scene.textures])
-    groups = [pack.textures[index].group if index >= 0 else -1 for index in match.texture_index]
-    return np.array([*groups, -1], dtype=np.int32)[texture_ids]
-
-
-def draw(renderer: Renderer, scene: Scene, packs: dict[str, Pack], view: ViewState) -> Picture:
+def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture:
     """Draw slot A of `view` and its reference."""
     pack = packs.get(view.slot_a.source)
     frame = renderer.render(view)
     color = linear_to_srgb8(renderer.albedo(view.slot_a))
     reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
     texture_ids = renderer.texture_ids()
-    ids = decoder_ids(texture_ids, scene, pack)
+    match = renderer.matches.get(view.slot_a.source)
+    ids = np.full_like(texture_ids, -1)
+    if pack is not None and match is not None:
+        ids = decoder_ids(texture_ids, match.texture_index, pack)
     return Picture(color, reference, renderer.covered(), texture_ids, ids, divergence_map(ids), frame)
 
 
@@ -139,7 +132,7 @@ def render(options: RenderOptions) -> int:
     slot = Slot(source, options.path, options.precision)
     view = ViewState(camera=camera, size=options.size, slot_a=slot, anisotropy=options.anisotropy)
     renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
-    picture = draw(renderer, scene, chosen, view)
+    picture = draw(renderer, chosen, view)
     stats = statistics(picture, view, context.info.renderer)
     write_picture(options.out, picture, stats, options.overlay)
     quality = stats["psnr_db"]

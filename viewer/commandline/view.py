@@ -6,6 +6,8 @@ from pathlib import Path
 from viewer.commandline.doctor import has_display
 from viewer.commandline.options import RenderOptions, ViewOptions
 from viewer.commandline.render import render
+from viewer.commandline.sources import choose_source, open_scene, packs_for
+from viewer.session import FirstLook
 from viewer.view_state import REFERENCE
 
 PICTURES_FOLDER = Path("ntc-viewer-pictures")
@@ -23,9 +25,12 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
 def view(options: ViewOptions) -> int:
     """Run `ntc-viewer view`. Raises InputError for bad input."""
     if has_display():
-        from viewer.app import run_window
+        from viewer.app import WindowContent, run_window
 
-        return run_window(options)
+        scene = open_scene(options.scene)
+        packs = packs_for(scene, options.pack)
+        source = choose_source(packs, options.grouping, options.pack)
+        return run_window(WindowContent(scene, packs, FirstLook(source, options.path, options.precision)))
     sys.stdout.write("no display (DISPLAY and WAYLAND_DISPLAY are unset): drawing without a window\n")
     draw_pictures(options, PICTURES_FOLDER)
     sys.stdout.write(f"the pictures are in {PICTURES_FOLDER.resolve()}\n")

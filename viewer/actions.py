@@ -1,0 +1,70 @@
+"""What the user interface asks for. The UI emits these; the session applies them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from viewer.scene.model import Camera
+from viewer.view_state import CompareMode, Slot
+
+Side = Literal["a", "b"]
+
+
+@dataclass(frozen=True)
+class SetSlot:
+    """Show something else on one side."""
+
+    side: Side
+    slot: Slot
+
+
+@dataclass(frozen=True)
+class SetCompare:
+    """Show A, B, or both with a divider."""
+
+    mode: CompareMode
+
+
+@dataclass(frozen=True)
+class MoveDivider:
+    """Put the divider at a share of the picture's width."""
+
+    position: float
+
+
+@dataclass(frozen=True)
+class SetCamera:
+    """Look from elsewhere."""
+
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class SetAnisotropy:
+    """Anisotropic filtering of the reference, 1 to 16."""
+
+    value: int
+
+
+@dataclass(frozen=True)
+class SetResolution:
+    """Pixels of the picture along one side, as a share of the window's."""
+
+    share: float
+
+
+@dataclass(frozen=True)
+class OpenFile:
+    """Open a scene or a pack."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class RunCommand:
+    """Run a command of `viewer.commands` by its name."""
+
+    name: str
+
+
+Action = SetSlot | SetCompare | MoveDivider | SetCamera | SetAnisotropy | SetResolution | OpenFile | RunCommand

@@ -1,0 +1,171 @@
+"""Picture and user interface in one framebuffer: the same for the window and for tests without one."""
+
+import statistics
+import time
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from viewer.commands import run_command
+from viewer.gl.context import GraphicsContext
+from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.renderer import FrameResult, Renderer
+from viewer.scene.images import write_png
+from viewer.scene.model import Scene
+from viewer.session import Session
+from viewer.ui.facts import FrameFacts
+from viewer.ui.user_interface import UserInterface
+from viewer.view_state import REFERENCE, Slot, ViewState
+
+FRAMES_REMEMBERED = 15
+"""Frames over which times are medians."""
+BACKGROUND = (0.05, 0.055, 0.06, 1.0)
+SETTLING_FRAMES = 3
+"""Frames that ImGui needs after an event until its layout rests."""
+
+
+class Frontend:
+    """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
+
+    def __init__(self, context: GraphicsContext, session: Session, pictures: Path) -> None:
+        self._context, self.session = context, session
+        self._pictures = pictures
+        session.use_commands(run_command)
+        self.interface = UserInterface()
+        self._scene: Scene | None = None
+        self._renderer: Renderer | None = None
+        self._times: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
+        self._last: FrameResult | None = None
+        self._last_view: ViewState | None = None
+        self.frames_drawn = 0
+        """Frames in which the renderer had something to do."""
+
+    def _current_renderer(self) -> Renderer:
+        """The renderer of the session's scene; made anew when the scene has changed."""
+        if self._renderer is None or self._scene is not self.session.scene:
+            made = Renderer(self._context, self.session.scene)
+            if self._renderer is not None:
+                self._renderer.release()
+            self._renderer, self._scene = made, self.session.scene
+            self._last_view = None
+            self._times.clear()
+        self._renderer.set_packs(self.session.packs)
+        return self._renderer
+
+    def _view(self, size: tuple[int, int]) -> ViewState:
+        share = self.session.resolution
+        scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
+        return replace(self.session.shown_view, size=scaled)
+
+    def _draw_picture(self, size: tuple[int, int]) -> None:
+        view = self._view(size)
+        renderer = self._current_renderer()
+        if view == self._last_view:
+            return
+        self._last = renderer.render(view)
+        self._last_view = view
+        self.frames_drawn += 1
+        for name, milliseconds in self._last.timings_ms.items():
+            self._times[name].append(milliseconds)
+
+    def _facts(self) -> FrameFacts:
+        last, renderer = self._last, self._renderer
+        gpu_bytes: dict[Slot, int] = {}
+        if renderer is not None:
+            for slot in (self.session.view.slot_a, self.session.view.slot_b):
+                size = renderer.gpu_bytes(slot)
+                if size is not None:
+                    gpu_bytes[slot] = size
+        return FrameFacts(
+            renderer=self._context.info.renderer,
+            timer=last.timer if last else "",
+            timings_ms={name: statistics.median(times) for name, times in self._times.items()},
+            skipped=last.skipped if last else {},
+            drawn=last.drawn if last else {},
+            gpu_bytes=gpu_bytes,
+            frames_drawn=self.frames_drawn,
+        )
+
+    def _measure(self) -> None:
+        """Carry out a wish to measure both slots on the present view."""
+        renderer, view = self._renderer, self._last_view
+        if renderer is None or view is None:
+            return
+        reference = renderer.albedo(Slot(REFERENCE))
+        covered, texture_ids = renderer.covered(), renderer.texture_ids()
+        results: dict[str, SlotMeasurement] = {}
+        for side, slot in (("a", view.slot_a), ("b", view.slot_b)):
+            shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
+            picture = SeenPicture(shown, reference, covered, texture_ids)
+            match = renderer.matches.get(slot.source)
+            index = match.texture_index if match is not None else ()
+            results[side] = measure_slot(slot.source, picture, self.session.packs, index, renderer.gpu_bytes(slot))
+        self.session.measurements = results
+        self.session.measured_view = self.session.view
+
+    def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
+        """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
+        session = self.session
+        session.forget_old_toasts(time.monotonic())
+        try:
+            self._draw_picture(size)
+            if session.measure_requested:
+                self._measure()
+        except InputError as error:
+            session.say(str(error), "error")
+        session.measure_requested = False
+        picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
+        self.interface.draw(session, self._facts(), picture, session.apply)
+        imgui.render()
+        return imgui.get_draw_data()
+
+    def paint(self, framebuffer: moderngl.Framebuffer, draw_data: imgui.ImDrawData) -> None:
+        """Put what `build` made onto a framebuffer."""
+        framebuffer.use()
+        framebuffer.clear(*BACKGROUND)
+        imgui.backends.opengl3_render_draw_data(draw_data)
+        # ImGui leaves its own state behind.
+        self._context.gl.enable_only(moderngl.NOTHING)
+        if self.session.screenshot_requested:
+            self.session.screenshot_requested = False
+            self._write_screenshot(read_pixels(framebuffer))
+
+    def _write_screenshot(self, pixels: NDArray[np.uint8]) -> None:
+        path = self._pictures / f"{self.session.scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+        try:
+            write_png(path, pixels)
+            self.session.say(f"wrote {path}")
+        except InputError as error:
+            self.session.say(str(error), "error")
+
+    def needs_frame(self, size: tuple[int, int]) -> bool:
+        """Whether the picture is out of date, a message is about to end, or a wish is open."""
+        session = self.session
+        waiting = session.measure_requested or session.screenshot_requested
+        ending = any(toast.until <= time.monotonic() for toast in session.toasts)
+        return waiting or ending or self._view(size) != self._last_view or session.scene is not self._scene
+
+    @property
+    def skipped(self) -> Mapping[str, int]:
+        """What the last drawn frame left out."""
+        return self._last.skipped if self._last is not None else {}
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        if self._renderer is not None:
+            self._renderer.release()
+            self._renderer = None
+
+
+def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
+    width, height = framebuffer.size
+    pixels = np.frombuffer(framebuffer.read(components=3, alignment=1), np.uint8)
+    return np.ascontiguousarray(pixels.reshape(height, width, 3)[::-1])

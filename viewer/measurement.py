@@ -1,0 +1,62 @@
+"""Quality, divergence, memory and time of what a slot shows, measured on the picture that is seen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.color import linear_to_srgb8
+from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.metrics import psnr_db
+from ntc.pack import Pack
+
+
+@dataclass(frozen=True)
+class SlotMeasurement:
+    """The figures of one slot."""
+
+    source: str
+    psnr_db: float | None
+    """Against the reference picture, covered pixels, 8-bit sRGB; None for the reference itself."""
+    divergence: DivergenceStatistics | None
+    """None for the reference."""
+    gpu_bytes: int | None
+    """Latents, decoders and tables on the GPU; None for the reference."""
+
+
+def decoder_ids(texture_ids: NDArray[np.int32], texture_index: tuple[int, ...], pack: Pack) -> NDArray[np.int32]:
+    """[H, W] int32 decoder of each pixel from its texture id [H, W]; -1 where the pack decodes nothing.
+
+    `texture_index` is that of the `PackMatch` of scene and pack.
+    """
+    groups = [pack.textures[index].group if index >= 0 else -1 for index in texture_index]
+    return np.array([*groups, -1], dtype=np.int32)[texture_ids]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPicture:
+    """What the renderer drew for one slot and its reference. All arrays have row 0 on top."""
+
+    albedo: NDArray[np.float32]
+    """[H, W, 3] linear."""
+    reference: NDArray[np.float32]
+    """[H, W, 3] linear, from the original images."""
+    covered: NDArray[np.bool_]
+    """[H, W]."""
+    texture_ids: NDArray[np.int32]
+    """[H, W], -1 for none."""
+
+
+def measure_slot(
+    source: str, picture: SeenPicture, packs: Mapping[str, Pack], texture_index: tuple[int, ...], gpu_bytes: int | None
+) -> SlotMeasurement:
+    """Figures of a picture; `source` is the name of a pack in `packs`, or the reference."""
+    pack = packs.get(source)
+    if pack is None:
+        return SlotMeasurement(source, None, None, None)
+    shown, truth = linear_to_srgb8(picture.albedo), linear_to_srgb8(picture.reference)
+    covered = picture.covered
+    quality = psnr_db(shown[covered], truth[covered]) if covered.any() else None
+    divergence = DivergenceStatistics.of(divergence_map(decoder_ids(picture.texture_ids, texture_index, pack)))
+    return SlotMeasurement(source, quality, divergence, gpu_bytes)

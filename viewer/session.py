@@ -1,0 +1,182 @@
+"""What is open and how it is looked at: the one mutable thing behind the window. Knows neither OpenGL nor the UI."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from ntc.errors import InputError
+from ntc.pack import Pack
+from ntc.pack_file import read_pack
+from ntc.pack_match import match_pack, require_match
+from viewer.actions import (
+    Action,
+    MoveDivider,
+    OpenFile,
+    RunCommand,
+    SetAnisotropy,
+    SetCamera,
+    SetCompare,
+    SetResolution,
+    SetSlot,
+)
+from viewer.camera import frame_all
+from viewer.measurement import SlotMeasurement
+from viewer.pack_files import open_packs, packs_beside, unused_name
+from viewer.scene.load import load_scene
+from viewer.scene.model import Camera, Scene
+from viewer.settings import ViewerSettings
+from viewer.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
+
+TOAST_SECONDS = 6.0
+PREFERRED_GROUPING = "clustered"
+PACK_SUFFIX = ".ntc"
+
+
+@dataclass(frozen=True)
+class Toast:
+    """A message that fades after a while."""
+
+    text: str
+    kind: Literal["message", "error"]
+    until: float
+    """Monotonic time in seconds."""
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What slot A shows when a scene is opened."""
+
+    grouping: str | None = None
+    """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
+    path: DecodePath = "deferred"
+    precision: Precision = "fp32"
+
+
+class Session:
+    """An open scene with its packs, the view of it, and what the window says about it."""
+
+    def __init__(self, scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, first: FirstLook) -> None:
+        self.settings = settings
+        self.toasts: tuple[Toast, ...] = ()
+        self.measurements: dict[str, SlotMeasurement] = {}
+        self.measured_view: ViewState | None = None
+        self.measure_requested = False
+        self.screenshot_requested = False
+        self.closing = False
+        self.show_panels = True
+        self.show_help = False
+        self.showing_other = False
+        """While held: the other slot is shown."""
+        self.resolution = 1.0
+        self._commands: Callable[[str, Session], None] | None = None
+        self._show(scene, dict(packs), first)
+
+    def _show(self, scene: Scene, packs: dict[str, Pack], first: FirstLook) -> None:
+        self.scene = scene
+        self.packs = packs
+        self.measurements = {}
+        source = self._first_source(first.grouping)
+        camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, self.settings.fov_degrees)
+        self.view = ViewState(
+            camera=camera,
+            size=self.settings.window_size,
+            slot_a=Slot(source, first.path, first.precision),
+            slot_b=Slot(REFERENCE),
+            compare="a" if source == REFERENCE else "wipe",
+            wipe_position=self.settings.wipe_position,
+            anisotropy=self.settings.anisotropy,
+        )
+
+    def _first_source(self, wanted: str | None) -> str:
+        if wanted == REFERENCE:
+            return REFERENCE
+        named = [name for name, pack in self.packs.items() if wanted in (name, pack.grouping.name)]
+        if named:
+            return named[0]
+        return PREFERRED_GROUPING if PREFERRED_GROUPING in self.packs else next(iter(self.packs), REFERENCE)
+
+    @property
+    def shown_view(self) -> ViewState:
+        """The view to draw now, the held flip taken into account."""
+        if not self.showing_other:
+            return self.view
+        return replace(self.view, compare="a" if self.view.compare == "b" else "b")
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """What a slot can show."""
+        return (REFERENCE, *self.packs)
+
+    def use_commands(self, run: Callable[[str, "Session"], None]) -> None:
+        """How RunCommand is carried out: `viewer.commands.run_command`."""
+        self._commands = run
+
+    def say(self, text: str, kind: Literal["message", "error"] = "message") -> None:
+        """Show a message for a while."""
+        self.toasts = (*self.toasts[-4:], Toast(text, kind, time.monotonic() + TOAST_SECONDS))
+
+    def forget_old_toasts(self, now: float) -> None:
+        """Drop the messages whose time is over."""
+        self.toasts = tuple(toast for toast in self.toasts if toast.until > now)
+
+    def apply(self, action: Action) -> None:
+        """Do what the UI asks for. Bad input becomes a message; what was open stays."""
+        match action:
+            case SetSlot(side="a", slot=slot):
+                self.view = replace(self.view, slot_a=slot)
+            case SetSlot(slot=slot):
+                self.view = replace(self.view, slot_b=slot)
+            case SetCompare(mode=mode):
+                self.view = replace(self.view, compare=mode)
+            case MoveDivider(position=position):
+                self.view = replace(self.view, wipe_position=min(max(position, 0.0), 1.0))
+            case SetCamera(camera=camera):
+                self.view = replace(self.view, camera=camera)
+            case SetAnisotropy(value=value):
+                self.view = replace(self.view, anisotropy=value)
+            case SetResolution(share=share):
+                self.resolution = share
+            case RunCommand(name=name):
+                if self._commands is not None:
+                    self._commands(name, self)
+            case OpenFile(path=path):
+                try:
+                    self._open(path)
+                except InputError as error:
+                    self.say(str(error), "error")
+
+    def _open(self, path: Path) -> None:
+        if path.suffix.lower() == PACK_SUFFIX:
+            self._open_pack(path)
+            return
+        scene = load_scene(path)
+        packs = open_packs(packs_beside(path))
+        self._show(scene, packs, FirstLook())
+        problems = len(scene.report.missing)
+        self.say(f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))
+
+    def _open_pack(self, path: Path) -> None:
+        pack = read_pack(path)
+        textures = self.scene.textures
+        match = match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+        require_match(pack, match, self.scene.name)
+        same = [
+            name
+            for name, other in self.packs.items()
+            if other.path is not None and other.path.resolve() == path.resolve()
+        ]
+        name = same[0] if same else unused_name(pack.grouping.name, path, self.packs)
+        self.packs = {**self.packs, name: pack}
+        self.view = replace(self.view, slot_a=replace(self.view.slot_a, source=name))
+        self.say(f"opened {path.name} in slot A: {match.line()}")
+
+    def camera_numbered(self, number: int) -> Camera | None:
+        """The scene's camera `number`, from 0, if there is one."""
+        cameras = self.scene.cameras
+        return cameras[number] if number < len(cameras) else None
+
+    def present_settings(self) -> ViewerSettings:
+        """The settings to remember."""
+        return replace(self.settings, anisotropy=self.view.anisotropy, wipe_position=self.view.wipe_position)

@@ -1,0 +1,133 @@
+"""What the window remembers from one run to the next, as JSON in the user's configuration folder."""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import platformdirs
+
+from ntc.errors import InputError
+from ntc.files import write_text
+
+CameraMode = Literal["orbit", "fly"]
+CONFIG_FOLDER_VARIABLE = "NTC_VIEWER_CONFIG_DIR"
+SETTINGS_FILE = "settings.json"
+LAYOUT_FILE = "layout.ini"
+
+ANISOTROPIES = (1, 2, 4, 8, 16)
+FOV_RANGE = (10.0, 120.0)
+UI_SCALE_RANGE = (0.5, 3.0)
+SMALLEST_WINDOW = (320, 200)
+LARGEST_WINDOW = (16384, 16384)
+LARGEST_FILE = 1 << 20
+"""Bytes: a settings file is a few hundred; anything beyond this is not one."""
+
+
+@dataclass(frozen=True)
+class ViewerSettings:
+    """Immutable settings; every field has a default, so that an older file stays readable."""
+
+    show_compare: bool = True
+    show_timings: bool = True
+    show_scene: bool = True
+    camera_mode: CameraMode = "orbit"
+    fov_degrees: float = 60.0
+    """Vertical field of view of the free camera, degrees."""
+    anisotropy: int = 1
+    """Anisotropic filtering of the reference: 1 (trilinear) to 16."""
+    wipe_position: float = 0.5
+    """Divider of the wipe as a share of the picture's width."""
+    window_size: tuple[int, int] = (1280, 720)
+    """Window (width, height) in screen units."""
+    ui_scale: float = 1.0
+    """Size of text and widgets; 1 is the normal one."""
+
+
+def config_folder() -> Path:
+    """Where settings and window layout lie: NTC_VIEWER_CONFIG_DIR, else the platform's folder for it."""
+    given = os.environ.get(CONFIG_FOLDER_VARIABLE)
+    return Path(given) if given else Path(platformdirs.user_config_dir("ntc-viewer", appauthor=False))
+
+
+def _number(value: Any, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise ValueError(f"must be a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError("must be true or false")
+    return value
+
+
+def _choice(value: Any, choices: tuple[Any, ...]) -> Any:
+    if isinstance(value, bool) or value not in choices:
+        raise ValueError(f"must be one of {', '.join(map(str, choices))}")
+    return value
+
+
+def _window_size(value: Any) -> tuple[int, int]:
+    if not isinstance(value, list) or len(value) != 2 or any(type(side) is not int for side in value):
+        raise ValueError("must be two whole numbers")
+    width, height = (
+        int(_number(side, low, high)) for side, low, high in zip(value, SMALLEST_WINDOW, LARGEST_WINDOW, strict=True)
+    )
+    return width, height
+
+
+_READERS: dict[str, Any] = {
+    "show_compare": _flag,
+    "show_timings": _flag,
+    "show_scene": _flag,
+    "camera_mode": lambda value: _choice(value, get_args(CameraMode)),
+    "fov_degrees": lambda value: _number(value, *FOV_RANGE),
+    "anisotropy": lambda value: _choice(value, ANISOTROPIES),
+    "wipe_position": lambda value: _number(value, 0.0, 1.0),
+    "window_size": _window_size,
+    "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
+}
+
+
+def parse_settings(text: str, file: str) -> ViewerSettings:
+    """Settings from JSON text; unknown fields are ignored, absent ones take their default. Raises InputError."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file}: not JSON ({error}); it is replaced when the window closes") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{file}: must be a JSON object; it is replaced when the window closes")
+    fields: dict[str, Any] = {}
+    for name, read in _READERS.items():
+        if name in content:
+            try:
+                fields[name] = read(content[name])
+            except (ValueError, TypeError) as error:
+                raise InputError(f"{file}: {name} {error}; it is replaced when the window closes") from error
+    return ViewerSettings(**fields)
+
+
+def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
+    """The settings in `folder`, and what was wrong with them: a broken file gives the defaults and one line of text."""
+    file = folder / SETTINGS_FILE
+    try:
+        if not file.exists():
+            return ViewerSettings(), None
+        if file.stat().st_size > LARGEST_FILE:
+            return ViewerSettings(), f"{file}: too large for settings; using defaults"
+        return parse_settings(file.read_text(encoding="utf-8"), str(file)), None
+    except InputError as error:
+        return ViewerSettings(), f"{error}; using defaults"
+    except (OSError, UnicodeDecodeError) as error:
+        return ViewerSettings(), f"{file}: cannot be read ({error}); using defaults"
+
+
+def save_settings(folder: Path, settings: ViewerSettings) -> None:
+    """Write `settings` into `folder`, atomically. Raises InputError if it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error}); set {CONFIG_FOLDER_VARIABLE}") from error
+    write_text(folder / SETTINGS_FILE, json.dumps(asdict(settings), indent=2) + "\n")

@@ -1,0 +1,107 @@
+"""What is drawn over the picture: the divider with its labels, messages, help, a line of hints."""
+
+from collections.abc import Callable
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.commands import key_table
+from viewer.session import Session, Toast
+from viewer.ui.items import ItemPlaces
+from viewer.view_state import REFERENCE, Slot
+
+MARGIN = 12.0
+WHITE = (1.0, 1.0, 1.0, 0.9)
+SHADE = (0.0, 0.0, 0.0, 0.65)
+ERROR = (0.55, 0.08, 0.06, 0.92)
+MESSAGE = (0.10, 0.14, 0.18, 0.92)
+
+Text = Callable[[ImVec2, str], None]
+
+
+def _color(rgba: tuple[float, float, float, float]) -> int:
+    return imgui.color_convert_float4_to_u32(imgui.ImVec4(*rgba))
+
+
+def slot_label(slot: Slot) -> str:
+    """What a slot shows, in a few words."""
+    if slot.source == REFERENCE:
+        return "reference"
+    return f"{slot.source}, {slot.path}" + (", fp16" if slot.precision == "fp16" else "")
+
+
+def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0) -> float:
+    """Text on a dark plate with its upper left corner at `at`; its height."""
+    draw = imgui.get_foreground_draw_list()
+    size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
+    low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
+    draw.add_rect_filled(low, high, _color(fill), 4.0)
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, _color(WHITE), text, wrap_width=wrap)
+    return float(high.y - low.y)
+
+
+def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces) -> None:
+    """Names of what is shown where; in wipe mode left and right of the divider."""
+    draw = imgui.get_background_draw_list()
+    view = session.shown_view
+    top = 8.0
+
+    def plate(x: float, text: str, align_right: bool) -> None:
+        extent = imgui.calc_text_size(text)
+        left = x - extent.x if align_right else x
+        draw.add_rect_filled(
+            ImVec2(left - 6, top - 3), ImVec2(left + extent.x + 6, top + extent.y + 3), _color(SHADE), 4.0
+        )
+        draw.add_text(ImVec2(left, top), _color(WHITE), text)
+
+    if view.compare == "wipe":
+        x = view.wipe_position * size[0]
+        draw.add_line(ImVec2(x, 0), ImVec2(x, size[1]), _color(SHADE), 4.0)
+        draw.add_line(ImVec2(x, 0), ImVec2(x, size[1]), _color(WHITE), 1.5)
+        draw.add_circle_filled(ImVec2(x, size[1] / 2), 7.0, _color(WHITE))
+        plate(x - MARGIN, f"A: {slot_label(view.slot_a)}", align_right=True)
+        plate(x + MARGIN, f"B: {slot_label(view.slot_b)}", align_right=False)
+        items.note_rectangle("divider", x - 1, size[1] / 2 - 1, x + 1, size[1] / 2 + 1)
+        return
+    slot = view.slot_a if view.compare == "a" else view.slot_b
+    text = f"{view.compare.upper()}: {slot_label(slot)}"
+    plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, text, align_right=False)
+
+
+def draw_toasts(toasts: tuple[Toast, ...], size: tuple[float, float]) -> None:
+    """Messages above the lower edge, newest lowest."""
+    y = size[1] - 44.0
+    wrap = max(200.0, min(640.0, size[0] - 80.0))
+    for toast in reversed(toasts):
+        extent = imgui.calc_text_size(toast.text, wrap_width=wrap)
+        y -= extent.y + 10.0
+        _boxed_text(
+            ImVec2((size[0] - extent.x) / 2.0, y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
+        )
+
+
+def draw_hints(session: Session, size: tuple[float, float]) -> None:
+    """One line at the lower edge."""
+    text = f"{session.settings.camera_mode} camera   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
+    extent = imgui.calc_text_size(text)
+    _boxed_text(ImVec2((size[0] - extent.x) / 2.0, size[1] - extent.y - 8.0), text, SHADE)
+
+
+def draw_help(session: Session, size: tuple[float, float], items: ItemPlaces) -> None:
+    """The key table in a window of its own."""
+    imgui.set_next_window_pos(ImVec2(size[0] / 2, size[1] / 2), imgui.Cond_.always, ImVec2(0.5, 0.5))
+    opened, stays = imgui.begin(
+        "Keys and mouse", True, imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse
+    )
+    if opened and imgui.begin_table("keys", 2):
+        for key, description in key_table():
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text(key)
+            imgui.table_next_column()
+            imgui.text(description)
+        imgui.end_table()
+        imgui.text_disabled("F1 closes this")
+        items.note("help")
+    imgui.end()
+    if not stays:
+        session.show_help = False

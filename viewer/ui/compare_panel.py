@@ -1,0 +1,123 @@
+"""Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
+
+from dataclasses import replace
+from typing import get_args
+
+from imgui_bundle import imgui
+
+from viewer.actions import RunCommand, SetAnisotropy, SetCompare, SetResolution, SetSlot, Side
+from viewer.session import Session
+from viewer.settings import ANISOTROPIES
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.view_state import REFERENCE, CompareMode, DecodePath, Precision, Slot
+
+MODES: tuple[tuple[CompareMode, str], ...] = (("a", "A"), ("b", "B"), ("wipe", "Wipe"))
+RESOLUTIONS = (1.0, 0.5, 0.25)
+
+
+def _combo(label: str, current: str, choices: tuple[str, ...], items: ItemPlaces) -> str:
+    """A drop-down list; the chosen text."""
+    chosen = current
+    opened = imgui.begin_combo(f"##{label}", current)
+    items.note(label)
+    if opened:
+        for choice in choices:
+            if imgui.selectable(choice, choice == current)[0]:
+                chosen = choice
+            items.note(f"{label}: {choice}")
+        imgui.end_combo()
+    return chosen
+
+
+def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    letter = side.upper()
+    imgui.align_text_to_frame_padding()
+    imgui.text(letter)
+    imgui.same_line()
+    imgui.set_next_item_width(150)
+    source = _combo(f"{letter} source", slot.source, session.sources, items)
+    changed = replace(slot, source=source)
+    if slot.source != REFERENCE:
+        imgui.same_line()
+        imgui.set_next_item_width(90)
+        path = _combo(f"{letter} path", slot.path, get_args(DecodePath), items)
+        imgui.same_line()
+        imgui.set_next_item_width(64)
+        precision = _combo(f"{letter} precision", slot.precision, get_args(Precision), items)
+        changed = replace(
+            changed,
+            path=next(value for value in get_args(DecodePath) if value == path),
+            precision=next(value for value in get_args(Precision) if value == precision),
+        )
+    if changed != slot:
+        emit(SetSlot(side, changed))
+
+
+def _modes(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    for mode, label in MODES:
+        if imgui.radio_button(label, session.view.compare == mode):
+            emit(SetCompare(mode))
+        items.note(label)
+        imgui.same_line()
+    imgui.text_disabled("hold Space: the other")
+
+
+def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    imgui.set_next_item_width(64)
+    chosen = _combo("anisotropy", str(session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), items)
+    if int(chosen) != session.view.anisotropy:
+        emit(SetAnisotropy(int(chosen)))
+    imgui.same_line()
+    imgui.text("anisotropy of the reference")
+    imgui.set_next_item_width(64)
+    share = _combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
+    if share != f"{session.resolution:.0%}":
+        emit(SetResolution(float(share.rstrip("%")) / 100.0))
+    imgui.same_line()
+    imgui.text("resolution")
+
+
+def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    if imgui.button("Measure"):
+        emit(RunCommand("measure"))
+    items.note("Measure")
+    imgui.same_line()
+    if not session.measurements:
+        imgui.text_disabled("PSNR, divergence, memory of this view")
+        return
+    imgui.text_disabled("this view" if session.measured_view == session.view else "an earlier view: measure again")
+    if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
+        return
+    for heading in ("", "A", "B"):
+        imgui.table_setup_column(heading)
+    imgui.table_headers_row()
+    slots = {"a": session.view.slot_a, "b": session.view.slot_b}
+    rows = {"shows": [], "PSNR dB": [], "divergence score": [], "excess": [], "GPU MB": [], "decode ms": []}  # type: dict[str, list[str]]
+    for side, slot in slots.items():
+        figure = session.measurements.get(side)
+        rows["shows"].append(figure.source if figure else "-")
+        rows["PSNR dB"].append(f"{figure.psnr_db:.2f}" if figure and figure.psnr_db is not None else "-")
+        divergence = figure.divergence if figure else None
+        rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
+        rows["excess"].append(str(divergence.excess) if divergence else "-")
+        rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
+        name = "reference" if slot.source == REFERENCE else f"decode_{slot.path}"
+        rows["decode ms"].append(f"{facts.timings_ms[name]:.2f}" if name in facts.timings_ms else "-")
+    for name, values in rows.items():
+        imgui.table_next_row()
+        for text in (name, *values):
+            imgui.table_next_column()
+            imgui.text(text)
+    imgui.end_table()
+
+
+def draw_compare_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    """The content of the panel."""
+    _slot("a", session.view.slot_a, session, emit, items)
+    _slot("b", session.view.slot_b, session, emit, items)
+    _modes(session, emit, items)
+    imgui.separator()
+    _filters(session, emit, items)
+    imgui.separator()
+    _figures(session, facts, emit, items)

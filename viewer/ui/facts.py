@@ -1,0 +1,27 @@
+"""What the panels show besides the session: immutable, handed over by the window for each frame."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from viewer.actions import Action
+from viewer.view_state import Slot
+
+Emit = Callable[[Action], None]
+"""How the UI asks for something."""
+
+
+@dataclass(frozen=True)
+class FrameFacts:
+    """Figures of recent frames."""
+
+    renderer: str
+    timer: str
+    """How times are taken."""
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
+    """Median time of each pass over the recent frames in which it ran, ms."""
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    drawn: Mapping[str, int] = field(default_factory=dict)
+    gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
+    frames_drawn: int = 0
+    picture: tuple[float, float] = (1.0, 1.0)
+    """Size of the picture in window units."""

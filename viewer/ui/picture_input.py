@@ -1,0 +1,99 @@
+"""Mouse and keys over the picture: moving the camera and the divider."""
+
+from imgui_bundle import imgui
+
+from viewer import navigation
+from viewer.actions import MoveDivider, RunCommand, SetCamera
+from viewer.commands import COMMANDS, HOLD_KEY
+from viewer.session import Session
+from viewer.ui.facts import Emit
+
+GRAB_WIDTH = 12.0
+"""Window units on either side of the divider within which it can be grabbed."""
+CENTRE = 0.5
+MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
+LONGEST_STEP = 0.1
+"""Seconds: a slow frame must not throw the camera across the scene."""
+
+
+def _key(name: str) -> imgui.Key:
+    return getattr(imgui.Key, {"Space": "space", "Tab": "tab", "Escape": "escape"}.get(name, name.lower()))
+
+
+class PictureInput:
+    """Remembers what a drag began on."""
+
+    def __init__(self) -> None:
+        self._dragging_divider = False
+        self._speed_notches = 0.0
+
+    def handle(self, session: Session, size: tuple[float, float], emit: Emit) -> None:
+        """Turn this frame's events into actions."""
+        io = imgui.get_io()
+        if not io.want_capture_keyboard or not io.want_text_input:
+            self._keys(session, emit)
+        session.showing_other = not io.want_text_input and imgui.is_key_down(_key(HOLD_KEY))
+        if not io.want_text_input:
+            self._fly(session, io, emit)
+        self._mouse(session, size, io, emit)
+
+    def _keys(self, session: Session, emit: Emit) -> None:
+        if imgui.get_io().want_text_input:
+            return
+        for command in COMMANDS:
+            if imgui.is_key_pressed(_key(command.key), repeat=False):
+                emit(RunCommand(command.name))
+        for number in range(9):
+            camera = session.camera_numbered(number)
+            if camera is not None and imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):
+                emit(SetCamera(camera))
+
+    def _fly(self, session: Session, io: imgui.IO, emit: Emit) -> None:
+        held = [move for key, move in MOVES.items() if imgui.is_key_down(_key(key))]
+        if not held or io.key_ctrl:
+            return
+        direction = (sum(m[0] for m in held), sum(m[1] for m in held), sum(m[2] for m in held))
+        speed = navigation.fly_speed(session.scene.bounds, self._speed_notches, io.key_shift)
+        moved = navigation.fly(session.view.camera, direction, speed * min(io.delta_time, LONGEST_STEP))
+        if moved != session.view.camera:
+            emit(SetCamera(moved))
+
+    def _near_divider(self, session: Session, size: tuple[float, float], x: float) -> bool:
+        return session.view.compare == "wipe" and abs(x - session.view.wipe_position * size[0]) <= GRAB_WIDTH
+
+    def _mouse(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:
+        left = imgui.MouseButton_.left
+        if not imgui.is_mouse_down(left):
+            self._dragging_divider = False
+        if io.want_capture_mouse and not self._dragging_divider:
+            return
+        near = self._near_divider(session, size, io.mouse_pos.x)
+        if near:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+            if imgui.is_mouse_double_clicked(left):
+                emit(MoveDivider(CENTRE))
+                return
+            if imgui.is_mouse_clicked(left):
+                self._dragging_divider = True
+        if self._dragging_divider:
+            if io.mouse_delta.x:
+                emit(MoveDivider(io.mouse_pos.x / size[0]))
+            return
+        self._move_camera(session, size[1], io, emit)
+
+    def _move_camera(self, session: Session, height: float, io: imgui.IO, emit: Emit) -> None:
+        camera, flies = session.view.camera, session.settings.camera_mode == "fly"
+        drag = (io.mouse_delta.x, io.mouse_delta.y)
+        if drag != (0.0, 0.0):
+            if imgui.is_mouse_down(imgui.MouseButton_.left):
+                camera = navigation.look(camera, drag, height) if flies else navigation.orbit(camera, drag, height)
+            elif imgui.is_mouse_down(imgui.MouseButton_.right) or imgui.is_mouse_down(imgui.MouseButton_.middle):
+                camera = navigation.pan(camera, drag, height)
+        if io.mouse_wheel:
+            if flies:
+                self._speed_notches += io.mouse_wheel
+                session.say(f"speed {1.25**self._speed_notches:.2f}x")
+            else:
+                camera = navigation.zoom(camera, io.mouse_wheel)
+        if camera != session.view.camera:
+            emit(SetCamera(camera))
