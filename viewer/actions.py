@@ -54,6 +54,13 @@ class SetResolution:
 
 
 @dataclass(frozen=True)
+class SetCoarseWhileMoving:
+    """Whether a moving camera may draw fewer pixels."""
+
+    value: bool
+
+
+@dataclass(frozen=True)
 class OpenFile:
     """Open a scene or a pack."""
 
@@ -67,4 +74,14 @@ class RunCommand:
     name: str
 
 
-Action = SetSlot | SetCompare | MoveDivider | SetCamera | SetAnisotropy | SetResolution | OpenFile | RunCommand
+Action = (
+    SetSlot
+    | SetCompare
+    | MoveDivider
+    | SetCamera
+    | SetAnisotropy
+    | SetResolution
+    | SetCoarseWhileMoving
+    | OpenFile
+    | RunCommand
+)

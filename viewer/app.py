@@ -22,8 +22,8 @@ from viewer.session import FirstLook, Session
 from viewer.settings import LAYOUT_FILE, config_folder, load_settings, save_settings
 
 TITLE = "ntc-viewer"
-IDLE_SECONDS = 0.5
-"""Longest rest while nothing happens: messages must end."""
+IDLE_SECONDS = 0.2
+"""Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
 FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
 """Environment variable for tests: close after this many frames."""
 PICTURES = Path("ntc-viewer-pictures")

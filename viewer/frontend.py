@@ -1,5 +1,6 @@
 """Picture and user interface in one framebuffer: the same for the window and for tests without one."""
 
+import math
 import statistics
 import time
 from collections import defaultdict, deque
@@ -18,7 +19,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.images import write_png
-from viewer.scene.model import Scene
+from viewer.scene.model import Camera, Scene
 from viewer.session import Session
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
@@ -29,6 +30,13 @@ FRAMES_REMEMBERED = 15
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
 SETTLING_FRAMES = 3
 """Frames that ImGui needs after an event until its layout rests."""
+
+
+SLOW_FRAME_MS = 120.0
+"""A whole frame that takes longer makes a moving picture coarse."""
+COARSE_SHARE = 0.25
+MOVING_SECONDS = 0.3
+"""A camera moves until it has rested for so long."""
 
 
 class Frontend:
@@ -44,6 +52,9 @@ class Frontend:
         self._times: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
         self._last: FrameResult | None = None
         self._last_view: ViewState | None = None
+        self._camera: Camera | None = None
+        self._moved_at = -math.inf
+        self._whole_frame_ms = 0.0
         self.frames_drawn = 0
         """Frames in which the renderer had something to do."""
 
@@ -60,11 +71,25 @@ class Frontend:
         return self._renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
-        share = self.session.resolution
+        share = self.session.resolution * (COARSE_SHARE if self._is_coarse() else 1.0)
         scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
         return replace(self.session.shown_view, size=scaled)
 
+    def _is_coarse(self) -> bool:
+        moving = time.monotonic() - self._moved_at < MOVING_SECONDS
+        return moving and self._whole_frame_ms > SLOW_FRAME_MS and self.session.settings.coarse_while_moving
+
+    def _note_movement(self) -> None:
+        camera = self.session.view.camera
+        # A jump to a camera of the scene is no movement: it is drawn whole at once.
+        known = self._camera in (None, camera) or camera in self.session.scene.cameras
+        if not known and self._scene is self.session.scene:
+            self._moved_at = time.monotonic()
+        self._camera = camera
+
     def _draw_picture(self, size: tuple[int, int]) -> None:
+        self._note_movement()
+        coarse = self._is_coarse()
         view = self._view(size)
         renderer = self._current_renderer()
         if view == self._last_view:
@@ -72,6 +97,10 @@ class Frontend:
         self._last = renderer.render(view)
         self._last_view = view
         self.frames_drawn += 1
+        if coarse:
+            # Times of a coarse picture say nothing about the whole one.
+            return
+        self._whole_frame_ms = sum(self._last.timings_ms.values())
         for name, milliseconds in self._last.timings_ms.items():
             self._times[name].append(milliseconds)
 

@@ -17,6 +17,7 @@ from viewer.actions import (
     RunCommand,
     SetAnisotropy,
     SetCamera,
+    SetCoarseWhileMoving,
     SetCompare,
     SetResolution,
     SetSlot,
@@ -65,7 +66,7 @@ class Session:
         self.measure_requested = False
         self.screenshot_requested = False
         self.closing = False
-        self.show_panels = True
+        self.show_panels = settings.show_panels
         self.show_help = False
         self.showing_other = False
         """While held: the other slot is shown."""
@@ -138,6 +139,8 @@ class Session:
                 self.view = replace(self.view, anisotropy=value)
             case SetResolution(share=share):
                 self.resolution = share
+            case SetCoarseWhileMoving(value=value):
+                self.settings = replace(self.settings, coarse_while_moving=value)
             case RunCommand(name=name):
                 if self._commands is not None:
                     self._commands(name, self)
@@ -179,4 +182,9 @@ class Session:
 
     def present_settings(self) -> ViewerSettings:
         """The settings to remember."""
-        return replace(self.settings, anisotropy=self.view.anisotropy, wipe_position=self.view.wipe_position)
+        return replace(
+            self.settings,
+            show_panels=self.show_panels,
+            anisotropy=self.view.anisotropy,
+            wipe_position=self.view.wipe_position,
+        )

@@ -29,9 +29,7 @@ LARGEST_FILE = 1 << 20
 class ViewerSettings:
     """Immutable settings; every field has a default, so that an older file stays readable."""
 
-    show_compare: bool = True
-    show_timings: bool = True
-    show_scene: bool = True
+    show_panels: bool = True
     camera_mode: CameraMode = "orbit"
     fov_degrees: float = 60.0
     """Vertical field of view of the free camera, degrees."""
@@ -41,6 +39,8 @@ class ViewerSettings:
     """Divider of the wipe as a share of the picture's width."""
     window_size: tuple[int, int] = (1280, 720)
     """Window (width, height) in screen units."""
+    coarse_while_moving: bool = True
+    """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
 
@@ -79,14 +79,13 @@ def _window_size(value: Any) -> tuple[int, int]:
 
 
 _READERS: dict[str, Any] = {
-    "show_compare": _flag,
-    "show_timings": _flag,
-    "show_scene": _flag,
+    "show_panels": _flag,
     "camera_mode": lambda value: _choice(value, get_args(CameraMode)),
     "fov_degrees": lambda value: _number(value, *FOV_RANGE),
     "anisotropy": lambda value: _choice(value, ANISOTROPIES),
     "wipe_position": lambda value: _number(value, 0.0, 1.0),
     "window_size": _window_size,
+    "coarse_while_moving": _flag,
     "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
 }
 

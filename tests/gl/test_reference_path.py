@@ -123,7 +123,9 @@ def test_filters_and_mips_agree_with_numpy(renderer: Renderer, name: str) -> Non
 
 def test_the_factor_multiplies_in_linear_light(renderer: Renderer) -> None:
     plain = shown(renderer, f"exact 16x16 {('repeat', 'repeat')}")
-    assert np.allclose(shown(renderer, "factor"), plain * [0.5, 0.25, 0.9], atol=5e-4)  # the albedo is kept in half floats
+    assert np.allclose(
+        shown(renderer, "factor"), plain * [0.5, 0.25, 0.9], atol=5e-4
+    )  # the albedo is kept in half floats
 
 
 def test_anisotropy_keeps_more_detail_of_stretched_footprints(renderer: Renderer) -> None:

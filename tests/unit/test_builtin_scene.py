@@ -15,7 +15,19 @@ from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 
-CATEGORIES = {"aerial", "brick", "concrete", "fabric", "floor", "metal", "plaster", "rock", "roofing", "terrain", "wood"}
+CATEGORIES = {
+    "aerial",
+    "brick",
+    "concrete",
+    "fabric",
+    "floor",
+    "metal",
+    "plaster",
+    "rock",
+    "roofing",
+    "terrain",
+    "wood",
+}
 LARGEST_FOLDER = 60e6
 
 
@@ -68,7 +80,8 @@ def test_packs_hold_every_texture(scene: Scene, grouping: str) -> None:
 def test_random_has_the_group_sizes_of_clustered() -> None:
     folder = builtin_scene_path().parent
     sizes = [
-        sorted(Counter(read_pack(folder / f"courtyard.{name}.ntc").grouping.groups).values()) for name in ("random", "clustered")
+        sorted(Counter(read_pack(folder / f"courtyard.{name}.ntc").grouping.groups).values())
+        for name in ("random", "clustered")
     ]
     assert sizes[0] == sizes[1]
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand, SetAnisotropy, SetCompare, SetResolution, SetSlot, Side
+from viewer.actions import RunCommand, SetAnisotropy, SetCoarseWhileMoving, SetCompare, SetResolution, SetSlot, Side
 from viewer.session import Session
 from viewer.settings import ANISOTROPIES
 from viewer.ui.facts import Emit, FrameFacts
@@ -76,6 +76,11 @@ def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
         emit(SetResolution(float(share.rstrip("%")) / 100.0))
     imgui.same_line()
     imgui.text("resolution")
+    imgui.same_line()
+    changed, coarse = imgui.checkbox("coarser while moving", session.settings.coarse_while_moving)
+    items.note("coarser while moving")
+    if changed:
+        emit(SetCoarseWhileMoving(coarse))
 
 
 def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:

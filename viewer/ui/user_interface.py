@@ -11,7 +11,7 @@ from viewer.ui.picture_input import PictureInput
 from viewer.ui.scene_panel import OpenField, draw_scene_panel
 from viewer.ui.timings_panel import draw_timings_panel
 
-PANEL_WIDTH = 352.0
+PANEL_WIDTH = 380.0
 EDGE = 8.0
 
 
@@ -45,7 +45,7 @@ class UserInterface:
         right = size[0] - PANEL_WIDTH - EDGE
         imgui.set_next_window_bg_alpha(0.88)
         imgui.set_next_window_pos(ImVec2(EDGE, 36), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 300), first)
+        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 322), first)
         if imgui.begin("Compare")[0]:
             draw_compare_panel(session, facts, emit, self.items)
         imgui.end()
@@ -56,7 +56,7 @@ class UserInterface:
             draw_scene_panel(session, self._open_field, emit, self.items)
         imgui.end()
         imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(EDGE, 344), first)
+        imgui.set_next_window_pos(ImVec2(EDGE, 366), first)
         imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 270), first)
         imgui.set_next_window_collapsed(size[1] < 640.0, first)
         opened = imgui.begin("Timings")[0]

@@ -1,0 +1,45 @@
+"""A window's content without a window, over a small scene with two packs."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ntc.pack_file import write_pack
+from tests.end_to_end.conftest import two_squares
+from tests.support.packs import random_pack
+from viewer.headless import HeadlessApp
+from viewer.pack_files import open_packs, packs_beside
+from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+
+SIZE = (720, 400)
+
+
+def write_scene(folder: Path, seed: int = 5) -> Path:
+    """scene.glb with clustered and single packs of random content beside it."""
+    path = two_squares(seed).write(folder / "scene.glb")
+    hashes = [texture.pixel_hash for texture in load_scene(path).textures]
+    for name, groups in (("clustered", (0, 1)), ("single", (0, 0))):
+        pack = random_pack(((32, 32), (32, 32)), groups, hashes=hashes, seed=len(name))
+        grouped = pack.__class__(pack.config, pack.grouping.__class__(name, groups), pack.textures, pack.decoders)
+        write_pack(folder / f"scene.{name}.ntc", grouped)
+    return path
+
+
+@pytest.fixture(scope="module")
+def scene_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_scene(tmp_path_factory.mktemp("ui"))
+
+
+@pytest.fixture(scope="module")
+def scene(scene_path: Path) -> Scene:
+    return load_scene(scene_path)
+
+
+@pytest.fixture
+def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
+    made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures")
+    made.settle()
+    yield made
+    made.close()

@@ -1,0 +1,70 @@
+"""A real window on a virtual screen."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def display() -> Iterator[str]:
+    if shutil.which("Xvfb") is None:
+        pytest.skip("Xvfb is not installed: no virtual screen for a window")
+    reading, writing = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1024x640x24", "-nolisten", "tcp"],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    with os.fdopen(reading) as answer:
+        number = answer.readline().strip()
+    if not number:
+        pytest.skip("Xvfb did not start")
+    yield f":{number}"
+    server.terminate()
+    server.wait()
+
+
+def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tmp_path: Path) -> None:
+    started = time.monotonic()
+    result = subprocess.run(
+        [sys.executable, "-m", "viewer", str(scene_path)],
+        cwd=tmp_path,
+        env={
+            **os.environ,
+            "DISPLAY": display,
+            "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings"),
+            "NTC_VIEWER_EXIT_AFTER_FRAMES": "4",
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr
+    assert (tmp_path / "settings" / "settings.json").is_file()
+    assert time.monotonic() - started < 100
+
+
+def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "viewer", str(scene_path)],
+        cwd=tmp_path,
+        env={**os.environ, "DISPLAY": ":98765", "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings")},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 2
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert "DISPLAY" in line
+    assert "Traceback" not in result.stderr

@@ -1,0 +1,244 @@
+"""Clicking through the user interface without a window."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from ntc.pack_file import read_pack, write_pack
+from tests.ui.conftest import SIZE, write_scene
+from viewer.commands import COMMANDS
+from viewer.headless import HeadlessApp
+from viewer.scene.images import read_image
+from viewer.view_state import REFERENCE, Slot
+
+MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
+
+
+def hide_panels(app: HeadlessApp) -> None:
+    app.press(imgui.Key.h)
+    assert not app.session.show_panels
+
+
+def test_the_first_look_compares_clustered_with_the_reference(app: HeadlessApp) -> None:
+    assert app.session.view.slot_a == Slot("clustered", "deferred")
+    assert app.session.view.slot_b == Slot(REFERENCE)
+    assert app.session.view.compare == "wipe"
+
+
+def test_slots_are_chosen_from_lists(app: HeadlessApp) -> None:
+    app.click("A source")
+    app.click("A source: single")
+    app.click("A path")
+    app.click("A path: forward")
+    app.click("A precision")
+    app.click("A precision: fp16")
+    app.click("B source")
+    app.click("B source: clustered")
+    assert app.session.view.slot_a == Slot("single", "forward", "fp16")
+    assert app.session.view.slot_b == Slot("clustered")
+
+
+@pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])
+def test_modes(app: HeadlessApp, label: str, mode: str) -> None:
+    app.click(label)
+    assert app.session.view.compare == mode
+
+
+def test_the_picture_is_what_the_mode_says(app: HeadlessApp) -> None:
+    hide_panels(app)
+    shots = {}
+    for mode in ("wipe", "a", "b"):
+        while app.session.view.compare != mode:
+            app.press(imgui.Key.tab)
+        shots[mode] = app.screenshot().astype(int)
+    rows = slice(60, SIZE[1] - 60)
+    left, right = slice(0, SIZE[0] // 2 - 20), slice(SIZE[0] // 2 + 20, SIZE[0])
+    np.testing.assert_array_equal(shots["wipe"][rows, left], shots["a"][rows, left])
+    np.testing.assert_array_equal(shots["wipe"][rows, right], shots["b"][rows, right])
+    assert np.abs(shots["a"] - shots["b"])[rows].max() > 20
+
+
+def test_the_picture_stands_upright(app: HeadlessApp) -> None:
+    hide_panels(app)
+    app.session.view = replace(app.session.view, compare="b")
+    app.settle()
+    picture = app.screenshot()[60:-60].mean(axis=2)
+    shown = np.nonzero(picture.max(axis=1) > 60)[0]
+    # The texture grows brighter downwards (row 0 is its top).
+    quarter = len(shown) // 4
+    assert picture[shown[:quarter]].mean() < picture[shown[-quarter:]].mean()
+
+
+def test_space_held_shows_the_other_slot(app: HeadlessApp) -> None:
+    hide_panels(app)
+    app.session.view = replace(app.session.view, compare="a")
+    app.settle()
+    before = app.screenshot()
+    app.key(imgui.Key.space, True)
+    app.settle()
+    held = app.screenshot()
+    app.key(imgui.Key.space, False)
+    app.settle()
+    assert (held != before).any()
+    assert app.session.view.compare == "a"
+    np.testing.assert_array_equal(app.screenshot(), before)
+
+
+def test_the_divider_is_dragged_and_recentred(app: HeadlessApp) -> None:
+    hide_panels(app)
+    app.drag((MIDDLE[0] + 8, MIDDLE[1]), (SIZE[0] * 0.75, MIDDLE[1]))
+    assert app.session.view.wipe_position == pytest.approx(0.75, abs=0.01)
+    x = SIZE[0] * 0.75
+    app.move(x, MIDDLE[1])
+    for down in (True, False, True, False):
+        app.button(down)
+    assert app.session.view.wipe_position == 0.5
+
+
+def test_beside_the_divider_the_mouse_moves_the_camera(app: HeadlessApp) -> None:
+    hide_panels(app)
+    before = app.session.view
+    app.drag((MIDDLE[0] + 60, MIDDLE[1]), (MIDDLE[0] + 100, MIDDLE[1] + 10))
+    assert app.session.view.wipe_position == before.wipe_position
+    assert app.session.view.camera.eye != before.camera.eye
+    assert app.session.view.camera.target == before.camera.target
+    panned = app.session.view.camera
+    app.drag((MIDDLE[0] + 60, MIDDLE[1]), (MIDDLE[0] + 90, MIDDLE[1]), button=1)
+    assert app.session.view.camera.target != panned.target
+
+
+def test_flying(app: HeadlessApp) -> None:
+    hide_panels(app)
+    app.press(imgui.Key.v)
+    assert app.session.settings.camera_mode == "fly"
+    before = app.session.view.camera
+    app.key(imgui.Key.w, True)
+    app.frame(3)
+    app.key(imgui.Key.w, False)
+    after = app.session.view.camera
+    forward = np.subtract(before.target, before.eye)
+    assert np.dot(np.subtract(after.eye, before.eye), forward) > 0
+
+
+def test_nothing_is_drawn_when_nothing_changed(app: HeadlessApp) -> None:
+    drawn = app.frontend.frames_drawn
+    app.frame(5)
+    assert app.frontend.frames_drawn == drawn
+    assert not app.frontend.needs_frame(SIZE)
+    app.click("B")
+    assert app.frontend.frames_drawn == drawn + 1
+
+
+def test_measuring_fills_the_table(app: HeadlessApp) -> None:
+    # So that the edge between the two squares falls inside blocks.
+    camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
+    app.session.view = replace(app.session.view, camera=camera)
+    app.settle()
+    app.click("Measure")
+    app.settle()
+    figures = app.session.measurements
+    assert figures["a"].source == "clustered"
+    assert figures["a"].psnr_db is not None
+    assert figures["a"].divergence is not None
+    assert figures["a"].divergence.maximum == 2
+    assert figures["b"].psnr_db is None
+    assert app.session.measured_view == app.session.view
+
+
+def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:
+    pack = read_pack(scene_path.with_name("scene.single.ntc"))
+    write_pack(tmp_path / "mine.ntc", pack)
+    app.drop(tmp_path / "mine.ntc")
+    assert app.session.view.slot_a.source == "mine"
+    assert "mine" in app.session.sources
+
+
+def test_a_dropped_scene_replaces_the_old_one(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=8)
+    app.drop(path)
+    assert app.session.scene.path == path
+    assert app.session.view.slot_a.source == "clustered"
+    assert app.screenshot().std() > 5
+
+
+@pytest.mark.parametrize("name", ["missing.glb", "broken.glb", "broken.ntc", "words.txt"])
+def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name != "missing.glb":
+        path.write_bytes(b"nothing that could be opened")
+    before = app.session.scene, app.session.view
+    app.drop(path)
+    assert (app.session.scene, app.session.view) == before
+    (toast,) = app.session.toasts
+    assert toast.kind == "error"
+    assert name in toast.text
+    assert app.screenshot().std() > 5
+
+
+def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
+    other = write_scene(tmp_path, seed=9)
+    app.drop(other.with_name("scene.single.ntc"))
+    assert app.session.view.slot_a.source == "clustered"
+    assert "0 of 2 textures match" in app.session.toasts[-1].text
+
+
+def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=11)
+    app.click("path")
+    app.type(str(path))
+    app.press(imgui.Key.enter)
+    assert app.session.scene.path == path
+
+
+def test_typing_runs_no_commands(app: HeadlessApp) -> None:
+    app.click("path")
+    app.key(imgui.Key.h, True)
+    app.key(imgui.Key.h, False)
+    assert app.session.show_panels
+
+
+def test_screenshots_are_written_with_the_interface_in_them(app: HeadlessApp, tmp_path: Path) -> None:
+    app.press(imgui.Key.f12)
+    app.settle()
+    (file,) = (tmp_path / "pictures").iterdir()
+    written = read_image(file)
+    assert written.shape == (SIZE[1], SIZE[0], 3)
+    hide_panels(app)
+    assert (written.astype(int) != app.screenshot().astype(int)).mean() > 0.1
+    assert any(str(file) in toast.text for toast in app.session.toasts)
+
+
+def test_cameras_of_the_scene_and_frame_all(app: HeadlessApp) -> None:
+    before = app.session.view.camera
+    app.session.view = replace(app.session.view, camera=replace(before, eye=(5.0, 5.0, 5.0)))
+    app.click("Frame all")
+    assert app.session.view.camera.name == "all"
+
+
+def test_resolution(app: HeadlessApp) -> None:
+    app.click("resolution")
+    app.click("resolution: 25%")
+    assert app.session.resolution == 0.25
+    app.click("anisotropy")
+    app.click("anisotropy: 8")
+    assert app.session.view.anisotropy == 8
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_command_has_a_key_that_runs_it(app: HeadlessApp, command: object) -> None:
+    moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
+    app.session.view = replace(app.session.view, camera=moved)
+    before = vars(app.session).copy()
+    name = command.key  # type: ignore[attr-defined]
+    key = getattr(imgui.Key, {"Tab": "tab", "Escape": "escape"}.get(name, name.lower()))
+    app.key(key, True)
+    assert vars(app.session) != before or app.session.toasts
+    app.key(key, False)
+
+
+def test_help_lists_the_keys(app: HeadlessApp) -> None:
+    app.press(imgui.Key.f1)
+    assert "help" in app.frontend.interface.items.labels()
