@@ -76,8 +76,10 @@ class Frontend:
         return replace(self.session.shown_view, size=scaled)
 
     def _is_coarse(self) -> bool:
-        moving = time.monotonic() - self._moved_at < MOVING_SECONDS
-        return moving and self._whole_frame_ms > SLOW_FRAME_MS and self.session.settings.coarse_while_moving
+        session = self.session
+        if session.measure_requested or session.screenshot_requested or not session.settings.coarse_while_moving:
+            return False
+        return self._whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
     def _note_movement(self) -> None:
         camera = self.session.view.camera

@@ -35,10 +35,16 @@ def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
     assert options.pack == (Path("x.ntc"), Path("y.ntc"))
 
 
+def words(line: str) -> list[str]:
+    return line.split()
+
+
 def test_render_takes_what_the_design_lists() -> None:
     options = parse_arguments(
-        "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48"
-        " --eye 1 -2 3 --target 0 0 0 --fov 45 --overlay divergence --require-gpu".split(),
+        words(
+            "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48"
+            " --eye 1 -2 3 --target 0 0 0 --fov 45 --overlay divergence --require-gpu"
+        ),
     )
     assert options == RenderOptions(
         out=Path("o"),
@@ -57,8 +63,10 @@ def test_render_takes_what_the_design_lists() -> None:
 
 def test_encode_decode_and_info() -> None:
     encode = parse_arguments(
-        "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper"
-        " --texture-size 256 --steps 9 --seed 3 --device cpu".split(),
+        words(
+            "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper"
+            " --texture-size 256 --steps 9 --seed 3 --device cpu"
+        ),
     )
     assert isinstance(encode, EncodeOptions)
     assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
