@@ -98,7 +98,9 @@ def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces)
         imgui.table_setup_column(heading)
     imgui.table_headers_row()
     slots = {"a": session.view.slot_a, "b": session.view.slot_b}
-    rows = {"shows": [], "PSNR dB": [], "divergence score": [], "excess": [], "GPU MB": [], "decode ms": []}  # type: dict[str, list[str]]
+    rows: dict[str, list[str]] = {
+        name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "GPU MB", "decode ms")
+    }
     for side, slot in slots.items():
         figure = session.measurements.get(side)
         rows["shows"].append(figure.source if figure else "-")
