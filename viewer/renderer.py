@@ -229,15 +229,19 @@ class Renderer:
             targets.drawn.pop(slot, None)
 
     def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
-        divider = {"a": float(view.size[0]), "b": -1.0, "wipe": view.wipe_position * view.size[0]}[view.compare]
-        left = view.slot_b if view.compare == "b" else view.slot_a
-        right = view.slot_a if view.compare == "a" else view.slot_b
-        key: Any = (left, right, divider, targets.drawn.get(left), targets.drawn.get(right))
+        wipe = view.compare == "wipe"
+        first = view.slot_b if view.compare == "b" else view.slot_a
+        second = view.slot_b if wipe else first
+        divider = view.wipe_position * view.size[0] if wipe else None
+        key: Any = (first, second, divider, targets.drawn.get(first), targets.drawn.get(second))
         if targets.composite_key == key:
             skipped["passes"] += 1
             return
         with self._timer.measure("composite"):
-            self._composite.run(targets.albedo[left], targets.albedo[right], divider, targets.composite)
+            if divider is None:
+                self._composite.run_single(targets.albedo[first], targets.composite)
+            else:
+                self._composite.run_wipe(targets.albedo[first], targets.albedo[second], divider, targets.composite)
         targets.composite_key = key
 
     def albedo(self, slot: Slot) -> NDArray[np.float32]:

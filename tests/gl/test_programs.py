@@ -25,7 +25,7 @@ DRAWN = [
     for precision in PRECISIONS
 ]
 FULL_SCREEN = [
-    ("common/fullscreen.vert", "passes/composite/composite.frag", {}),
+    *[("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe}) for wipe in (0, 1)],
     *(
         ("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": a, "FIRST": first, "SORTS": sorts})
         for a in (0, 1)
@@ -101,7 +101,7 @@ def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: Progr
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
         assert decode[block].binding == StorageBinding[binding]
-    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {})
+    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": 1})
     assert composite["albedo_a"].value == TextureUnit.ALBEDO_A
     assert composite["albedo_b"].value == TextureUnit.ALBEDO_B
 

@@ -1,5 +1,7 @@
 """Composite: slots A and B side by side, as the 8-bit sRGB picture that is shown."""
 
+from collections.abc import Mapping
+
 import moderngl
 
 from viewer.gl.context import GraphicsContext
@@ -25,22 +27,40 @@ class CompositeTarget:
 
 
 class CompositePass:
-    """Inputs: linear albedo of A and B, the divider. Output: an 8-bit sRGB picture."""
+    """Inputs: linear albedo of one slot, or of A and B with the divider. Output: an 8-bit sRGB picture."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._gl = context.gl
-        self._program = programs.program("common/fullscreen.vert", "passes/composite/composite.frag")
-        self._triangle = context.gl.vertex_array(self._program, [])
+        self._programs = {
+            wipe: programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": int(wipe)})
+            for wipe in (False, True)
+        }
+        self._triangles = {wipe: context.gl.vertex_array(program, []) for wipe, program in self._programs.items()}
 
-    def run(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, divider: float, target: CompositeTarget) -> None:
+    def run_single(self, albedo: AlbedoTarget, target: CompositeTarget) -> None:
+        """One slot over the whole picture."""
+        self._run(False, target, {TextureUnit.ALBEDO_A: albedo}, {})
+
+    def run_wipe(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, divider: float, target: CompositeTarget) -> None:
         """A left of `divider` (pixels from the left), B right of it."""
+        textures = {TextureUnit.ALBEDO_A: albedo_a, TextureUnit.ALBEDO_B: albedo_b}
+        self._run(True, target, textures, {"divider": divider})
+
+    def _run(
+        self,
+        wipe: bool,
+        target: CompositeTarget,
+        textures: Mapping[TextureUnit, AlbedoTarget],
+        uniforms: Mapping[str, object],
+    ) -> None:
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
-        albedo_a.texture.use(int(TextureUnit.ALBEDO_A))
-        albedo_b.texture.use(int(TextureUnit.ALBEDO_B))
-        set_uniforms(self._program, {"divider": divider, "depth": 0.0})
-        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        for unit, albedo in textures.items():
+            albedo.texture.use(int(unit))
+        set_uniforms(self._programs[wipe], {"depth": 0.0, **uniforms})
+        self._triangles[wipe].render(moderngl.TRIANGLES, vertices=3)
 
     def release(self) -> None:
-        """Free the vertex array."""
-        self._triangle.release()
+        """Free the vertex arrays."""
+        for triangle in self._triangles.values():
+            triangle.release()
