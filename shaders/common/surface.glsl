@@ -29,11 +29,9 @@ vec3 unpack_color(uint bits) {
     return root * root;
 }
 
-// Changes of uv to the next pixel on the right and above. `aspect` is the image's height over its width.
-float pixel_footprint(vec2 gradient_x, vec2 gradient_y, float aspect) {
-    vec2 x = gradient_x * vec2(1.0, aspect);
-    vec2 y = gradient_y * vec2(1.0, aspect);
-    return sqrt(max(dot(x, x), dot(y, y)));
+// From the changes to the next pixel on the right and above, of uv measured in widths of the image.
+float pixel_footprint(vec2 gradient_x, vec2 gradient_y) {
+    return sqrt(max(dot(gradient_x, gradient_x), dot(gradient_y, gradient_y)));
 }
 
 int surface_texture(uint ids) {

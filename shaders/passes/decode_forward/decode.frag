@@ -3,26 +3,25 @@
 #include "common/visibility.glsl"
 #include "ntc/albedo.glsl"
 
-in vec2 uv;
+in vec3 place;
 #if VERTEX_COLORS
 in vec4 color;
 #else
 const vec4 color = vec4(1.0);
 #endif
 flat in uint ids;
-flat in float aspect;
 
 layout(location = 0) out vec4 albedo;
 
 void main() {
     // Two surfaces may share a depth, and parts of one may have been cut out by alpha: the visibility buffer says whose pixel this is.
     if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
-    float footprint = pixel_footprint(dFdx(uv), dFdy(uv), aspect);
+    float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
 #if VERTEX_COLORS
     // Rounded as in the visibility buffer, so that both paths show the same.
     vec3 rounded = unpack_color(pack_color(color.rgb));
 #else
     vec3 rounded = vec3(1.0);
 #endif
-    albedo = vec4(decoded_albedo(unpack_surface(pack_surface(ids, uv, footprint), rounded)), 1.0);
+    albedo = vec4(decoded_albedo(unpack_surface(pack_surface(ids, place.xy, footprint), rounded)), 1.0);
 }

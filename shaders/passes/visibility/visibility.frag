@@ -4,14 +4,13 @@
 #include "common/surface.glsl"
 #include "common/wrap.glsl"
 
-in vec2 uv;
+in vec3 place;
 #if VERTEX_COLORS
 in vec4 color;
 #else
 const vec4 color = vec4(1.0);
 #endif
 flat in uint ids;
-flat in float aspect;
 
 layout(location = 0) out uvec4 words;
 #if VERTEX_COLORS
@@ -34,19 +33,20 @@ float threshold(vec2 pixel) {
 #endif
 
 void main() {
-    vec2 gradient_x = dFdx(uv);
-    vec2 gradient_y = dFdy(uv);
+    vec2 uv = place.xy;
+    vec3 step_x = dFdx(place);
+    vec3 step_y = dFdy(place);
 #if ALPHA_TEST
     MaterialRecord material = materials[surface_material(ids)];
     vec2 at = vec2(wrap_coordinate(uv.x, material.wrap_u), wrap_coordinate(uv.y, material.wrap_v));
-    float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, gradient_x, gradient_y).r;
+    float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x.xy, step_y.xy).r;
     if (alpha < (material.alpha_mode == ALPHA_BLEND ? threshold(gl_FragCoord.xy) : material.alpha_cutoff)) discard;
 #endif
-    words = pack_surface(ids, uv, pixel_footprint(gradient_x, gradient_y, aspect));
+    words = pack_surface(ids, uv, pixel_footprint(step_x.xz, step_y.xz));
 #if VERTEX_COLORS
     packed_color = pack_color(color.rgb);
 #endif
 #if GRADIENTS
-    gradients = vec4(gradient_x, gradient_y);
+    gradients = vec4(step_x.xy, step_y.xy);
 #endif
 }
