@@ -91,7 +91,10 @@ def _screenshot(session: Session) -> None:
 
 
 def _close(session: Session) -> None:
-    session.closing = True
+    if session.show_help:
+        session.show_help = False
+    else:
+        session.closing = True
 
 
 COMMANDS = (
@@ -105,7 +108,7 @@ COMMANDS = (
     Command("screenshot", "F12", "write the window's content as a PNG", _screenshot),
     Command("panels", "H", "hide or show the panels", _toggle_panels),
     Command("help", "F1", "show keys and mouse", _toggle_help),
-    Command("close", "Escape", "close the window", _close),
+    Command("close", "Escape", "close the help, else the window", _close),
 )
 HOLD_KEY = "Space"
 """While held, the other slot is shown."""

@@ -18,6 +18,8 @@ from viewer.scene.model import Camera, Scene
 from viewer.view_state import REFERENCE
 
 PREFERRED_GROUPING = "clustered"
+MISSING_SHOWN = 3
+"""Lines about missing things that are printed before it says how many more there are."""
 
 
 def builtin_scene_path() -> Path:
@@ -26,8 +28,14 @@ def builtin_scene_path() -> Path:
 
 
 def open_scene(path: Path | None) -> Scene:
-    """Load the scene at `path`, or the built-in one. Raises InputError."""
-    return load_scene(path if path is not None else builtin_scene_path())
+    """Load the scene at `path`, or the built-in one, and say what it lacks. Raises InputError."""
+    scene = load_scene(path if path is not None else builtin_scene_path())
+    missing = scene.report.missing
+    for line in missing[:MISSING_SHOWN]:
+        sys.stderr.write(f"note: {line}\n")
+    if len(missing) > MISSING_SHOWN:
+        sys.stderr.write(f"note: {len(missing) - MISSING_SHOWN} more things are missing; see ntc-viewer info {path}\n")
+    return scene
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
