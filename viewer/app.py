@@ -19,7 +19,7 @@ from viewer.frontend import SETTLING_FRAMES, Frontend
 from viewer.gl.context import REQUIRED_VERSION, wrap_context
 from viewer.scene.model import Scene
 from viewer.session import FirstLook, Session
-from viewer.settings import LAYOUT_FILE, config_folder, load_settings, save_settings
+from viewer.settings import LAYOUT_FILE, config_folder, load_settings, make_config_folder, save_settings
 
 TITLE = "ntc-viewer"
 IDLE_SECONDS = 0.2
@@ -54,14 +54,18 @@ class WindowApp:
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()
         settings, problem = load_settings(folder)
-        self._folder = folder
+        self._folder: Path | None = folder
+        """Where settings are written; None where that cannot be: they are forgotten."""
+        try:
+            make_config_folder(folder)
+        except InputError as error:
+            self._folder, problem = None, f"{error}; settings are not kept"
         self._window = _open_window(settings.window_size)
         self._handle: Any = self._window._window
         self._context = wrap_context(self._window.ctx, self._address)
         imgui.create_context()
         io = imgui.get_io()
-        folder.mkdir(parents=True, exist_ok=True)
-        io.set_ini_filename(str(folder / LAYOUT_FILE))
+        io.set_ini_filename(str(self._folder / LAYOUT_FILE) if self._folder is not None else "")
         imgui.get_style().font_scale_main = settings.ui_scale
         self._awake = SETTLING_FRAMES
         self._listen()
@@ -142,7 +146,8 @@ class WindowApp:
         try:
             if width > 0 and height > 0:
                 settings = replace(settings, window_size=(max(width, 320), max(height, 200)))
-            save_settings(self._folder, settings)
+            if self._folder is not None:
+                save_settings(self._folder, settings)
         finally:
             self.frontend.release()
             imgui.backends.opengl3_shutdown()

@@ -14,6 +14,7 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
+from ntc.pack import Pack
 from viewer.commands import run_command
 from viewer.gl.context import GraphicsContext
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
@@ -49,6 +50,7 @@ class Frontend:
         self.interface = UserInterface()
         self._scene: Scene | None = None
         self._renderer: Renderer | None = None
+        self._packs: Mapping[str, Pack] | None = None
         self._times: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
         self._last: FrameResult | None = None
         self._last_view: ViewState | None = None
@@ -59,15 +61,25 @@ class Frontend:
         """Frames in which the renderer had something to do."""
 
     def _current_renderer(self) -> Renderer:
-        """The renderer of the session's scene; made anew when the scene has changed."""
+        """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
         if self._renderer is None or self._scene is not self.session.scene:
-            made = Renderer(self._context, self.session.scene)
+            try:
+                made = Renderer(self._context, self.session.scene)
+            except InputError as error:
+                if self._renderer is None or not self.session.put_away_undrawable():
+                    raise
+                self.session.say(str(error), "error")
+                return self._renderer
             if self._renderer is not None:
                 self._renderer.release()
             self._renderer, self._scene = made, self.session.scene
-            self._last_view = None
+            self._packs = None
             self._times.clear()
-        self._renderer.set_packs(self.session.packs)
+        if self._packs is not self.session.packs:
+            # A pack may have been read anew under its old name: an equal view then shows something else.
+            self._renderer.set_packs(self.session.packs)
+            self._packs = self.session.packs
+            self._last_view = None
         return self._renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
@@ -91,13 +103,14 @@ class Frontend:
 
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
+        renderer = self._current_renderer()
         coarse = self._is_coarse()
         view = self._view(size)
-        renderer = self._current_renderer()
         if view == self._last_view:
             return
         self._last = renderer.render(view)
         self._last_view = view
+        self.session.note_drawable()
         self.frames_drawn += 1
         if coarse:
             # Times of a coarse picture say nothing about the whole one.
@@ -150,6 +163,9 @@ class Frontend:
             if session.measure_requested:
                 self._measure()
         except InputError as error:
+            if self._renderer is None:
+                # There is no older picture to stay with.
+                raise
             session.say(str(error), "error")
         session.measure_requested = False
         picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
@@ -181,7 +197,8 @@ class Frontend:
         session = self.session
         waiting = session.measure_requested or session.screenshot_requested
         ending = any(toast.until <= time.monotonic() for toast in session.toasts)
-        return waiting or ending or self._view(size) != self._last_view or session.scene is not self._scene
+        opened = session.scene is not self._scene or session.packs is not self._packs
+        return waiting or ending or opened or self._view(size) != self._last_view
 
     @property
     def skipped(self) -> Mapping[str, int]:

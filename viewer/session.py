@@ -72,6 +72,7 @@ class Session:
         """While held: the other slot is shown."""
         self.resolution = 1.0
         self._commands: Callable[[str, Session], None] | None = None
+        self._drawable: tuple[Scene, dict[str, Pack], ViewState] | None = None
         self._show(scene, dict(packs), first)
 
     def _show(self, scene: Scene, packs: dict[str, Pack], first: FirstLook) -> None:
@@ -174,6 +175,18 @@ class Session:
         self.packs = {**self.packs, name: pack}
         self.view = replace(self.view, slot_a=replace(self.view.slot_a, source=name))
         self.say(f"opened {path.name} in slot A: {match.line()}")
+
+    def note_drawable(self) -> None:
+        """Remember what is open as something that can be drawn."""
+        self._drawable = (self.scene, self.packs, self.view)
+
+    def put_away_undrawable(self) -> bool:
+        """Go back to what could be drawn before, where a scene turns out not to be drawable; False if nothing could."""
+        if self._drawable is None:
+            return False
+        self.scene, self.packs, self.view = self._drawable
+        self.measurements = {}
+        return True
 
     def camera_numbered(self, number: int) -> Camera | None:
         """The scene's camera `number`, from 0, if there is one."""

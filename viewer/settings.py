@@ -123,10 +123,15 @@ def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
         return ViewerSettings(), f"{file}: cannot be read ({error}); using defaults"
 
 
-def save_settings(folder: Path, settings: ViewerSettings) -> None:
-    """Write `settings` into `folder`, atomically. Raises InputError if it cannot be written."""
+def make_config_folder(folder: Path) -> None:
+    """Make `folder` unless it is there. Raises InputError if it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error}); set {CONFIG_FOLDER_VARIABLE}") from error
+
+
+def save_settings(folder: Path, settings: ViewerSettings) -> None:
+    """Write `settings` into `folder`, atomically. Raises InputError if it cannot be written."""
+    make_config_folder(folder)
     write_text(folder / SETTINGS_FILE, json.dumps(asdict(settings), indent=2) + "\n")

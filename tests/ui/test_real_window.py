@@ -68,3 +68,23 @@ def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
     (line,) = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert "DISPLAY" in line
     assert "Traceback" not in result.stderr
+
+
+def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scene_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = subprocess.run(
+        [sys.executable, "-m", "viewer", str(scene_path)],
+        cwd=tmp_path,
+        env={
+            **os.environ,
+            "DISPLAY": display,
+            "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "file" / "settings"),
+            "NTC_VIEWER_EXIT_AFTER_FRAMES": "2",
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr

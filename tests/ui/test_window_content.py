@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from ntc.errors import InputError
 from ntc.pack_file import read_pack, write_pack
+from tests.end_to_end.conftest import two_squares
+from tests.support.packs import random_pack
 from tests.ui.conftest import SIZE, write_scene
 from viewer.commands import COMMANDS
 from viewer.headless import HeadlessApp
 from viewer.scene.images import read_image
+from viewer.scene.model import Scene
 from viewer.view_state import REFERENCE, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
@@ -242,3 +246,44 @@ def test_every_command_has_a_key_that_runs_it(app: HeadlessApp, command: object)
 def test_help_lists_the_keys(app: HeadlessApp) -> None:
     app.press(imgui.Key.f1)
     assert "help" in app.frontend.interface.items.labels()
+
+
+def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None:
+    app.click("A source")
+    app.press(imgui.Key.escape)
+    assert not app.session.closing
+    assert "A source: single" not in app.frontend.interface.items.labels()
+    app.press(imgui.Key.escape)
+    assert app.session.closing
+
+
+def test_a_scene_that_cannot_be_drawn_is_put_away(
+    app: HeadlessApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise InputError("other.glb: has too many textures")
+
+    scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
+    monkeypatch.setattr("viewer.frontend.Renderer", refuse)
+    app.drop(two_squares(9).write(tmp_path / "other.glb"))
+    assert app.session.scene is scene
+    assert app.session.packs == packs
+    assert app.session.view == view
+    assert [toast.text for toast in app.session.toasts if toast.kind == "error"] == ["other.glb: has too many textures"]
+    app.session.toasts = ()
+    app.settle()
+    assert (app.screenshot() == shown).all()
+
+
+def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Scene, tmp_path: Path) -> None:
+    hashes = [texture.pixel_hash for texture in scene.textures]
+    hide_panels(app)
+    pictures = []
+    for seed in (1, 2):
+        write_pack(tmp_path / "again.ntc", random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes, seed=seed))
+        app.drop(tmp_path / "again.ntc")
+        app.session.toasts = ()
+        app.settle()
+        pictures.append(app.screenshot())
+    assert app.session.view.slot_a.source == "random"
+    assert (pictures[0] != pictures[1]).any()

@@ -26,6 +26,8 @@ def _combo(label: str, current: str, choices: tuple[str, ...], items: ItemPlaces
             if imgui.selectable(choice, choice == current)[0]:
                 chosen = choice
             items.note(f"{label}: {choice}")
+        if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
+            imgui.close_current_popup()
         imgui.end_combo()
     return chosen
 

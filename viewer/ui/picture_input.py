@@ -27,10 +27,10 @@ class PictureInput:
         self._dragging_divider = False
         self._speed_notches = 0.0
 
-    def handle(self, session: Session, size: tuple[float, float], emit: Emit) -> None:
-        """Turn this frame's events into actions."""
+    def handle(self, session: Session, size: tuple[float, float], emit: Emit, keys: bool = True) -> None:
+        """Turn this frame's events into actions; `keys` False leaves those of commands to an open list."""
         io = imgui.get_io()
-        if not io.want_capture_keyboard or not io.want_text_input:
+        if keys and not io.want_text_input:
             self._keys(session, emit)
         session.showing_other = not io.want_text_input and imgui.is_key_down(_key(HOLD_KEY))
         if not io.want_text_input:
@@ -38,8 +38,6 @@ class PictureInput:
         self._mouse(session, size, io, emit)
 
     def _keys(self, session: Session, emit: Emit) -> None:
-        if imgui.get_io().want_text_input:
-            return
         for command in COMMANDS:
             if imgui.is_key_pressed(_key(command.key), repeat=False):
                 emit(RunCommand(command.name))

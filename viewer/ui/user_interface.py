@@ -26,6 +26,8 @@ class UserInterface:
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
         self.items.clear()
+        # Asked before the panels: a list that this frame's Escape closes still owns the key.
+        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         if picture is not None:
@@ -38,7 +40,7 @@ class UserInterface:
         if session.show_help:
             draw_help(session, size, self.items)
         draw_toasts(session.toasts, size)
-        self._input.handle(session, size, emit)
+        self._input.handle(session, size, emit, keys=not list_is_open)
 
     def _panels(self, session: Session, facts: FrameFacts, size: tuple[float, float], emit: Emit) -> None:
         first = imgui.Cond_.first_use_ever
