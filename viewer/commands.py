@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from viewer.actions import SetCamera
-from viewer.camera import frame_all
+from viewer.navigation import frame
 from viewer.session import Session
 from viewer.settings import CameraMode
 from viewer.view_state import REFERENCE, CompareMode
@@ -55,7 +55,8 @@ def _next_source(session: Session) -> None:
 
 
 def _frame_all(session: Session) -> None:
-    session.apply(SetCamera(frame_all(session.scene.bounds, session.settings.fov_degrees)))
+    aspect = session.picture_size[0] / session.picture_size[1]
+    session.apply(SetCamera(frame(session.view.camera, session.scene.bounds, aspect)))
 
 
 def _next_camera(session: Session) -> None:

@@ -17,6 +17,7 @@ from ntc.errors import InputError
 from ntc.pack import Pack
 from viewer.commands import run_command
 from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderError
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.images import write_png
@@ -157,17 +158,19 @@ class Frontend:
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
         session = self.session
-        session.forget_old_toasts(time.monotonic())
+        session.picture_size = size
         try:
             self._draw_picture(size)
             if session.measure_requested:
                 self._measure()
-        except InputError as error:
+        except (InputError, ShaderError) as error:
             if self._renderer is None:
                 # There is no older picture to stay with.
                 raise
-            session.say(str(error), "error")
+            session.say(" ".join(str(error).split()), "error")
         session.measure_requested = False
+        # After the picture: messages are seen from now on, however long it took.
+        session.forget_old_toasts(time.monotonic())
         picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
         self.interface.draw(session, self._facts(), picture, session.apply)
         imgui.render()
@@ -196,7 +199,7 @@ class Frontend:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""
         session = self.session
         waiting = session.measure_requested or session.screenshot_requested
-        ending = any(toast.until <= time.monotonic() for toast in session.toasts)
+        ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
         return waiting or ending or opened or self._view(size) != self._last_view
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
+from viewer.view_state import REFERENCE
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
@@ -40,4 +41,4 @@ def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
 def unused_name(grouping: str, path: Path, packs: Mapping[str, Pack]) -> str:
     """Name for a pack read from `path` that no other open pack has."""
     candidates = (grouping, path.stem, str(path))
-    return next((name for name in candidates if name not in packs), f"{path} ({len(packs)})")
+    return next((name for name in candidates if name not in packs and name != REFERENCE), f"{path} ({len(packs)})")

@@ -1,6 +1,5 @@
 """What is open and how it is looked at: the one mutable thing behind the window. Knows neither OpenGL nor the UI."""
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Literal
 from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
-from ntc.pack_match import match_pack, require_match
+from ntc.pack_match import PackMatch, match_pack, require_match
 from viewer.actions import (
     Action,
     MoveDivider,
@@ -24,7 +23,7 @@ from viewer.actions import (
 )
 from viewer.camera import frame_all
 from viewer.measurement import SlotMeasurement
-from viewer.pack_files import open_packs, packs_beside, unused_name
+from viewer.pack_files import packs_beside, unused_name
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
@@ -41,8 +40,8 @@ class Toast:
 
     text: str
     kind: Literal["message", "error"]
-    until: float
-    """Monotonic time in seconds."""
+    until: float | None = None
+    """Monotonic time in seconds; None until it has been seen, for a slow frame must not use up its time."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +52,15 @@ class FirstLook:
     """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
     path: DecodePath = "deferred"
     precision: Precision = "fp32"
+
+
+def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
+    """Read a pack that holds textures of `scene`. Raises InputError for any other."""
+    pack = read_pack(path)
+    textures = scene.textures
+    match = match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+    require_match(pack, match, scene.name)
+    return pack, match
 
 
 class Session:
@@ -71,6 +79,8 @@ class Session:
         self.showing_other = False
         """While held: the other slot is shown."""
         self.resolution = 1.0
+        self.picture_size = settings.window_size
+        """(width, height) of the window's content, kept up to date by the frontend."""
         self._commands: Callable[[str, Session], None] | None = None
         self._drawable: tuple[Scene, dict[str, Pack], ViewState] | None = None
         self._show(scene, dict(packs), first)
@@ -117,11 +127,12 @@ class Session:
 
     def say(self, text: str, kind: Literal["message", "error"] = "message") -> None:
         """Show a message for a while."""
-        self.toasts = (*self.toasts[-4:], Toast(text, kind, time.monotonic() + TOAST_SECONDS))
+        self.toasts = (*self.toasts[-4:], Toast(text, kind))
 
     def forget_old_toasts(self, now: float) -> None:
         """Drop the messages whose time is over."""
-        self.toasts = tuple(toast for toast in self.toasts if toast.until > now)
+        dated = (replace(toast, until=toast.until or now + TOAST_SECONDS) for toast in self.toasts)
+        self.toasts = tuple(toast for toast in dated if toast.until is not None and toast.until > now)
 
     def apply(self, action: Action) -> None:
         """Do what the UI asks for. Bad input becomes a message; what was open stays."""
@@ -156,16 +167,23 @@ class Session:
             self._open_pack(path)
             return
         scene = load_scene(path)
-        packs = open_packs(packs_beside(path))
-        self._show(scene, packs, FirstLook())
+        self._show(scene, self._packs_beside(scene, path), FirstLook())
         problems = len(scene.report.missing)
         self.say(f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))
 
+    def _packs_beside(self, scene: Scene, path: Path) -> dict[str, Pack]:
+        """The packs beside a scene that belong to it; the others are a message and do not keep the scene closed."""
+        packs: dict[str, Pack] = {}
+        for pack_path in packs_beside(path):
+            try:
+                pack, _ = _matching_pack(pack_path, scene)
+                packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
+            except InputError as error:
+                self.say(str(error), "error")
+        return packs
+
     def _open_pack(self, path: Path) -> None:
-        pack = read_pack(path)
-        textures = self.scene.textures
-        match = match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
-        require_match(pack, match, self.scene.name)
+        pack, match = _matching_pack(path, self.scene)
         same = [
             name
             for name, other in self.packs.items()

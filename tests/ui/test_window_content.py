@@ -182,6 +182,25 @@ def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_p
     assert app.screenshot().std() > 5
 
 
+def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=10)
+    path.with_name("scene.clustered.ntc").write_bytes(b"")
+    app.drop(path)
+    assert app.session.scene.path == path
+    assert app.session.sources == (REFERENCE, "single")
+    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.toasts)
+
+
+def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) -> None:
+    app.session.say("hello")
+    assert app.session.toasts[0].until is None
+    app.frame()
+    until = app.session.toasts[0].until
+    assert until is not None
+    app.session.forget_old_toasts(until + 0.01)
+    assert not app.session.toasts
+
+
 def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
     other = write_scene(tmp_path, seed=9)
     app.drop(other.with_name("scene.single.ntc"))
@@ -219,7 +238,12 @@ def test_cameras_of_the_scene_and_frame_all(app: HeadlessApp) -> None:
     before = app.session.view.camera
     app.session.view = replace(app.session.view, camera=replace(before, eye=(5.0, 5.0, 5.0)))
     app.click("Frame all")
-    assert app.session.view.camera.name == "all"
+    framed = app.session.view.camera
+    centre = app.session.scene.bounds.mean(axis=0)
+    np.testing.assert_allclose(framed.target, centre, atol=1e-5)
+    # From where the camera looked before, far enough to see all.
+    way = np.subtract(framed.eye, centre)
+    np.testing.assert_allclose(way / np.linalg.norm(way), np.full(3, 3**-0.5), atol=0.2)
 
 
 def test_resolution(app: HeadlessApp) -> None:
