@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,13 +64,19 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
 
 
 def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[str, Any]:
-    """What stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself."""
+    """What stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
+    and where both pictures are equal.
+    """
     divergence = DivergenceStatistics.of(picture.divergence)
     decoded = picture.decoder_ids >= 0
     is_reference = view.slot_a.source == REFERENCE
 
     def quality(mask: NDArray[np.bool_]) -> float | None:
-        return None if is_reference or not mask.any() else psnr_db(picture.color[mask], picture.reference[mask])
+        if is_reference or not mask.any():
+            return None
+        value = psnr_db(picture.color[mask], picture.reference[mask])
+        # JSON has no infinity: equal pictures have no PSNR either.
+        return value if math.isfinite(value) else None
 
     return {
         "renderer": renderer_name,
@@ -109,7 +116,7 @@ def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay
         write_png(folder / "overlay.png", divergence_overlay(picture.color, picture.divergence))
     elif overlay == "error":
         write_png(folder / "overlay.png", error_overlay(picture.color, picture.reference))
-    write_text(folder / "stats.json", json.dumps(stats, indent=2) + "\n")
+    write_text(folder / "stats.json", json.dumps(stats, indent=2, allow_nan=False) + "\n")
 
 
 def render(options: RenderOptions) -> int:
