@@ -27,7 +27,7 @@ from viewer.passes.reference import ReferencePass
 from viewer.passes.scene_buffers import SceneBuffers, material_records
 from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
 from viewer.resources import shaders_folder
-from viewer.scene.model import Scene
+from viewer.scene.model import Camera, Scene
 from viewer.view_state import REFERENCE, Precision, Slot, ViewState
 
 
@@ -252,6 +252,14 @@ class Renderer:
         self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int))
         self._timer.take()
         return self._targets.albedo[slot].read()
+
+    def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
+        """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""
+        view = ViewState(camera=camera, size=size)
+        self._update_visibility(view, self._targets_for(view), defaultdict(int))
+        self._view = view
+        self._timer.take()
+        return self.texture_ids()
 
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""

@@ -73,3 +73,47 @@ def test_info_of_a_scene(encoded_scene: Path, capsys: pytest.CaptureFixture[str]
     assert len(information["textures"]) == 2
     assert cli.main(["info", str(encoded_scene)]) == 0
     assert "picture 0" in capsys.readouterr().out
+
+
+def test_covisible_looks_from_the_cameras_of_a_file(encoded_scene: Path, tmp_path: Path) -> None:
+    views = tmp_path / "views.json"
+    views.write_text(json.dumps([{"name": "front", "eye": [0.03, 0, 1.5], "target": [0.03, 0, 0], "fov": 60}]))
+    out = tmp_path / "covisible.ntc"
+    arguments = ["encode", str(encoded_scene), "--out", str(out), "--grouping", "covisible", "--clusters", "1"]
+    assert cli.main([*arguments, "--views", str(views), "--steps", "5", "--device", "cpu"]) == 0
+    grouping = read_pack(out).grouping
+    assert grouping.name == "covisible"
+    assert grouping.parameters["excess"] == 0.0
+    assert grouping.parameters["baseline_excess"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--grouping", "covisible"], "no cameras"),
+        (["--grouping", "single", "--views", "v.json"], "only --grouping covisible"),
+        (["--grouping", "covisible", "--views", "nowhere.json"], "nowhere.json"),
+        (["--grouping", "clustered", "--clusters", "0"], "at least 1"),
+    ],
+)
+def test_bad_groupings_are_one_line(
+    encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    capsys.readouterr()
+    out = tmp_path / "o.ntc"
+    assert cli.main(["encode", str(encoded_scene), "--out", str(out), *arguments]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert words in line
+    assert not out.exists()
+
+
+def test_category_takes_the_labels_of_folders(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    for number, category in enumerate(("brick", "wood", "wood")):
+        write_png(tmp_path / "in" / category / f"{number}.png", random.integers(0, 256, (16, 16, 3), np.uint8))
+    out = tmp_path / "category.ntc"
+    arguments = ["encode", str(tmp_path / "in"), "--out", str(out), "--grouping", "category", "--steps", "5"]
+    assert cli.main([*arguments, "--device", "cpu"]) == 0
+    grouping = read_pack(out).grouping
+    assert grouping.groups == (0, 1, 1)
+    assert grouping.parameters["given"] == 3

@@ -1,9 +1,11 @@
 """`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
@@ -17,10 +19,14 @@ from ntc.train import TrainingProgress, train
 from ntc.training_config import TrainingConfig, recipe_config
 from viewer.commandline.arguments import PACK_SUFFIX
 from viewer.commandline.options import EncodeOptions
+from viewer.scene.cameras_file import read_cameras
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 
+VIEW_SIZE = (1280, 720)
+"""Pixels of the views that covisible serves."""
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""
 
@@ -35,21 +41,51 @@ def _check(options: EncodeOptions) -> None:
     for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
         if value is not None and value <= 0:
             raise InputError(f"--{name} {value}: must be positive")
+    if options.views is not None and options.grouping != "covisible":
+        raise InputError(f"--views {options.views}: only --grouping covisible looks at views")
     if options.levels is not None and not 1 <= options.levels <= 16:
         raise InputError(f"--levels {options.levels}: must be 1 to 16")
 
 
-def read_textures(source: Path, texture_size: int | None) -> tuple[SourceTexture, ...]:
+@dataclass(frozen=True)
+class Source:
+    """What is to be encoded."""
+
+    textures: tuple[SourceTexture, ...]
+    scene: Scene | None
+    """None for a folder of images."""
+
+
+def read_source(source: Path, texture_size: int | None) -> Source:
     """The textures of a scene file or of a folder of images, reduced to `texture_size` texels. Raises InputError."""
+    scene = None
     if source.is_dir():
         textures = folder_textures(source)
         if texture_size is not None:
             textures = tuple(reduce_texture(texture, texture_size) for texture in textures)
     else:
-        textures = source_textures(load_scene(source), texture_size)
+        scene = load_scene(source)
+        textures = source_textures(scene, texture_size)
     if not textures:
         raise InputError(f"{source}: holds no texture to encode (constant images are factors and need no encoding)")
-    return textures
+    return Source(textures, scene)
+
+
+def seen_views(source: Source, file: Path | None) -> tuple[NDArray[np.int32], ...]:
+    """Pictures of texture ids from the cameras of `file`, or of the scene. Raises InputError where there are none."""
+    if source.scene is None:
+        raise InputError("--grouping covisible: a folder of images cannot be seen from anywhere; encode a scene")
+    cameras = read_cameras(file) if file is not None else source.scene.cameras
+    if not cameras:
+        raise InputError("--grouping covisible: the scene has no cameras; name a file of them by --views")
+    # Only this grouping needs OpenGL.
+    from viewer.gl.context import create_headless_context
+    from viewer.renderer import Renderer
+
+    renderer = Renderer(create_headless_context(), source.scene)
+    views = tuple(renderer.texture_ids_from(camera, VIEW_SIZE) for camera in cameras)
+    renderer.release()
+    return views
 
 
 def training_config(options: EncodeOptions) -> TrainingConfig:
@@ -103,8 +139,10 @@ def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
     console = Console(stderr=True, soft_wrap=True)
-    textures = read_textures(options.source, options.texture_size)
-    grouping = make_grouping(options.grouping, textures, options.clusters, options.seed)
+    source = read_source(options.source, options.texture_size)
+    textures = source.textures
+    views = seen_views(source, options.views) if options.grouping == "covisible" else None
+    grouping = make_grouping(options.grouping, textures, options.clusters, options.seed, views)
     codec = CodecConfig(levels=options.levels, output_channels=max(texture.pixels.shape[2] for texture in textures))
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",

@@ -10,7 +10,7 @@ import tyro
 from ntc.config import RecipeName
 from viewer.view_state import DecodePath, Precision
 
-EncodeGroupingName = Literal["baseline", "single", "random", "clustered"]
+EncodeGroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -123,7 +123,9 @@ class EncodeOptions:
     grouping: EncodeGroupingName = "clustered"
     """Which textures share a decoder."""
     clusters: int = 10
-    """Number of decoders of clustered and random."""
+    """Number of decoders of clustered, random and covisible."""
+    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of cameras whose pictures covisible serves; None: the scene's own cameras."""
     recipe: RecipeName = "best"
     """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
     texture_size: int | None = None

@@ -99,8 +99,8 @@ def test_a_seed_that_is_out_of_range_is_bad_input(seed: int) -> None:
         make_grouping("clustered", three_kinds(), 3, seed)
 
 
-def test_a_grouping_that_is_not_built_is_bad_input() -> None:
-    with pytest.raises(InputError, match="covisible: not available"):
+def test_covisible_without_views_is_bad_input() -> None:
+    with pytest.raises(InputError, match="covisible: needs views"):
         make_grouping("covisible", three_kinds(), 3, 0)
 
 

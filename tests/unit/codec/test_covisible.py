@@ -1,0 +1,116 @@
+"""Grouping by what is seen together."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.errors import InputError
+from ntc.grouping.covisible import CovisibleConfig, _Objective, covisible_grouping
+from ntc.grouping.seen_blocks import seen_blocks
+
+TEXTURES = 24
+
+
+def neighbours(seed: int, textures: int = TEXTURES, size: tuple[int, int] = (90, 131)) -> NDArray[np.int32]:
+    """A picture of patches in which textures with near numbers lie side by side, with some background."""
+    random = np.random.default_rng(seed)
+    rows, columns = np.indices(size)
+    ids = ((columns // 11 + rows // 13 + random.integers(0, textures)) % textures).astype(np.int32)
+    ids[random.random(size) < 0.05] = -1
+    return ids
+
+
+@pytest.mark.parametrize("block", [(8, 8), (4, 8), (4, 16)])
+def test_excess_is_that_of_the_divergence_map(block: tuple[int, int]) -> None:
+    views = [neighbours(seed, size=size) for seed, size in enumerate(((90, 131), (64, 64), (7, 3)))]
+    seen = seen_blocks(views, TEXTURES, block)
+    random = np.random.default_rng(0)
+    for clusters in (1, 3, TEXTURES):
+        groups = random.integers(0, clusters, TEXTURES)
+        exact = 0
+        for view in views:
+            decoders = np.append(groups, -1)[view].astype(np.int32)
+            exact += DivergenceStatistics.of(divergence_map(decoders, block)).excess
+        assert seen.excess(groups) == exact
+    assert seen.blocks == sum(-(-view.shape[0] // block[0]) * -(-view.shape[1] // block[1]) for view in views)
+
+
+def test_moves_are_the_exact_changes_of_the_cost() -> None:
+    random = np.random.default_rng(3)
+    features = random.normal(size=(TEXTURES, 5))
+    config = CovisibleConfig(clusters=5, largest_share=1.0, spread_weight=0.4)
+    objective = _Objective(seen_blocks([neighbours(1)], TEXTURES), features, config)
+    groups = random.integers(0, 5, TEXTURES)
+    predicted, cost = objective.moves(groups), objective.cost(groups)
+    for texture in range(TEXTURES):
+        for group in range(5):
+            moved = groups.copy()
+            moved[texture] = group
+            assert predicted[texture, group] == pytest.approx(objective.cost(moved) - cost, abs=1e-9)
+
+
+def test_it_finds_what_belongs_together() -> None:
+    # Six islands of four textures each, never seen with another island: no divergence is needed.
+    views = []
+    for island in range(6):
+        view = np.random.default_rng(island).integers(0, 4, (40, 40)).astype(np.int32) * 6 + island
+        views.append(view)
+    features = np.random.default_rng(9).normal(size=(24, 3))
+    config = CovisibleConfig(clusters=6, spread_weight=0.0)
+    grouping = covisible_grouping(seen_blocks(views, 24), features, config)
+    assert grouping.parameters["excess"] == 0.0
+    assert grouping.group_count == 6
+
+
+def test_it_beats_chance_and_keeps_the_bound() -> None:
+    seen = seen_blocks([neighbours(seed) for seed in range(3)], TEXTURES)
+    features = np.random.default_rng(1).normal(size=(TEXTURES, 4))
+    grouping = covisible_grouping(seen, features, CovisibleConfig(clusters=6, largest_share=0.2))
+    sizes = np.bincount(grouping.groups)
+    assert sizes.max() <= 5
+    random = np.random.default_rng(2)
+    by_chance = [seen.excess(random.permutation(np.array(grouping.groups))) for _ in range(20)]
+    assert seen.excess(np.array(grouping.groups)) < 0.8 * min(by_chance)
+    assert grouping.parameters["baseline_excess"] == seen.excess(np.arange(TEXTURES))
+
+
+def test_the_same_seed_gives_the_same_groups() -> None:
+    seen = seen_blocks([neighbours(4)], TEXTURES)
+    features = np.zeros((TEXTURES, 2))
+    results = {covisible_grouping(seen, features, CovisibleConfig(clusters=4, seed=7)).groups for _ in range(2)}
+    assert len(results) == 1
+
+
+@pytest.mark.parametrize(("textures", "clusters"), [(2, 10), (3, 3), (5, 1)])
+def test_few_textures(textures: int, clusters: int) -> None:
+    seen = seen_blocks([neighbours(0, textures)], textures)
+    grouping = covisible_grouping(seen, np.zeros((textures, 1)), CovisibleConfig(clusters=clusters, kicks=2))
+    assert len(grouping.groups) == textures
+    assert grouping.group_count <= min(clusters, textures)
+
+
+def test_weight_on_spread_trades_divergence_for_likeness() -> None:
+    seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
+    features = np.random.default_rng(5).normal(size=(TEXTURES, 3))
+
+    def spread(groups: tuple[int, ...]) -> float:
+        chosen = [features[np.array(groups) == group] for group in set(groups)]
+        return float(sum(((part - part.mean(axis=0)) ** 2).sum() for part in chosen))
+
+    free, tied = (covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_weight=w)) for w in (0.0, 3.0))
+    assert spread(tied.groups) < spread(free.groups)
+    assert tied.parameters["excess"] >= free.parameters["excess"]
+
+
+def test_views_that_show_nothing_are_refused() -> None:
+    empty = np.full((20, 20), -1, np.int32)
+    alone = np.zeros((20, 20), np.int32)
+    for views in ([empty], [alone], [empty, alone]):
+        with pytest.raises(InputError, match="no block"):
+            covisible_grouping(seen_blocks(views, 3), np.zeros((3, 1)), CovisibleConfig(clusters=2))
+
+
+def test_ids_beyond_the_textures_are_refused() -> None:
+    with pytest.raises(ValueError, match="texture id 7"):
+        seen_blocks([np.full((8, 8), 7, np.int32)], 7)
