@@ -18,6 +18,7 @@ class StorageBinding(IntEnum):
     WEIGHTS = 4
     REQUESTS = 5
     RESULTS = 6
+    DECODERS = 7
 
 
 class TextureUnit(IntEnum):
@@ -30,12 +31,15 @@ class TextureUnit(IntEnum):
     ALPHA = 4
     ALBEDO_A = 5
     ALBEDO_B = 6
+    DIVERGENCE_A = 7
+    DIVERGENCE_B = 8
 
 
 class ImageUnit(IntEnum):
     """Image units of compute passes."""
 
     ALBEDO = 0
+    DIVERGENCE = 1
 
 
 class WrapCode(IntEnum):
