@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from viewer.scene.model import Camera
-from viewer.view_state import CompareMode, Slot
+from viewer.view_state import CompareMode, Overlay, Slot
 
 Side = Literal["a", "b"]
 
@@ -47,6 +47,14 @@ class SetAnisotropy:
 
 
 @dataclass(frozen=True)
+class SetOverlay:
+    """What lies over the picture, and how opaque it is (0 to 1)."""
+
+    overlay: Overlay
+    opacity: float
+
+
+@dataclass(frozen=True)
 class SetResolution:
     """Pixels of the picture along one side, as a share of the window's."""
 
@@ -80,6 +88,7 @@ Action = (
     | MoveDivider
     | SetCamera
     | SetAnisotropy
+    | SetOverlay
     | SetResolution
     | SetCoarseWhileMoving
     | OpenFile

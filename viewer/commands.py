@@ -75,6 +75,10 @@ def _camera_mode(session: Session) -> None:
     session.say(f"camera: {mode}")
 
 
+def _toggle_overlay(session: Session) -> None:
+    session.view = replace(session.view, overlay="none" if session.view.overlay == "divergence" else "divergence")
+
+
 def _toggle_panels(session: Session) -> None:
     session.show_panels = not session.show_panels
 
@@ -102,6 +106,7 @@ COMMANDS = (
     Command("next mode", "Tab", "show A, B, or both with a divider", _next_mode),
     Command("next source", "N", "show the next open pack in slot A", _next_source),
     Command("decode path", "P", "switch slot A between deferred and forward", _next_path),
+    Command("divergence", "O", "lay the heatmap of decoders per block over the picture", _toggle_overlay),
     Command("measure", "M", "measure PSNR, divergence and memory of both slots", _measure),
     Command("frame all", "F", "see the whole scene", _frame_all),
     Command("next camera", "C", "go to the scene's next camera", _next_camera),

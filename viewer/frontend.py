@@ -134,6 +134,7 @@ class Frontend:
             timings_ms={name: statistics.median(times) for name, times in self._times.items()},
             skipped=last.skipped if last else {},
             drawn=last.drawn if last else {},
+            divergence=last.divergence if last else {},
             gpu_bytes=gpu_bytes,
             frames_drawn=self.frames_drawn,
         )

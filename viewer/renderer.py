@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
+from ntc.divergence import DivergenceStatistics
 from ntc.pack import Pack
 from ntc.pack_match import PackMatch, match_pack
 from viewer.camera import view_projection
@@ -17,10 +18,11 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.composite import CompositePass, CompositeTarget
+from viewer.passes.composite import CompositePass, CompositeTarget, HeatmapOverlay
 from viewer.passes.culling import Culling, DrawList
 from viewer.passes.decode_deferred import DecodeDeferredPass
 from viewer.passes.decode_forward import DecodeForwardPass
+from viewer.passes.divergence import DecoderTable, DivergencePass, DivergenceTarget
 from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import PackBuffers, codec_programs
 from viewer.passes.reference import ReferencePass
@@ -43,6 +45,8 @@ class FrameResult:
     """How the times were taken."""
     skipped: Mapping[str, int]
     """What was left out, and how many of it."""
+    divergence: Mapping[str, DivergenceStatistics]
+    """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
     drawn: Mapping[str, int]
     """Triangles and draw commands of the visibility buffer."""
 
@@ -56,6 +60,10 @@ class _Targets:
     albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
     drawn: dict[Slot, object] = field(default_factory=dict)
     """For each slot what its albedo was made from; equal means it is still good."""
+    divergence: dict[str, DivergenceTarget] = field(default_factory=dict)
+    """By source."""
+    counted: dict[str, tuple[object, DivergenceStatistics]] = field(default_factory=dict)
+    """For each source what its divergence map was made from, and its statistics."""
     visibility_key: object = None
     composite_key: object = None
 
@@ -64,6 +72,8 @@ class _Targets:
         self.composite.release()
         for target in self.albedo.values():
             target.release()
+        for divergence in self.divergence.values():
+            divergence.release()
 
 
 @dataclass
@@ -94,6 +104,8 @@ class Renderer:
         self._scene_buffers = SceneBuffers(context, scene, materials)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._composite = CompositePass(context, self._programs)
+        self._divergence = DivergencePass(context, self._programs)
+        self._tables: dict[str, tuple[int, DecoderTable]] = {}
         self._timer = PassTimer(context)
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
@@ -142,13 +154,14 @@ class Renderer:
         for slot in dict.fromkeys(slots):
             self._update_albedo(view, slot, targets, draw_list, skipped)
         self._forget_unused(view, targets)
+        divergence = self._update_divergence(view, slots, targets, skipped)
         self._update_composite(view, targets, skipped)
         timings = self._timer.take()
         skipped["images_not_uploaded"] = self._reference.images_not_uploaded
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
         drawn = {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)}
-        return FrameResult(targets.composite.texture, timings, self._timer.kind, dict(skipped), drawn)
+        return FrameResult(targets.composite.texture, timings, self._timer.kind, dict(skipped), divergence, drawn)
 
     def _targets_for(self, view: ViewState) -> _Targets:
         shows_reference = REFERENCE in (view.slot_a.source, view.slot_b.source)
@@ -228,20 +241,68 @@ class Renderer:
             targets.albedo.pop(slot).release()
             targets.drawn.pop(slot, None)
 
+    def _decoder_table(self, source: str) -> DecoderTable:
+        """Decoder of every texture under the grouping of `source`; for the reference nothing is decoded."""
+        version = self._pack_versions.get(source, 0)
+        present = self._tables.get(source)
+        if present is not None and present[0] == version:
+            return present[1]
+        if present is not None:
+            present[1].release()
+        pack = self._packs.get(source)
+        index = self._matches[source].texture_index if pack is not None else (-1,) * len(self._scene.textures)
+        decoders = [pack.textures[at].group if pack is not None and at >= 0 else -1 for at in index]
+        table = DecoderTable(self._context, decoders)
+        self._tables[source] = (version, table)
+        return table
+
+    def _update_divergence(
+        self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]
+    ) -> dict[str, DivergenceStatistics]:
+        """Count the decoders per block of what is shown, where the overlay asks for it."""
+        if view.overlay != "divergence":
+            skipped["divergence_passes"] += len(slots)
+            return {}
+        statistics: dict[str, DivergenceStatistics] = {}
+        for source in dict.fromkeys(slot.source for slot in slots):
+            key = (view.camera, self._pack_versions.get(source, 0))
+            if source in targets.counted and targets.counted[source][0] == key:
+                skipped["passes"] += 1
+            else:
+                if source not in targets.divergence:
+                    targets.divergence[source] = DivergenceTarget(self._context, view.size)
+                with self._timer.measure("divergence"):
+                    self._divergence.run(targets.visibility, self._decoder_table(source), targets.divergence[source])
+                targets.counted[source] = (key, DivergenceStatistics.of(targets.divergence[source].read()))
+            if source != REFERENCE:
+                statistics[source] = targets.counted[source][1]
+        return statistics
+
+    def _overlay(self, view: ViewState, targets: _Targets, first: Slot, second: Slot) -> HeatmapOverlay | None:
+        if view.overlay != "divergence":
+            return None
+        most = max(2, *(targets.counted[slot.source][1].maximum for slot in (first, second)))
+        maps = (targets.divergence[first.source], targets.divergence[second.source])
+        return HeatmapOverlay(*maps, most, view.overlay_opacity)
+
     def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
         wipe = view.compare == "wipe"
         first = view.slot_b if view.compare == "b" else view.slot_a
         second = view.slot_b if wipe else first
         divider = view.wipe_position * view.size[0] if wipe else None
         key: Any = (first, second, divider, targets.drawn.get(first), targets.drawn.get(second))
+        if view.overlay != "none":
+            key = (*key, view.overlay, view.overlay_opacity)
         if targets.composite_key == key:
             skipped["passes"] += 1
             return
+        overlay = self._overlay(view, targets, first, second)
         with self._timer.measure("composite"):
             if divider is None:
-                self._composite.run_single(targets.albedo[first], targets.composite)
+                self._composite.run_single(targets.albedo[first], targets.composite, overlay)
             else:
-                self._composite.run_wipe(targets.albedo[first], targets.albedo[second], divider, targets.composite)
+                albedo_a, albedo_b = targets.albedo[first], targets.albedo[second]
+                self._composite.run_wipe(albedo_a, albedo_b, divider, targets.composite, overlay)
         targets.composite_key = key
 
     def albedo(self, slot: Slot) -> NDArray[np.float32]:
@@ -282,6 +343,8 @@ class Renderer:
             passes.buffers.release()
         self._decode.clear()
         self._composite.release()
+        for _, table in self._tables.values():
+            table.release()
         self._reference.release()
         self._scene_buffers.release()
         for programs in (self._programs, *self._codec_programs.values()):

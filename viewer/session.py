@@ -18,6 +18,7 @@ from viewer.actions import (
     SetCamera,
     SetCoarseWhileMoving,
     SetCompare,
+    SetOverlay,
     SetResolution,
     SetSlot,
 )
@@ -149,6 +150,8 @@ class Session:
                 self.view = replace(self.view, camera=camera)
             case SetAnisotropy(value=value):
                 self.view = replace(self.view, anisotropy=value)
+            case SetOverlay(overlay=overlay, opacity=opacity):
+                self.view = replace(self.view, overlay=overlay, overlay_opacity=opacity)
             case SetResolution(share=share):
                 self.resolution = share
             case SetCoarseWhileMoving(value=value):

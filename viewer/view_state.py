@@ -8,6 +8,7 @@ from viewer.scene.model import Camera
 DecodePath = Literal["forward", "deferred"]
 Precision = Literal["fp32", "fp16"]
 CompareMode = Literal["a", "b", "wipe"]
+Overlay = Literal["none", "divergence"]
 
 REFERENCE: Final = "reference"
 """The slot source that shows the original images instead of a pack."""
@@ -37,5 +38,9 @@ class ViewState:
     compare: CompareMode = "a"
     wipe_position: float = 0.5
     """Divider of the wipe as a share of the width: A is left of it."""
+    overlay: Overlay = "none"
+    """What lies over the picture: nothing, or the heatmap of decoders per block."""
+    overlay_opacity: float = 0.6
+    """0 to 1."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference: 1 (trilinear, as the decode paths filter) to 16."""

@@ -9,7 +9,7 @@ from ntc.config import CodecConfig
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
-from viewer.passes.layout import StorageBinding, TextureUnit, scene_layout_glsl
+from viewer.passes.layout import ImageUnit, StorageBinding, TextureUnit, scene_layout_glsl
 from viewer.passes.pack_buffers import codec_programs
 from viewer.resources import shaders_folder
 
@@ -25,9 +25,13 @@ DRAWN = [
     for precision in PRECISIONS
 ]
 FULL_SCREEN = [
-    *[("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe}) for wipe in (0, 1)],
+    *[
+        ("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe, "OVERLAY": overlay})
+        for wipe in (0, 1)
+        for overlay in (0, 1)
+    ],
     *(
-        ("common/fullscreen.vert", "passes/reference/sample.frag", {"ANISOTROPIC": a, "FIRST": first, "SORTS": sorts})
+        ("common/fullscreen.vert", "passes/reference/sample.frag", {"GRADIENTS": a, "FIRST": first, "SORTS": sorts})
         for a in (0, 1)
         for first, sorts in ((1, 0), (1, 1), (0, 0))
     ),
@@ -37,6 +41,7 @@ COMPUTED = [
     for name in ("passes/decode_deferred/decode.comp", "passes/decode_texels/decode.comp")
     for precision in PRECISIONS
 ]
+COMPUTED += [("passes/divergence/divergence.comp", {"BLOCK_WIDTH": 8, "BLOCK_HEIGHT": 8})]
 ALL_GLSL = sorted(
     path.relative_to(shaders_folder()).as_posix() for path in shaders_folder().rglob("*") if path.is_file()
 )
@@ -89,7 +94,11 @@ def test_every_file_is_compiled_by_one_of_these_programs() -> None:
 
 
 def test_bindings_come_from_the_layout() -> None:
-    known = {f"BINDING_{b.name}" for b in StorageBinding} | {f"UNIT_{u.name}" for u in TextureUnit} | {"IMAGE_ALBEDO"}
+    known = (
+        {f"BINDING_{b.name}" for b in StorageBinding}
+        | {f"UNIT_{u.name}" for u in TextureUnit}
+        | {f"IMAGE_{i.name}" for i in ImageUnit}
+    )
     used = set()
     for name in ALL_GLSL:
         used |= set(re.findall(r"binding\s*=\s*(\w+)", (shaders_folder() / name).read_text()))
@@ -101,7 +110,7 @@ def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: Progr
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
         assert decode[block].binding == StorageBinding[binding]
-    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": 1})
+    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": 1, "OVERLAY": 0})
     assert composite["albedo_a"].value == TextureUnit.ALBEDO_A
     assert composite["albedo_b"].value == TextureUnit.ALBEDO_B
 

@@ -152,6 +152,36 @@ def test_measuring_fills_the_table(app: HeadlessApp) -> None:
     assert app.session.measured_view == app.session.view
 
 
+def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -> None:
+    camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
+    app.session.settings = replace(app.session.settings, coarse_while_moving=False)
+    app.session.view = replace(app.session.view, camera=camera, compare="a")
+    app.settle()
+    hide_panels(app)
+    plain = app.screenshot().astype(int)
+    assert app.frontend.skipped["divergence_passes"] == 1
+    app.press(imgui.Key.o)
+    assert app.session.view.overlay == "divergence"
+    assert "divergence_passes" not in app.frontend.skipped
+    covered = app.screenshot().astype(int)
+    changed = np.abs(covered - plain).max(axis=2) > 5
+    assert 0.1 < changed[60:-60].mean() < 0.9
+    red = (covered[..., 0] > covered[..., 1] + 40) & changed
+    # Red where the two squares meet, green elsewhere.
+    columns = np.nonzero(red[80:-80].any(axis=0))[0]
+    assert len(columns) == 8
+    app.press(imgui.Key.o)
+    np.testing.assert_array_equal(app.screenshot().astype(int), plain)
+
+
+def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
+    app.click("divergence")
+    assert app.session.view.overlay == "divergence"
+    assert "opacity" in app.frontend.interface.items.labels()
+    app.click("divergence")
+    assert app.session.view.overlay == "none"
+
+
 def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:
     pack = read_pack(scene_path.with_name("scene.single.ntc"))
     write_pack(tmp_path / "mine.ntc", pack)

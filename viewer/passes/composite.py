@@ -1,12 +1,14 @@
 """Composite: slots A and B side by side, as the 8-bit sRGB picture that is shown."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import moderngl
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.divergence import DivergenceTarget
 from viewer.passes.layout import TextureUnit
 
 
@@ -26,39 +28,68 @@ class CompositeTarget:
         self.texture.release()
 
 
+@dataclass(frozen=True, eq=False)
+class HeatmapOverlay:
+    """Decoders per block, to lie over the picture."""
+
+    first: DivergenceTarget
+    """For the slot that is shown alone, or left of the divider."""
+    second: DivergenceTarget
+    """For the slot right of the divider."""
+    most: int
+    """Decoders at the red end of the scale."""
+    opacity: float
+
+
 class CompositePass:
-    """Inputs: linear albedo of one slot, or of A and B with the divider. Output: an 8-bit sRGB picture."""
+    """Inputs: linear albedo of one slot, or of A and B with the divider; a heatmap. Output: an 8-bit sRGB picture."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._gl = context.gl
-        self._programs = {
-            wipe: programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": int(wipe)})
-            for wipe in (False, True)
-        }
-        self._triangles = {wipe: context.gl.vertex_array(program, []) for wipe, program in self._programs.items()}
+        self._programs = programs
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
 
-    def run_single(self, albedo: AlbedoTarget, target: CompositeTarget) -> None:
+    def run_single(self, albedo: AlbedoTarget, target: CompositeTarget, overlay: HeatmapOverlay | None = None) -> None:
         """One slot over the whole picture."""
-        self._run(False, target, {TextureUnit.ALBEDO_A: albedo}, {})
+        self._run({TextureUnit.ALBEDO_A: albedo}, None, target, overlay)
 
-    def run_wipe(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, divider: float, target: CompositeTarget) -> None:
+    def run_wipe(
+        self,
+        albedo_a: AlbedoTarget,
+        albedo_b: AlbedoTarget,
+        divider: float,
+        target: CompositeTarget,
+        overlay: HeatmapOverlay | None = None,
+    ) -> None:
         """A left of `divider` (pixels from the left), B right of it."""
-        textures = {TextureUnit.ALBEDO_A: albedo_a, TextureUnit.ALBEDO_B: albedo_b}
-        self._run(True, target, textures, {"divider": divider})
+        self._run({TextureUnit.ALBEDO_A: albedo_a, TextureUnit.ALBEDO_B: albedo_b}, divider, target, overlay)
 
     def _run(
         self,
-        wipe: bool,
+        albedo: Mapping[TextureUnit, AlbedoTarget],
+        divider: float | None,
         target: CompositeTarget,
-        textures: Mapping[TextureUnit, AlbedoTarget],
-        uniforms: Mapping[str, object],
+        overlay: HeatmapOverlay | None,
     ) -> None:
+        program = self._programs.program(
+            "common/fullscreen.vert",
+            "passes/composite/composite.frag",
+            {"WIPE": int(divider is not None), "OVERLAY": int(overlay is not None)},
+        )
+        if program not in self._triangles:
+            self._triangles[program] = self._gl.vertex_array(program, [])
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
-        for unit, albedo in textures.items():
-            albedo.texture.use(int(unit))
-        set_uniforms(self._programs[wipe], {"depth": 0.0, **uniforms})
-        self._triangles[wipe].render(moderngl.TRIANGLES, vertices=3)
+        for unit, source in albedo.items():
+            source.texture.use(int(unit))
+        set_uniforms(program, {"depth": 0.0} if divider is None else {"depth": 0.0, "divider": divider})
+        if overlay is not None:
+            overlay.first.texture.use(int(TextureUnit.DIVERGENCE_A))
+            overlay.second.texture.use(int(TextureUnit.DIVERGENCE_B))
+            block, opacity = overlay.first.block, overlay.opacity
+            scale = {"picture": target.size, "block": block, "most": float(overlay.most), "opacity": opacity}
+            set_uniforms(program, scale)
+        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
 
     def release(self) -> None:
         """Free the vertex arrays."""

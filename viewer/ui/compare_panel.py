@@ -5,7 +5,16 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand, SetAnisotropy, SetCoarseWhileMoving, SetCompare, SetResolution, SetSlot, Side
+from viewer.actions import (
+    RunCommand,
+    SetAnisotropy,
+    SetCoarseWhileMoving,
+    SetCompare,
+    SetOverlay,
+    SetResolution,
+    SetSlot,
+    Side,
+)
 from viewer.session import Session
 from viewer.settings import ANISOTROPIES
 from viewer.ui.facts import Emit, FrameFacts
@@ -85,6 +94,29 @@ def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
         emit(SetCoarseWhileMoving(coarse))
 
 
+def _overlay(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    view = session.view
+    changed, shown = imgui.checkbox("divergence", view.overlay == "divergence")
+    items.note("divergence")
+    if changed:
+        emit(SetOverlay("divergence" if shown else "none", view.overlay_opacity))
+    if view.overlay == "none":
+        return
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    moved, opacity = imgui.slider_float("##opacity", view.overlay_opacity, 0.0, 1.0, "opacity %.2f")
+    items.note("opacity")
+    if moved:
+        emit(SetOverlay(view.overlay, opacity))
+    for name, figures in facts.divergence.items():
+        imgui.text(f"{name}: score {figures.score:.4f}, excess {figures.excess:,}, most {figures.maximum}")
+    shown_excess = [
+        facts.divergence[s].excess for s in (view.slot_a.source, view.slot_b.source) if s in facts.divergence
+    ]
+    if len(shown_excess) == 2 and shown_excess[1] > 0:
+        imgui.text(f"A against B: {100.0 * (shown_excess[0] / shown_excess[1] - 1.0):+.1f} % excess")
+
+
 def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
     if imgui.button("Measure"):
         emit(RunCommand("measure"))
@@ -128,5 +160,7 @@ def draw_compare_panel(session: Session, facts: FrameFacts, emit: Emit, items: I
     _modes(session, emit, items)
     imgui.separator()
     _filters(session, emit, items)
+    imgui.separator()
+    _overlay(session, facts, emit, items)
     imgui.separator()
     _figures(session, facts, emit, items)

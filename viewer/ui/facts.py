@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from ntc.divergence import DivergenceStatistics
 from viewer.actions import Action
 from viewer.view_state import Slot
 
@@ -21,6 +22,8 @@ class FrameFacts:
     """Median time of each pass over the recent frames in which it ran, ms."""
     skipped: Mapping[str, int] = field(default_factory=dict)
     drawn: Mapping[str, int] = field(default_factory=dict)
+    divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
+    """Of the shown packs, by name, while the overlay is shown."""
     gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
     frames_drawn: int = 0
     picture: tuple[float, float] = (1.0, 1.0)

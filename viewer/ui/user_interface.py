@@ -47,7 +47,7 @@ class UserInterface:
         right = size[0] - PANEL_WIDTH - EDGE
         imgui.set_next_window_bg_alpha(0.88)
         imgui.set_next_window_pos(ImVec2(EDGE, 36), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 322), first)
+        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 356), first)
         if imgui.begin("Compare")[0]:
             draw_compare_panel(session, facts, emit, self.items)
         imgui.end()
@@ -58,7 +58,7 @@ class UserInterface:
             draw_scene_panel(session, self._open_field, emit, self.items)
         imgui.end()
         imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(EDGE, 366), first)
+        imgui.set_next_window_pos(ImVec2(EDGE, 400), first)
         imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 270), first)
         imgui.set_next_window_collapsed(size[1] < 640.0, first)
         opened = imgui.begin("Timings")[0]
