@@ -58,6 +58,7 @@ class Frontend:
         self._camera: Camera | None = None
         self._moved_at = -math.inf
         self._whole_frame_ms = 0.0
+        self._slot_ms: Mapping[Slot, float] = {}
         self.frames_drawn = 0
         """Frames in which the renderer had something to do."""
 
@@ -116,6 +117,7 @@ class Frontend:
         if coarse:
             # Times of a coarse picture say nothing about the whole one.
             return
+        self._slot_ms = self._last.slot_ms
         self._whole_frame_ms = sum(self._last.timings_ms.values())
         for name, milliseconds in self._last.timings_ms.items():
             self._times[name].append(milliseconds)
@@ -132,6 +134,7 @@ class Frontend:
             renderer=self._context.info.renderer,
             timer=last.timer if last else "",
             timings_ms={name: statistics.median(times) for name, times in self._times.items()},
+            slot_ms=self._slot_ms,
             skipped=last.skipped if last else {},
             drawn=last.drawn if last else {},
             divergence=last.divergence if last else {},

@@ -40,7 +40,9 @@ class FrameResult:
     image: moderngl.Texture
     """RGBA8, sRGB-coded, row 0 at the bottom."""
     timings_ms: Mapping[str, float]
-    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes."""
+    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up."""
+    slot_ms: Mapping[Slot, float]
+    """Time in ms that each shown slot's albedo took when it was last drawn at this size."""
     timer: str
     """How the times were taken."""
     skipped: Mapping[str, int]
@@ -60,6 +62,7 @@ class _Targets:
     albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
     drawn: dict[Slot, object] = field(default_factory=dict)
     """For each slot what its albedo was made from; equal means it is still good."""
+    slot_ms: dict[Slot, float] = field(default_factory=dict)
     divergence: dict[str, DivergenceTarget] = field(default_factory=dict)
     """By source."""
     counted: dict[str, tuple[object, DivergenceStatistics]] = field(default_factory=dict)
@@ -161,7 +164,15 @@ class Renderer:
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
         drawn = {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)}
-        return FrameResult(targets.composite.texture, timings, self._timer.kind, dict(skipped), divergence, drawn)
+        return FrameResult(
+            targets.composite.texture,
+            timings,
+            dict(targets.slot_ms),
+            self._timer.kind,
+            dict(skipped),
+            divergence,
+            drawn,
+        )
 
     def _targets_for(self, view: ViewState) -> _Targets:
         shows_reference = REFERENCE in (view.slot_a.source, view.slot_b.source)
@@ -213,6 +224,7 @@ class Renderer:
                     passes.forward.run(targets.visibility, self._scene_buffers, target, self._matrix)
                 elif passes.deferred is not None:
                     passes.deferred.run(targets.visibility, self._scene_buffers, target)
+        targets.slot_ms[slot] = self._timer.last_ms
         targets.drawn[slot] = key
 
     def _decode_passes(self, slot: Slot) -> _DecodePasses:
@@ -240,6 +252,7 @@ class Renderer:
         for slot in [s for s in targets.albedo if s not in (view.slot_a, view.slot_b) and s.source != REFERENCE]:
             targets.albedo.pop(slot).release()
             targets.drawn.pop(slot, None)
+            targets.slot_ms.pop(slot, None)
 
     def _decoder_table(self, source: str) -> DecoderTable:
         """Decoder of every texture under the grouping of `source`; for the reference nothing is decoded."""

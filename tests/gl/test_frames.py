@@ -183,3 +183,22 @@ def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> N
     assert passes(frame) == {"visibility", "upload", "reference", "composite"}
     assert np.array_equal(renderer.albedo(reference), renderer.albedo(Slot()))
     assert passes(renderer.render(replace(VIEW, slot_a=reference, slot_b=Slot()))) == set()
+
+
+def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
+    half = Slot("p", "deferred", "fp16")
+    frame = renderer.render(replace(VIEW, slot_a=DEFERRED, slot_b=half))
+    assert set(frame.slot_ms) >= {DEFERRED, half}
+    assert frame.slot_ms[DEFERRED] + frame.slot_ms[half] == pytest.approx(frame.timings_ms["decode_deferred"], rel=1e-6)
+
+
+def test_divergence_is_counted_only_while_it_is_shown(renderer: Renderer) -> None:
+    hidden = renderer.render(VIEW)
+    assert "divergence" not in hidden.timings_ms
+    assert hidden.skipped["divergence_passes"] == 2
+    shown = renderer.render(replace(VIEW, overlay="divergence"))
+    assert shown.divergence["p"].maximum == 1
+    assert passes(shown) == {"composite"}
+    again = renderer.render(replace(VIEW, overlay="divergence", overlay_opacity=0.3))
+    assert "divergence" not in again.timings_ms
+    assert passes(again) == {"composite"}

@@ -19,6 +19,8 @@ class PassTimer:
         self._by_wall = context.info.is_software
         self._query = None if self._by_wall else context.gl.query(time=True)
         self._times: dict[str, float] = {}
+        self.last_ms = 0.0
+        """Time of the pass that was measured last."""
 
     @property
     def kind(self) -> TimerKind:
@@ -45,6 +47,7 @@ class PassTimer:
             yield
             self._gl.finish()
             elapsed = (time.perf_counter() - start) * 1e3
+        self.last_ms = elapsed
         self._times[name] = self._times.get(name, 0.0) + elapsed
 
     def take(self) -> dict[str, float]:

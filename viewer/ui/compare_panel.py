@@ -143,8 +143,7 @@ def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces)
         rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
         rows["excess"].append(str(divergence.excess) if divergence else "-")
         rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
-        name = "reference" if slot.source == REFERENCE else f"decode_{slot.path}"
-        rows["decode ms"].append(f"{facts.timings_ms[name]:.2f}" if name in facts.timings_ms else "-")
+        rows["decode ms"].append(f"{facts.slot_ms[slot]:.2f}" if slot in facts.slot_ms else "-")
     for name, values in rows.items():
         imgui.table_next_row()
         for text in (name, *values):

@@ -20,6 +20,8 @@ class FrameFacts:
     """How times are taken."""
     timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time of each pass over the recent frames in which it ran, ms."""
+    slot_ms: Mapping[Slot, float] = field(default_factory=dict)
+    """Time that each slot took when it was last drawn whole, ms."""
     skipped: Mapping[str, int] = field(default_factory=dict)
     drawn: Mapping[str, int] = field(default_factory=dict)
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
