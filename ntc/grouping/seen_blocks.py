@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ntc.divergence import BLOCK
+from ntc.divergence import BLOCK, distinct_ids
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,18 +29,6 @@ class SeenBlocks:
         return float(self.weights @ (distinct - 1.0)) if len(self.weights) else 0.0
 
 
-def _rows_of_blocks(texture_ids: NDArray[np.int32], block: tuple[int, int]) -> NDArray[np.int32]:
-    """[blocks, pixels] sorted ids of each block, with repeated ids and background as -1."""
-    height, width = texture_ids.shape
-    rows, columns = -(-height // block[0]), -(-width // block[1])
-    padded = np.full((rows * block[0], columns * block[1]), -1, np.int32)
-    padded[:height, :width] = texture_ids
-    pixels = padded.reshape(rows, block[0], columns, block[1]).swapaxes(1, 2).reshape(rows * columns, -1)
-    ordered = np.sort(pixels, axis=1)
-    ordered[:, 1:][ordered[:, 1:] == ordered[:, :-1]] = -1
-    return ordered
-
-
 def seen_blocks(views: Sequence[NDArray[np.int32]], textures: int, block: tuple[int, int] = BLOCK) -> SeenBlocks:
     """The texture sets of `views`, each [H, W] int32 texture ids with -1 for none, row 0 on top.
 
@@ -51,7 +39,7 @@ def seen_blocks(views: Sequence[NDArray[np.int32]], textures: int, block: tuple[
     for view in views:
         if view.size and int(view.max()) >= textures:
             raise ValueError(f"texture id {int(view.max())} in a scene of {textures} textures")
-        rows = _rows_of_blocks(view, block)
+        rows = distinct_ids(view, block).reshape(-1, block[0] * block[1])
         blocks += len(rows)
         several = rows[(rows >= 0).sum(axis=1) > 1]
         distinct, counts = np.unique(np.sort(several, axis=1), axis=0, return_counts=True)
