@@ -11,7 +11,7 @@ from ntc.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 from ntc.decoder import DecoderStack
 from ntc.latents import latent_levels
 from ntc.pack import Pack
-from ntc.reference import texel_centres
+from ntc.reference import image_of_texels
 from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows
 
 TEXELS_AT_ONCE = 1 << 17
@@ -101,8 +101,4 @@ class TorchCodec:
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
-        texture = self._pack.textures[texture_index]
-        geometry = latent_levels(texture.width, texture.height, self._pack.config)[level]
-        uv = texel_centres(geometry.texel_width, geometry.texel_height)
-        values = self.decode_texels(texture_index, uv, np.full(len(uv), float(level)))
-        return np.rint(values * 255.0).astype(np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
+        return image_of_texels(self._pack, texture_index, level, self.decode_texels)

@@ -31,6 +31,10 @@ class PackMatch:
         """Textures of the scene that the pack decodes."""
         return len(self.texture_index) - len(self.absent)
 
+    def decoders(self, pack: Pack) -> tuple[int, ...]:
+        """For each texture of the scene its decoder in `pack`, which this match was made for; -1 where it has none."""
+        return tuple(pack.textures[index].group if index >= 0 else -1 for index in self.texture_index)
+
     def line(self) -> str:
         """One line: how many textures match, and which do not."""
         line = f"{self.matched} of {len(self.texture_index)} textures match"

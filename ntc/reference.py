@@ -1,5 +1,8 @@
 """The slow twin of every decoder: docs/codec.md in numpy float64, written for reading."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +12,8 @@ from ntc.pack import Decoder, EncodedTexture, Pack
 from ntc.positional import positional_encoding
 
 Array = NDArray[np.float64]
+TexelDecoder = Callable[[int, Array, Array], NDArray[np.floating]]
+"""(texture index, uv [N, 2], lod [N]) -> [N, channels] in [0, 1]."""
 TEXELS_AT_ONCE = 1 << 16
 """Texels decoded together, to bound memory."""
 
@@ -108,10 +113,15 @@ def texel_centres(width: int, height: int) -> Array:
     return np.stack([np.tile(u, height), np.repeat(v, width)], axis=-1)
 
 
-def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
+def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDecoder) -> NDArray[np.uint8]:
+    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel centres."""
     texture = pack.textures[texture_index]
     geometry = latent_levels(texture.width, texture.height, pack.config)[level]
     uv = texel_centres(geometry.texel_width, geometry.texel_height)
-    values = decode_texels(pack, texture_index, uv, np.full(len(uv), float(level)))
+    values = decode(texture_index, uv, np.full(len(uv), float(level)))
     return np.rint(values * 255.0).astype(np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
+
+
+def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
+    return image_of_texels(pack, texture_index, level, partial(decode_texels, pack))

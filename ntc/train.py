@@ -118,9 +118,6 @@ class _Cohort:
         cells = sum(self.data.cell_counts)
         start = (torch.rand(cells, config.latent_channels, generator=generator) * 2.0 - 1.0) * LATENT_SPREAD
         self.latents = torch.nn.Parameter(start.to(device))
-        self._texture_of_cell = torch.repeat_interleave(
-            torch.arange(len(textures), device=device), torch.tensor(self.data.cell_counts, device=device)
-        )
         self.per_texture = (
             training.texels_per_texture
             if training.texels_per_group is None

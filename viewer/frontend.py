@@ -153,9 +153,8 @@ class Frontend:
         for side, slot in (("a", view.slot_a), ("b", view.slot_b)):
             shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
             picture = SeenPicture(shown, reference, covered, texture_ids)
-            match = renderer.matches.get(slot.source)
-            index = match.texture_index if match is not None else ()
-            results[side] = measure_slot(slot.source, picture, self.session.packs, index, renderer.gpu_bytes(slot))
+            pack, match = self.session.packs.get(slot.source), renderer.matches.get(slot.source)
+            results[side] = measure_slot(slot.source, picture, pack, match, renderer.gpu_bytes(slot))
         self.session.measurements = results
         self.session.measured_view = self.session.view
 

@@ -1,6 +1,5 @@
 """Quality, divergence, memory and time of what a slot shows, measured on the picture that is seen."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from ntc.color import linear_to_srgb8
 from ntc.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics import psnr_db
 from ntc.pack import Pack
+from ntc.pack_match import PackMatch
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,9 @@ class SlotMeasurement:
     """Latents, decoders and tables on the GPU; None for the reference."""
 
 
-def decoder_ids(texture_ids: NDArray[np.int32], texture_index: tuple[int, ...], pack: Pack) -> NDArray[np.int32]:
-    """[H, W] int32 decoder of each pixel from its texture id [H, W]; -1 where the pack decodes nothing.
-
-    `texture_index` is that of the `PackMatch` of scene and pack.
-    """
-    groups = [pack.textures[index].group if index >= 0 else -1 for index in texture_index]
-    return np.array([*groups, -1], dtype=np.int32)[texture_ids]
+def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:
+    """[H, W] int32 decoder of each pixel from its texture id [H, W]; -1 where the pack decodes nothing."""
+    return np.array([*match.decoders(pack), -1], dtype=np.int32)[texture_ids]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +45,13 @@ class SeenPicture:
 
 
 def measure_slot(
-    source: str, picture: SeenPicture, packs: Mapping[str, Pack], texture_index: tuple[int, ...], gpu_bytes: int | None
+    source: str, picture: SeenPicture, pack: Pack | None, match: PackMatch | None, gpu_bytes: int | None
 ) -> SlotMeasurement:
-    """Figures of a picture; `source` is the name of a pack in `packs`, or the reference."""
-    pack = packs.get(source)
-    if pack is None:
+    """Figures of a picture; without a pack it is the reference's."""
+    if pack is None or match is None:
         return SlotMeasurement(source, None, None, None)
     shown, truth = linear_to_srgb8(picture.albedo), linear_to_srgb8(picture.reference)
     covered = picture.covered
     quality = psnr_db(shown[covered], truth[covered]) if covered.any() else None
-    divergence = DivergenceStatistics.of(divergence_map(decoder_ids(picture.texture_ids, texture_index, pack)))
+    divergence = DivergenceStatistics.of(divergence_map(decoder_ids(picture.texture_ids, pack, match)))
     return SlotMeasurement(source, quality, divergence, gpu_bytes)

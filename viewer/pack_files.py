@@ -5,7 +5,28 @@ from pathlib import Path
 
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
+from ntc.pack_match import PackMatch, match_pack
+from viewer.scene.model import Scene
 from viewer.view_state import REFERENCE
+
+PACK_SUFFIX = ".ntc"
+PREFERRED_GROUPING = "clustered"
+
+
+def match_scene(pack: Pack, scene: Scene) -> PackMatch:
+    """Which textures of `scene` are in `pack`."""
+    textures = scene.textures
+    return match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+
+
+def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
+    """Name of the open pack that is called `grouping` or has that grouping; None without one."""
+    return next((name for name, pack in packs.items() if grouping in (name, pack.grouping.name)), None)
+
+
+def preferred_source(packs: Mapping[str, Pack]) -> str:
+    """What to show where nobody says: the clustered pack, else the first, else the reference."""
+    return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
@@ -17,7 +38,7 @@ def packs_beside(scene_path: Path) -> tuple[Path, ...]:
         sorted(
             path
             for path in folder.iterdir()
-            if path.suffix == ".ntc" and (path.stem == stem or path.name.startswith(f"{stem}.")) and path.is_file()
+            if path.suffix == PACK_SUFFIX and (path.stem == stem or path.name.startswith(f"{stem}.")) and path.is_file()
         )
     )
 

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ntc.config import CodecConfig
 from ntc.divergence import DivergenceStatistics
 from ntc.pack import Pack
-from ntc.pack_match import PackMatch, match_pack
+from ntc.pack_match import PackMatch
 from viewer.camera import view_projection
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
+from viewer.pack_files import match_scene
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, HeatmapOverlay
 from viewer.passes.culling import Culling, DrawList
@@ -108,7 +109,7 @@ class Renderer:
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._composite = CompositePass(context, self._programs)
         self._divergence = DivergencePass(context, self._programs)
-        self._tables: dict[str, tuple[int, DecoderTable]] = {}
+        self._tables: dict[str, DecoderTable] = {}
         self._timer = PassTimer(context)
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
@@ -128,16 +129,16 @@ class Renderer:
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
         """The packs that slots may name. Those that are gone or replaced are freed."""
-        hashes = [texture.pixel_hash for texture in self._scene.textures]
-        names = [texture.name for texture in self._scene.textures]
         for name in [name for name, pack in self._packs.items() if packs.get(name) is not pack]:
             for key in [key for key in self._decode if key[0] == name]:
                 self._decode.pop(key).buffers.release()
+            if name in self._tables:
+                self._tables.pop(name).release()
         for name, pack in packs.items():
             if self._packs.get(name) is not pack:
                 self._version += 1
                 self._pack_versions[name] = self._version
-                self._matches[name] = match_pack(pack, hashes, names)
+                self._matches[name] = match_scene(pack, self._scene)
         self._matches = {name: match for name, match in self._matches.items() if name in packs}
         self._packs = dict(packs)
 
@@ -256,18 +257,12 @@ class Renderer:
 
     def _decoder_table(self, source: str) -> DecoderTable:
         """Decoder of every texture under the grouping of `source`; for the reference nothing is decoded."""
-        version = self._pack_versions.get(source, 0)
-        present = self._tables.get(source)
-        if present is not None and present[0] == version:
-            return present[1]
-        if present is not None:
-            present[1].release()
-        pack = self._packs.get(source)
-        index = self._matches[source].texture_index if pack is not None else (-1,) * len(self._scene.textures)
-        decoders = [pack.textures[at].group if pack is not None and at >= 0 else -1 for at in index]
-        table = DecoderTable(self._context, decoders)
-        self._tables[source] = (version, table)
-        return table
+        if source not in self._tables:
+            pack = self._packs.get(source)
+            undecoded = (-1,) * len(self._scene.textures)
+            decoders = undecoded if pack is None else self._matches[source].decoders(pack)
+            self._tables[source] = DecoderTable(self._context, decoders)
+        return self._tables[source]
 
     def _update_divergence(
         self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]
@@ -356,7 +351,7 @@ class Renderer:
             passes.buffers.release()
         self._decode.clear()
         self._composite.release()
-        for _, table in self._tables.values():
+        for table in self._tables.values():
             table.release()
         self._reference.release()
         self._scene_buffers.release()

@@ -8,7 +8,7 @@ from typing import Literal
 from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
-from ntc.pack_match import PackMatch, match_pack, require_match
+from ntc.pack_match import PackMatch, require_match
 from viewer.actions import (
     Action,
     MoveDivider,
@@ -24,15 +24,13 @@ from viewer.actions import (
 )
 from viewer.camera import frame_all
 from viewer.measurement import SlotMeasurement
-from viewer.pack_files import packs_beside, unused_name
+from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_source, source_of_grouping, unused_name
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
 from viewer.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
 
 TOAST_SECONDS = 6.0
-PREFERRED_GROUPING = "clustered"
-PACK_SUFFIX = ".ntc"
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,7 @@ class FirstLook:
 def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
     """Read a pack that holds textures of `scene`. Raises InputError for any other."""
     pack = read_pack(path)
-    textures = scene.textures
-    match = match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+    match = match_scene(pack, scene)
     require_match(pack, match, scene.name)
     return pack, match
 
@@ -105,10 +102,8 @@ class Session:
     def _first_source(self, wanted: str | None) -> str:
         if wanted == REFERENCE:
             return REFERENCE
-        named = [name for name, pack in self.packs.items() if wanted in (name, pack.grouping.name)]
-        if named:
-            return named[0]
-        return PREFERRED_GROUPING if PREFERRED_GROUPING in self.packs else next(iter(self.packs), REFERENCE)
+        found = source_of_grouping(self.packs, wanted) if wanted is not None else None
+        return found or preferred_source(self.packs)
 
     @property
     def shown_view(self) -> ViewState:

@@ -34,7 +34,7 @@ class _Objective:
 
     def __init__(self, seen: SeenBlocks, features: Array, config: CovisibleConfig) -> None:
         textures = len(features)
-        self._members, self._weights = seen.members, seen.weights
+        self._seen = seen
         self._weighted = seen.members.multiply(seen.weights[:, None]).tocsr()
         self._seen_with = np.asarray(self._weighted.sum(axis=0)).reshape(-1)
         self._features = features
@@ -47,7 +47,7 @@ class _Objective:
 
     def together(self) -> Array:
         """[textures, textures] blocks in which two textures are seen together; 0 on the diagonal."""
-        pairs = np.asarray((self._weighted.T @ self._members).todense())
+        pairs = np.asarray((self._weighted.T @ self._seen.members).todense())
         np.fill_diagonal(pairs, 0.0)
         return pairs
 
@@ -55,18 +55,16 @@ class _Objective:
         """[sets, clusters] textures of each set in each group."""
         choice = np.zeros((len(groups), self.clusters))
         choice[np.arange(len(groups)), groups] = 1.0
-        return np.asarray(self._members @ choice)
+        return np.asarray(self._seen.members @ choice)
 
     def cost(self, groups: Groups) -> float:
         """What is minimised."""
-        distinct = (self.counts(groups) > 0.0).sum(axis=1)
-        excess = float(self._weights @ (distinct - 1.0)) if len(self._weights) else 0.0
         spread = 0.0
         for group in range(self.clusters):
             inside = self._features[groups == group]
             if len(inside):
                 spread += float(((inside - inside.mean(axis=0)) ** 2).sum())
-        return excess * self._excess_scale + spread * self._spread_scale
+        return self._seen.excess(groups) * self._excess_scale + spread * self._spread_scale
 
     def moves(self, groups: Groups) -> Array:
         """[textures, clusters] change of the cost when one texture moves to a group; infinite where that is full."""

@@ -18,6 +18,7 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
+from viewer.pack_files import PACK_SUFFIX
 
 Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions
 
@@ -31,7 +32,6 @@ _Subcommands = (
 )
 SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "doctor")
 DESCRIPTION = "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents."
-PACK_SUFFIX = ".ntc"
 
 
 def _with_subcommand(arguments: list[str]) -> list[str]:

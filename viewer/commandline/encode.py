@@ -17,8 +17,8 @@ from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
 from ntc.train import TrainingProgress, train
 from ntc.training_config import TrainingConfig, recipe_config
-from viewer.commandline.arguments import PACK_SUFFIX
 from viewer.commandline.options import EncodeOptions
+from viewer.pack_files import PACK_SUFFIX
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene

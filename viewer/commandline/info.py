@@ -7,8 +7,8 @@ from typing import Any
 from ntc.metrics import psnr_table
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
-from viewer.commandline.arguments import PACK_SUFFIX
 from viewer.commandline.options import InfoOptions
+from viewer.pack_files import PACK_SUFFIX
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
 

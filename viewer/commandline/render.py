@@ -59,7 +59,7 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     match = renderer.matches.get(view.slot_a.source)
     ids = np.full_like(texture_ids, -1)
     if pack is not None and match is not None:
-        ids = decoder_ids(texture_ids, match.texture_index, pack)
+        ids = decoder_ids(texture_ids, pack, match)
     return Picture(color, reference, renderer.covered(), texture_ids, ids, divergence_map(ids), frame)
 
 

@@ -7,17 +7,16 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.pack import Pack
-from ntc.pack_match import match_pack, require_match
+from ntc.pack_match import require_match
 from viewer.camera import frame_all
 from viewer.commandline.options import RenderOptions
-from viewer.pack_files import open_packs, packs_beside
+from viewer.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
 from viewer.resources import assets_folder
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.view_state import REFERENCE
 
-PREFERRED_GROUPING = "clustered"
 MISSING_SHOWN = 3
 """Lines about missing things that are printed before it says how many more there are."""
 
@@ -45,9 +44,8 @@ def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
     """
     beside = packs_beside(scene.path) if scene.path is not None else ()
     packs = open_packs([*named, *beside])
-    hashes, names = [t.pixel_hash for t in scene.textures], [t.name for t in scene.textures]
     for pack in packs.values():
-        match = match_pack(pack, hashes, names)
+        match = match_scene(pack, scene)
         if pack.path in named:
             require_match(pack, match, scene.name)
         if match.absent:
@@ -64,17 +62,17 @@ def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[
     if grouping == REFERENCE:
         return REFERENCE
     if grouping is not None:
-        matching = [name for name, pack in packs.items() if grouping in (name, pack.grouping.name)]
-        if not matching:
+        found = source_of_grouping(packs, grouping)
+        if found is None:
             there = ", ".join([REFERENCE, *packs])
             raise InputError(
                 f"--grouping {grouping}: no such pack for this scene (there are: {there}); "
                 f"make one with: ntc-viewer encode SCENE --grouping {grouping} --out SCENE_NAME.{grouping}.ntc"
             )
-        return matching[0]
+        return found
     if named:
         return next(iter(packs))
-    return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
+    return preferred_source(packs)
 
 
 def choose_camera(scene: Scene, options: RenderOptions) -> Camera:

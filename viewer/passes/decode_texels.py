@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.config import WrapMode
-from ntc.latents import latent_levels
 from ntc.pack import Pack
-from ntc.reference import texel_centres
+from ntc.reference import image_of_texels
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
 from viewer.passes.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
@@ -72,11 +71,7 @@ class GlTexelDecoder:
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
-        texture = self._pack.textures[texture_index]
-        geometry = latent_levels(texture.width, texture.height, self._pack.config)[level]
-        uv = texel_centres(geometry.texel_width, geometry.texel_height)
-        values = self.decode_texels(texture_index, uv, np.full(len(uv), float(level)))
-        return np.rint(values * 255.0).astype(np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
+        return image_of_texels(self._pack, texture_index, level, self.decode_texels)
 
     def release(self) -> None:
         """Free the buffers."""

@@ -6,12 +6,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc import divergence
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.layout import GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.passes.visibility import VisibilityTarget
 
-BLOCK = (8, 8)
+BLOCK = divergence.BLOCK[::-1]
 """(width, height) of a block in pixels."""
 
 

@@ -8,12 +8,13 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.color import srgb_to_linear
 from ntc.errors import InputError
 from ntc.textures import hash_pixels
 from viewer.scene.gltf_buffers import Buffers, read_uri, resolve_uri
 from viewer.scene.gltf_container import GltfFile
 from viewer.scene.gltf_materials import MaterialSource
-from viewer.scene.images import decode_image, decode_srgb, is_constant, map_in_threads, split_alpha
+from viewer.scene.images import decode_image, is_constant, map_in_threads, split_alpha
 from viewer.scene.model import Material, SceneTexture
 from viewer.scene.report_notes import ReportNotes
 
@@ -64,7 +65,7 @@ def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool) -> 
         alpha = None
     whole = pixels if alpha is None else np.dstack([pixels, alpha])
     if is_constant(whole):
-        red, green, blue = (float(value) for value in decode_srgb(pixels[0, 0] / 255.0))
+        red, green, blue = (float(value) for value in srgb_to_linear(pixels[0, 0] / 255.0))
         constant = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
         return _DecodedImage(name, origin, constant=constant)
     return _DecodedImage(name, origin, pixels, alpha, hash_pixels(whole))

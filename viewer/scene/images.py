@@ -12,6 +12,7 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
+from ntc.color import linear_to_srgb
 from ntc.errors import InputError
 from ntc.files import atomic_path
 from ntc.textures import SourceTexture, hash_pixels
@@ -50,17 +51,6 @@ def map_in_threads(function: Callable[[_Item], _Result], items: Iterable[_Item])
         return list(pool.map(function, items))
 
 
-def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
-    """sRGB transfer function: linear values (0 to 1, clipped) to sRGB values 0 to 1, of the same shape."""
-    clipped = np.clip(np.nan_to_num(linear, nan=0.0), 0.0, 1.0)
-    return np.where(clipped <= 0.0031308, clipped * 12.92, 1.055 * np.power(clipped, 1.0 / 2.4) - 0.055)
-
-
-def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Inverse of `encode_srgb`: sRGB values 0 to 1 to linear values 0 to 1, of the same shape."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, np.power((encoded + 0.055) / 1.055, 2.4))
-
-
 def _suffix(data: bytes, name: str) -> str:
     for signature, suffix in _SIGNATURES:
         if data.startswith(signature):
@@ -94,8 +84,9 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     pixels = np.asarray(pixels).reshape(height, width, -1)
     if linear:
         colors = pixels.shape[2] - (pixels.shape[2] % 2 == 0)
-        pixels = np.concatenate([encode_srgb(pixels[..., :colors]), np.clip(pixels[..., colors:], 0, 1)], axis=2)
-        pixels = (np.nan_to_num(pixels) * 255 + 0.5).astype(np.uint8)
+        in_range = np.clip(np.nan_to_num(pixels, nan=0.0), 0.0, 1.0)
+        pixels = np.concatenate([linear_to_srgb(in_range[..., :colors]), in_range[..., colors:]], axis=2)
+        pixels = (pixels * 255 + 0.5).astype(np.uint8)
     if pixels.shape[2] <= 2:
         pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), pixels[..., 1:]], axis=2)
     return np.ascontiguousarray(pixels)

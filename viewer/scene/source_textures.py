@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.color import linear_to_srgb, srgb8_to_linear_table
 from ntc.config import WrapMode
 from ntc.errors import InputError
 from ntc.textures import SourceTexture
-from viewer.scene.images import decode_srgb, encode_srgb, map_in_threads, reduced_size
+from viewer.scene.images import map_in_threads, reduced_size
 from viewer.scene.model import Scene
 
-_LINEAR_OF_SRGB = decode_srgb(np.arange(256) / 255.0).astype(np.float32)
+_LINEAR_OF_SRGB = srgb8_to_linear_table()
 _LINEAR = (np.arange(256) / 255.0).astype(np.float32)
 
 
@@ -45,7 +46,7 @@ def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
         is_srgb = channel < colors
         values = (_LINEAR_OF_SRGB if is_srgb else _LINEAR)[texture.pixels[..., channel]]
         small = _box_filter(_box_filter(values, height).T, width).T
-        encoded = encode_srgb(small) if is_srgb else small
+        encoded = linear_to_srgb(np.clip(small, 0.0, 1.0)) if is_srgb else small
         planes.append(np.clip(np.rint(encoded * 255.0), 0, 255).astype(np.uint8))
     return replace(texture, pixels=np.ascontiguousarray(np.stack(planes, axis=2)))
 

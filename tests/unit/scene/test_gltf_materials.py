@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ntc.color import srgb_to_linear
 from ntc.errors import InputError
 from ntc.textures import hash_pixels
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
-from viewer.scene.images import decode_srgb
 from viewer.scene.load import load_scene
 from viewer.scene.model import Sampler, Scene
 from viewer.scene.report import report_json, report_lines
@@ -49,7 +49,7 @@ def test_constant_images_become_linear_factors() -> None:
     factor = {"baseColorFactor": [0.5, 0.5, 1.0, 0.5]}
     scene = with_material(builder, builder.material(image, pbr=factor, alphaMode="BLEND"))
     assert scene.textures == ()
-    linear = float(decode_srgb(np.array(188 / 255)))
+    linear = float(srgb_to_linear(np.array(188 / 255)))
     assert scene.materials[0].factor == pytest.approx((0.5 * linear, 0.5, 0.0, 0.5 * 128 / 255))
     assert scene.materials[0].texture_id == -1
     assert "constant images became factors" in scene.report.notes

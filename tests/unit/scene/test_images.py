@@ -7,11 +7,12 @@ import numpy as np
 import OpenImageIO
 import pytest
 
+from ntc.color import linear_to_srgb, srgb_to_linear
 from ntc.errors import InputError
 from ntc.textures import SourceTexture, hash_pixels
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
-from viewer.scene.images import decode_image, decode_srgb, encode_srgb, folder_textures, read_image, write_png
+from viewer.scene.images import decode_image, folder_textures, read_image, write_png
 from viewer.scene.source_textures import reduce_texture, source_textures
 
 
@@ -42,7 +43,7 @@ def test_other_formats(tmp_path: Path, suffix: str) -> None:
     ramp = np.linspace(30, 220, 32).astype(np.uint8)
     pixels = np.stack([np.tile(ramp, (32, 1)), np.tile(ramp[:, None], (1, 32)), np.full((32, 32), 90, np.uint8)], 2)
     path = tmp_path / f"a{suffix}"
-    stored = decode_srgb(pixels / 255.0).astype(np.float32) if suffix == ".exr" else pixels
+    stored = srgb_to_linear(pixels / 255.0).astype(np.float32) if suffix == ".exr" else pixels
     output = OpenImageIO.ImageOutput.create(str(path))
     spec = OpenImageIO.ImageSpec(32, 32, 3, "float" if suffix == ".exr" else "uint8")
     assert output.open(str(path), spec)
@@ -103,7 +104,7 @@ def test_folders_without_images(tmp_path: Path) -> None:
 
 def test_srgb_round_trip() -> None:
     values = np.arange(256) / 255.0
-    np.testing.assert_allclose(encode_srgb(decode_srgb(values)), values, atol=1e-6)
+    np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(values)), values, atol=1e-6)
 
 
 def test_reduction_is_a_box_filter_in_linear_light() -> None:
@@ -111,8 +112,8 @@ def test_reduction_is_a_box_filter_in_linear_light() -> None:
     small = reduce_texture(SourceTexture("a", pixels, "hash"), 8)
     assert small.size == (8, 4)
     assert small.pixel_hash == "hash"
-    linear = decode_srgb(pixels / 255.0).reshape(4, 2, 8, 2, 3).mean(axis=(1, 3))
-    np.testing.assert_array_equal(small.pixels, np.rint(encode_srgb(linear) * 255))
+    linear = srgb_to_linear(pixels / 255.0).reshape(4, 2, 8, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_array_equal(small.pixels, np.rint(linear_to_srgb(linear) * 255))
 
 
 def test_reduction_by_any_ratio_keeps_the_mean() -> None:
@@ -120,7 +121,7 @@ def test_reduction_by_any_ratio_keeps_the_mean() -> None:
     texture = SourceTexture("a", pixels, "hash")
     small = reduce_texture(texture, 20)
     assert small.pixels.shape == (15, 20, 4)
-    means = [decode_srgb(image[..., :3] / 255.0).mean(axis=(0, 1)) for image in (pixels, small.pixels)]
+    means = [srgb_to_linear(image[..., :3] / 255.0).mean(axis=(0, 1)) for image in (pixels, small.pixels)]
     np.testing.assert_allclose(means[0], means[1], atol=2e-3)
     assert pixels[..., 3].mean() == pytest.approx(small.pixels[..., 3].mean(), abs=0.3)
     assert reduce_texture(texture, 50) is texture
