@@ -7,6 +7,7 @@ WrapMode = Literal["repeat", "mirror", "clamp"]
 ColorSpace = Literal["srgb", "linear"]
 RecipeName = Literal["paper", "best"]
 GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
+FeatureName = Literal["low_level", "spectral", "efficientnet", "clip"]
 
 
 @dataclass(frozen=True)
