@@ -1,13 +1,16 @@
 """Grouping by what is seen together."""
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ntc.divergence import DivergenceStatistics, divergence_map
 from ntc.errors import InputError
-from ntc.grouping.covisible import CovisibleConfig, _Objective, covisible_grouping
+from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
 from ntc.grouping.seen_blocks import seen_blocks
+from ntc.grouping.tabu_search import SearchProblem, feature_spread, tabu_search
 
 TEXTURES = 24
 
@@ -36,18 +39,53 @@ def test_excess_is_that_of_the_divergence_map(block: tuple[int, int]) -> None:
     assert seen.blocks == sum(-(-view.shape[0] // block[0]) * -(-view.shape[1] // block[1]) for view in views)
 
 
-def test_moves_are_the_exact_changes_of_the_cost() -> None:
+@pytest.mark.parametrize("weight", [0.0, 0.4, 5.0])
+def test_every_chain_knows_its_cost(weight: float) -> None:
+    # Chains add up the changes of thousands of moves: the sum must still be the cost of the groups they return.
     random = np.random.default_rng(3)
     features = random.normal(size=(TEXTURES, 5))
-    config = CovisibleConfig(clusters=5, largest_share=1.0, spread_weight=0.4)
-    objective = _Objective(seen_blocks([neighbours(1)], TEXTURES), features, config)
-    groups = random.integers(0, 5, TEXTURES)
-    predicted, cost = objective.moves(groups), objective.cost(groups)
-    for texture in range(TEXTURES):
-        for group in range(5):
-            moved = groups.copy()
-            moved[texture] = group
-            assert predicted[texture, group] == pytest.approx(objective.cost(moved) - cost, abs=1e-9)
+    problem = SearchProblem(seen_blocks([neighbours(1)], TEXTURES), features, clusters=5, bound=6)
+    starts = random.integers(0, 5, (7, TEXTURES))
+    costs, found = tabu_search(problem, starts, np.full(7, weight), 500, random)
+    for cost, groups in zip(costs, found, strict=True):
+        exact = problem.seen.excess(groups) / problem.worst_excess
+        exact += weight * feature_spread(features, groups) / problem.worst_spread
+        assert cost == pytest.approx(exact, abs=1e-6)
+        assert np.bincount(groups).max() <= 6
+
+
+def test_the_search_finds_the_best_of_all_groups() -> None:
+    # Eight textures in three groups of at most three: few enough to try every assignment.
+    features = np.random.default_rng(4).normal(size=(8, 2))
+    problem = SearchProblem(seen_blocks([neighbours(seed, 8) for seed in range(2)], 8), features, 3, 3)
+
+    def cost(groups: NDArray[np.int64]) -> float:
+        spread = feature_spread(features, groups) / problem.worst_spread
+        return problem.seen.excess(groups) / problem.worst_excess + 0.3 * spread
+
+    everything = (np.array(groups) for groups in itertools.product(range(3), repeat=8))
+    best = min(cost(groups) for groups in everything if np.bincount(groups).max() <= 3)
+    random = np.random.default_rng(0)
+    costs, _ = tabu_search(problem, random.integers(0, 3, (4, 8)), np.full(4, 0.3), 200, random)
+    assert costs.min() == pytest.approx(best, abs=1e-9)
+
+
+def test_a_limit_on_spread_is_kept() -> None:
+    seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
+    features = np.random.default_rng(5).normal(size=(TEXTURES, 3))
+    free = covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_weight=0.0))
+    limit = 0.7 * feature_spread(features, np.array(free.groups))
+    limited = covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_limit=limit))
+    assert feature_spread(features, np.array(limited.groups)) <= limit
+    assert limited.parameters["excess"] >= free.parameters["excess"]
+    with pytest.raises(InputError, match="allow more spread"):
+        covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_limit=1e-6))
+
+
+def test_hundreds_of_textures_end_in_time() -> None:
+    seen = seen_blocks([neighbours(seed, 400, (720, 1280)) for seed in range(2)], 400)
+    grouping = covisible_grouping(seen, np.random.default_rng(0).normal(size=(400, 8)), CovisibleConfig(clusters=40))
+    assert np.bincount(grouping.groups).max() <= 80
 
 
 def test_it_finds_what_belongs_together() -> None:
@@ -85,7 +123,7 @@ def test_the_same_seed_gives_the_same_groups() -> None:
 @pytest.mark.parametrize(("textures", "clusters"), [(2, 10), (3, 3), (5, 1)])
 def test_few_textures(textures: int, clusters: int) -> None:
     seen = seen_blocks([neighbours(0, textures)], textures)
-    grouping = covisible_grouping(seen, np.zeros((textures, 1)), CovisibleConfig(clusters=clusters, kicks=2))
+    grouping = covisible_grouping(seen, np.zeros((textures, 1)), CovisibleConfig(clusters=clusters, iterations=20))
     assert len(grouping.groups) == textures
     assert grouping.group_count <= min(clusters, textures)
 
