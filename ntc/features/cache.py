@@ -13,8 +13,6 @@ from ntc.features.extractor import Extractor
 from ntc.files import write_bytes
 from ntc.textures import SourceTexture
 
-_LARGEST_HEADER = 4096
-"""Bytes before the numbers of a .npy file; numpy writes 128."""
 _FLOAT64 = np.dtype("<f8")
 
 
@@ -29,36 +27,36 @@ def cache_path(folder: Path, extractor: Extractor, texture: SourceTexture) -> Pa
     return folder / f"{extractor.name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}.npy"
 
 
-def _parse(data: bytes, length: int) -> NDArray[np.float64] | None:
-    stream = io.BytesIO(data)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        return None
-    shape, _, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=_LARGEST_HEADER)
-    numbers = data[stream.tell() :]
-    if shape != (length,) or dtype != _FLOAT64 or len(numbers) != length * _FLOAT64.itemsize:
-        return None
-    features = np.frombuffer(numbers, _FLOAT64).astype(np.float64)
-    return features if bool(np.isfinite(features).all()) else None
+def _header(length: int) -> bytes:
+    stream = io.BytesIO()
+    described = {"descr": _FLOAT64.str, "fortran_order": False, "shape": (length,)}
+    np.lib.format.write_array_header_1_0(stream, described)
+    return stream.getvalue()
 
 
 def read_features(path: Path, length: int) -> NDArray[np.float64] | None:
-    """[length] float64 of the file at `path`, or None where there is none or it is not such a file."""
-    largest = _LARGEST_HEADER + length * _FLOAT64.itemsize
+    """[length] float64 of the file at `path`, or None where there is none or it is not such a file.
+
+    The header must be, byte for byte, the one that `write_features` writes: nothing in the file is interpreted.
+    """
+    header = _header(length)
+    size = len(header) + length * _FLOAT64.itemsize
     try:
-        if not path.is_file() or path.stat().st_size > largest:
+        if not path.is_file() or path.stat().st_size != size:
             return None
         with path.open("rb") as file:
-            data = file.read(largest + 1)
-        return _parse(data, length)
-    # A broken header shows as any of these; the features are then computed again.
-    except (OSError, ValueError, TypeError, SyntaxError, EOFError):
+            data = file.read(size)
+    except OSError:
         return None
+    if len(data) != size or not data.startswith(header):
+        return None
+    features = np.frombuffer(data, _FLOAT64, offset=len(header)).astype(np.float64)
+    return features if bool(np.isfinite(features).all()) else None
 
 
 def write_features(path: Path, features: NDArray[np.float64]) -> None:
     """Keep `features` [F] at `path`; does nothing where the folder cannot be written."""
-    stream = io.BytesIO()
-    np.lib.format.write_array(stream, features.astype(_FLOAT64), version=(1, 0), allow_pickle=False)
+    data = _header(len(features)) + features.astype(_FLOAT64).tobytes()
     # Without the cache everything works, only slower.
     with suppress(InputError):
-        write_bytes(path, stream.getvalue())
+        write_bytes(path, data)

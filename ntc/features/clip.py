@@ -84,12 +84,14 @@ def load_image_encoder(weights: str) -> Any:
                 f"clip_weights download: failed ({error}); fetch {WEIGHTS_FROM} yourself and name the file"
             ) from error
     else:
-        encoder = open_clip.create_model(MODEL, pretrained=None).visual
+        values = _read_weights(Path(weights))
+        # create_model would warn that weights are random, which they are for a moment only.
+        encoder = open_clip.CLIP(**open_clip.get_model_config(MODEL)).visual
         try:
-            encoder.load_state_dict(_read_weights(Path(weights)))
+            encoder.load_state_dict(values)
         except (RuntimeError, TypeError, AttributeError) as error:
             raise InputError(f"{weights}: not the weights of CLIP ViT-B/32; give {WEIGHTS_FROM}") from error
-        if not all(bool(torch.isfinite(values).all()) for values in encoder.parameters()):
+        if not all(bool(torch.isfinite(numbers).all()) for numbers in encoder.parameters()):
             raise InputError(f"{weights}: holds numbers that are not finite; give {WEIGHTS_FROM}")
     encoder.eval()
     return encoder

