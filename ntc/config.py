@@ -78,3 +78,23 @@ class CodecConfig:
 
 LOD_INPUT_SCALE = 0.125
 """The decoder's lod input is lod * LOD_INPUT_SCALE, so that it stays near [0, 1] for textures up to 32768 texels."""
+
+
+@dataclass(frozen=True)
+class GroupingConfig:
+    """Which textures share a decoder, and how groups are found. Fields that a grouping does not need have no effect."""
+
+    name: GroupingName = "clustered"
+    clusters: int | None = None
+    """Groups of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    features: FeatureName = "low_level"
+    """What clustered compares textures by, and what covisible keeps alike."""
+    spread_weight: float = 0.3
+    """covisible: weight of the spread of features inside groups against excess, both relative to their worst."""
+    largest_share: float = 0.2
+    """covisible: no group holds more than this share of the textures, unless there are too few groups to hold all."""
+    seed: int = 0
+
+
+DEFAULT_CLUSTERS = 10
+"""Groups where nobody says how many (paper, Sec. 4)."""

@@ -14,3 +14,9 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no development data at {folder}; set NTC_VIEWER_DATA to a folder with scenes/ and textures/")
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Tests neither read nor fill the user's cache."""
+    os.environ["NTC_VIEWER_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))

@@ -15,11 +15,12 @@ from moderngl_window.context.glfw.window import Window
 from ntc.errors import InputError
 from ntc.pack import Pack
 from viewer.actions import OpenFile
+from viewer.folders import config_folder
 from viewer.frontend import SETTLING_FRAMES, Frontend
 from viewer.gl.context import REQUIRED_VERSION, wrap_context
 from viewer.scene.model import Scene
 from viewer.session import FirstLook, Session
-from viewer.settings import LAYOUT_FILE, config_folder, load_settings, make_config_folder, save_settings
+from viewer.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
 
 TITLE = "ntc-viewer"
 IDLE_SECONDS = 0.2

@@ -123,6 +123,11 @@ class Renderer:
         self._view: ViewState | None = None
 
     @property
+    def scene(self) -> Scene:
+        """What is drawn."""
+        return self._scene
+
+    @property
     def matches(self) -> Mapping[str, PackMatch]:
         """How each open pack fits the scene, by the pack's name."""
         return self._matches

@@ -1,18 +1,15 @@
 """What the window remembers from one run to the next, as JSON in the user's configuration folder."""
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import platformdirs
-
 from ntc.errors import InputError
 from ntc.files import write_text
+from viewer.folders import CONFIG_FOLDER_VARIABLE
 
 CameraMode = Literal["orbit", "fly"]
-CONFIG_FOLDER_VARIABLE = "NTC_VIEWER_CONFIG_DIR"
 SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
@@ -43,12 +40,6 @@ class ViewerSettings:
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
-
-
-def config_folder() -> Path:
-    """Where settings and window layout lie: NTC_VIEWER_CONFIG_DIR, else the platform's folder for it."""
-    given = os.environ.get(CONFIG_FOLDER_VARIABLE)
-    return Path(given) if given else Path(platformdirs.user_config_dir("ntc-viewer", appauthor=False))
 
 
 def _number(value: Any, low: float, high: float) -> float:

@@ -1,9 +1,9 @@
 """Grouping by category (paper, Sec. 4): one decoder for each kind of material."""
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
-from ntc.grouping.order import in_order_of_appearance
 from ntc.pack import Grouping
 from ntc.textures import SourceTexture
 
@@ -44,23 +44,25 @@ def guessed_category(name: str) -> str:
     return next((category for category, keys in KEYWORDS.items() if words & set(keys)), UNKNOWN)
 
 
-def category_grouping(textures: Sequence[SourceTexture]) -> Grouping:
-    """A group for each category: the texture's own label where it has one, else a guess from its name.
+def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, str] | None = None) -> Grouping:
+    """A group for each category: from `labels` (by index of the texture), else the texture's own label (glTF extras or
+    folder name), else a guess from its name.
 
-    The parameters say how many labels were given, guessed and unknown.
+    The parameters say how many came from where.
     """
-    labels = [texture.category or guessed_category(texture.name) for texture in textures]
-    names = sorted(set(labels))
-    given = sum(texture.category is not None for texture in textures)
-    unknown = sum(
-        texture.category is None and label == UNKNOWN for texture, label in zip(textures, labels, strict=True)
-    )
-    groups = in_order_of_appearance([names.index(label) for label in labels])
-    in_order = list(dict.fromkeys(labels))
-    parameters = {
-        "categories": in_order,
-        "given": given,
-        "guessed": len(textures) - given - unknown,
-        "unknown": unknown,
-    }
-    return Grouping("category", groups, parameters)
+    listed = labels or {}
+    chosen: list[str] = []
+    sources: Counter[str] = Counter(listed=0, own=0, guessed=0, unknown=0)
+    for index, texture in enumerate(textures):
+        guess = guessed_category(texture.name)
+        label = listed.get(index) or texture.category or guess
+        chosen.append(label)
+        if index in listed:
+            sources["listed"] += 1
+        elif texture.category is not None:
+            sources["own"] += 1
+        else:
+            sources["unknown" if guess == UNKNOWN else "guessed"] += 1
+    in_order = list(dict.fromkeys(chosen))
+    groups = tuple(in_order.index(label) for label in chosen)
+    return Grouping("category", groups, {"categories": in_order, **sources})

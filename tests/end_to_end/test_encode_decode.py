@@ -90,7 +90,14 @@ def test_covisible_looks_from_the_cameras_of_a_file(encoded_scene: Path, tmp_pat
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--grouping", "covisible"], "no cameras"),
+        (["--grouping", "covisible", "--sampled-views", "-1"], "--sampled-views -1: must be 0 to 1000"),
+        (["--grouping", "covisible", "--sampled-views", "0"], "the scene has no cameras"),
+        (["--grouping", "clustered", "--sampled-views", "5"], "only --grouping covisible"),
+        (["--grouping", "clustered", "--labels", "l.csv"], "only --grouping category"),
+        (["--grouping", "category", "--labels", "nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["--grouping", "clustered", "--features", "shape"], "shape"),
+        (["--grouping", "clustered", "--features", "clip"], "--clip-weights"),
+        (["--grouping", "clustered", "--clusters", "1000"], "there are only 2 textures"),
         (["--grouping", "single", "--views", "v.json"], "only --grouping covisible"),
         (["--grouping", "covisible", "--views", "nowhere.json"], "nowhere.json"),
         (["--grouping", "clustered", "--clusters", "0"], "at least 1"),
@@ -107,7 +114,7 @@ def test_bad_groupings_are_one_line(
     assert not out.exists()
 
 
-def test_category_takes_the_labels_of_folders(tmp_path: Path) -> None:
+def test_category_takes_the_labels_of_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random = np.random.default_rng(1)
     for number, category in enumerate(("brick", "wood", "wood")):
         write_png(tmp_path / "in" / category / f"{number}.png", random.integers(0, 256, (16, 16, 3), np.uint8))
@@ -116,4 +123,20 @@ def test_category_takes_the_labels_of_folders(tmp_path: Path) -> None:
     assert cli.main([*arguments, "--device", "cpu"]) == 0
     grouping = read_pack(out).grouping
     assert grouping.groups == (0, 1, 1)
-    assert grouping.parameters["given"] == 3
+    assert grouping.parameters["own"] == 3
+    labels = tmp_path / "labels.csv"
+    labels.write_text("texture,category\nbrick/0,stone\n1,stone\n")
+    assert cli.main([*arguments, "--device", "cpu", "--labels", str(labels)]) == 0
+    grouping = read_pack(out).grouping
+    assert grouping.groups == (0, 0, 1)
+    assert (grouping.parameters["listed"], grouping.parameters["own"]) == (2, 1)
+    labels.write_text("texture,category\nbrick/9,stone\n")
+    assert cli.main([*arguments, "--labels", str(labels)]) == 2
+    assert "textures that are not there: 'brick/9'" in capsys.readouterr().err
+
+
+def test_covisible_samples_places_where_there_are_no_cameras(encoded_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "sampled.ntc"
+    arguments = ["encode", str(encoded_scene), "--out", str(out), "--grouping", "covisible", "--clusters", "1"]
+    assert cli.main([*arguments, "--steps", "5", "--device", "cpu"]) == 0
+    assert read_pack(out).grouping.groups == (0, 0)

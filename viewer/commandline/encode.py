@@ -4,29 +4,27 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.config import CodecConfig
 from ntc.errors import InputError
-from ntc.grouping import make_grouping
+from ntc.features import FeatureOptions
+from ntc.grouping import GroupingInputs, make_grouping
+from ntc.grouping.labels import read_labels
 from ntc.metrics import psnr_table
 from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
 from ntc.train import TrainingProgress, train
 from ntc.training_config import TrainingConfig, recipe_config
 from viewer.commandline.options import EncodeOptions
+from viewer.folders import features_cache
 from viewer.pack_files import PACK_SUFFIX
-from viewer.scene.cameras_file import read_cameras
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 
-VIEW_SIZE = (1280, 720)
-"""Pixels of the views that covisible serves."""
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""
 
@@ -41,8 +39,13 @@ def _check(options: EncodeOptions) -> None:
     for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
         if value is not None and value <= 0:
             raise InputError(f"--{name} {value}: must be positive")
-    if options.views is not None and options.grouping != "covisible":
-        raise InputError(f"--views {options.views}: only --grouping covisible looks at views")
+    for option, given, grouping in (
+        ("views", options.views, "covisible"),
+        ("sampled-views", options.sampled_views, "covisible"),
+        ("labels", options.labels, "category"),
+    ):
+        if given is not None and options.grouping != grouping:
+            raise InputError(f"--{option} {given}: only --grouping {grouping} takes it")
     if options.levels is not None and not 1 <= options.levels <= 16:
         raise InputError(f"--levels {options.levels}: must be 1 to 16")
 
@@ -71,21 +74,21 @@ def read_source(source: Path, texture_size: int | None) -> Source:
     return Source(textures, scene)
 
 
-def seen_views(source: Source, file: Path | None) -> tuple[NDArray[np.int32], ...]:
-    """Pictures of texture ids from the cameras of `file`, or of the scene. Raises InputError where there are none."""
+def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
+    """What the grouping needs besides the textures. Raises InputError for what cannot be read or seen."""
+    labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
+    features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
+    if options.grouping != "covisible":
+        return GroupingInputs(labels=labels, features=features)
     if source.scene is None:
         raise InputError("--grouping covisible: a folder of images cannot be seen from anywhere; encode a scene")
-    cameras = read_cameras(file) if file is not None else source.scene.cameras
-    if not cameras:
-        raise InputError("--grouping covisible: the scene has no cameras; name a file of them by --views")
     # Only this grouping needs OpenGL.
-    from viewer.gl.context import create_headless_context
-    from viewer.renderer import Renderer
+    from viewer.commandline.views import ViewSource, scene_views
 
-    renderer = Renderer(create_headless_context(), source.scene)
-    views = tuple(renderer.texture_ids_from(camera, VIEW_SIZE) for camera in cameras)
-    renderer.release()
-    return views
+    seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
+    views = (*seen.around(seen.cameras), *seen.from_sampled())
+    seen.renderer.release()
+    return GroupingInputs(views, labels, features)
 
 
 def training_config(options: EncodeOptions) -> TrainingConfig:
@@ -141,8 +144,7 @@ def encode(options: EncodeOptions) -> int:
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size)
     textures = source.textures
-    views = seen_views(source, options.views) if options.grouping == "covisible" else None
-    grouping = make_grouping(options.grouping, textures, options.clusters, options.seed, views)
+    grouping = make_grouping(options.grouping_config(), textures, grouping_inputs(source, options))
     codec = CodecConfig(levels=options.levels, output_channels=max(texture.pixels.shape[2] for texture in textures))
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",

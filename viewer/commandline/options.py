@@ -7,10 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from ntc.config import RecipeName
+from ntc.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from viewer.view_state import DecodePath, Precision
-
-EncodeGroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -120,12 +118,24 @@ class EncodeOptions:
     """glTF scene, or a folder of images (sub-folder names become categories)."""
     out: Annotated[Path, tyro.conf.arg(metavar="F.ntc")]
     """The pack to write."""
-    grouping: EncodeGroupingName = "clustered"
+    grouping: GroupingName = "clustered"
     """Which textures share a decoder."""
-    clusters: int = 10
-    """Number of decoders of clustered, random and covisible."""
+    clusters: int | None = None
+    """Number of decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    features: FeatureName = GroupingConfig.features
+    """What clustered compares textures by, and what covisible keeps alike."""
+    clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
+    """Weights of --features clip: a file, or "download" to fetch them."""
+    labels: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
+    """CSV with the columns texture and category, for category. None: labels of the file, else guessed from names."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras whose pictures covisible serves; None: the scene's own cameras."""
+    """JSON file of cameras, e.g. a recorded path, whose pictures covisible serves. None: the scene's own cameras."""
+    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    spread_weight: float = GroupingConfig.spread_weight
+    """covisible: how much it counts that textures of a group are alike, against divergence."""
+    largest_share: float = GroupingConfig.largest_share
+    """covisible: no group holds more than this share of the textures."""
     recipe: RecipeName = "best"
     """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
     texture_size: int | None = None
@@ -140,6 +150,17 @@ class EncodeOptions:
     """Seed of initialisation, sampling and grouping."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto takes CUDA when torch has it."""
+
+    def grouping_config(self) -> GroupingConfig:
+        """What the options say about groups."""
+        return GroupingConfig(
+            name=self.grouping,
+            clusters=self.clusters,
+            features=self.features,
+            spread_weight=self.spread_weight,
+            largest_share=self.largest_share,
+            seed=self.seed,
+        )
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.config import GroupingConfig
 from ntc.errors import InputError
-from ntc.features.low_level import feature_matrix, low_level_features
-from ntc.grouping import make_grouping
+from ntc.features import feature_matrix
+from ntc.features.low_level import low_level_features
+from ntc.grouping import GroupingInputs, make_grouping
 from ntc.textures import SourceTexture, hash_pixels
 
 
@@ -34,12 +36,12 @@ def three_kinds() -> list[SourceTexture]:
 @pytest.mark.parametrize("count", [0, 1, 9])
 def test_baseline_and_single(count: int) -> None:
     textures = three_kinds()[:count]
-    assert make_grouping("baseline", textures, 5, 0).groups == tuple(range(count))
-    assert make_grouping("single", textures, 5, 0).groups == (0,) * count
+    assert make_grouping(GroupingConfig("baseline", 5, seed=0), textures).groups == tuple(range(count))
+    assert make_grouping(GroupingConfig("single", 5, seed=0), textures).groups == (0,) * count
 
 
 def test_clusters_find_what_is_alike() -> None:
-    grouping = make_grouping("clustered", three_kinds(), 3, 0)
+    grouping = make_grouping(GroupingConfig("clustered", 3, seed=0), three_kinds())
     assert grouping.groups == (0, 1, 2) * 3
     assert grouping.parameters["seed"] == 0
 
@@ -47,7 +49,9 @@ def test_clusters_find_what_is_alike() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 7])
 def test_random_has_the_sizes_of_clustered(seed: int) -> None:
     textures = three_kinds()[:8]
-    clustered, shuffled = (make_grouping(name, textures, 3, seed) for name in ("clustered", "random"))
+    clustered, shuffled = (
+        make_grouping(GroupingConfig(name, 3, seed=seed), textures) for name in ("clustered", "random")
+    )
     assert sorted(Counter(clustered.groups).values()) == sorted(Counter(shuffled.groups).values())
     assert shuffled.group_count == clustered.group_count
 
@@ -55,27 +59,60 @@ def test_random_has_the_sizes_of_clustered(seed: int) -> None:
 @pytest.mark.parametrize("name", ["clustered", "random"])
 def test_the_seed_decides(name: Any) -> None:
     textures = three_kinds()
-    first, again = (make_grouping(name, textures, 3, 4) for _ in range(2))
+    first, again = (make_grouping(GroupingConfig(name, 3, seed=4), textures) for _ in range(2))
     assert first == again
     if name == "random":
-        assert len({make_grouping(name, textures, 3, seed).groups for seed in range(6)}) > 1
+        assert len({make_grouping(GroupingConfig(name, 3, seed=seed), textures).groups for seed in range(6)}) > 1
 
 
 @pytest.mark.parametrize("name", ["clustered", "random"])
 @pytest.mark.parametrize("clusters", [1, 2, 4, 9])
 def test_groups_are_numbered_by_first_appearance_without_gaps(name: Any, clusters: int) -> None:
-    groups = make_grouping(name, three_kinds(), clusters, 0).groups
+    groups = make_grouping(GroupingConfig(name, clusters, seed=0), three_kinds()).groups
     assert list(dict.fromkeys(groups)) == list(range(clusters))
 
 
+@pytest.mark.parametrize("name", ["clustered", "random", "covisible"])
+def test_more_clusters_than_textures_is_bad_input(name: Any) -> None:
+    with pytest.raises(InputError, match="--clusters 5: there are only 4 textures; at most 4 groups"):
+        make_grouping(GroupingConfig(name, 5), three_kinds()[:4])
+
+
 @pytest.mark.parametrize("name", ["clustered", "random"])
-def test_more_clusters_than_textures_gives_each_its_own(name: Any) -> None:
-    assert make_grouping(name, three_kinds()[:4], 100, 0).groups == (0, 1, 2, 3)
+def test_without_a_number_few_textures_have_a_group_each(name: Any) -> None:
+    assert make_grouping(GroupingConfig(name), three_kinds()[:4]).groups == (0, 1, 2, 3)
 
 
-@pytest.mark.parametrize("name", ["baseline", "single", "clustered", "random"])
+@pytest.mark.parametrize("share", [0.0, 1.1, float("nan")])
+def test_a_share_out_of_range_is_bad_input(share: float) -> None:
+    with pytest.raises(InputError, match="--largest-share"):
+        make_grouping(GroupingConfig("covisible", largest_share=share), three_kinds())
+
+
+@pytest.mark.parametrize("weight", [-0.1, float("inf"), float("nan")])
+def test_a_weight_out_of_range_is_bad_input(weight: float) -> None:
+    with pytest.raises(InputError, match="--spread-weight"):
+        make_grouping(GroupingConfig("covisible", spread_weight=weight), three_kinds())
+
+
+def test_views_that_see_nothing_are_bad_input() -> None:
+    nothing = GroupingInputs(views=[np.full((16, 16), -1, np.int32)])
+    with pytest.raises(InputError, match="no block of any view shows two textures"):
+        make_grouping(GroupingConfig("covisible", 3), three_kinds(), nothing)
+
+
+@pytest.mark.parametrize("features", ["low_level", "spectral"])
+def test_covisible_says_how_it_was_found(features: Any) -> None:
+    views = GroupingInputs(views=[np.random.default_rng(0).integers(-1, 9, (64, 64)).astype(np.int32)])
+    grouping = make_grouping(GroupingConfig("covisible", 3, features), three_kinds(), views)
+    assert grouping.group_count == 3
+    assert grouping.parameters["features"] == features
+    assert grouping.parameters["excess"] <= grouping.parameters["baseline_excess"]
+
+
+@pytest.mark.parametrize("name", ["baseline", "single", "category", "clustered", "random", "covisible"])
 def test_no_texture_makes_no_group(name: Any) -> None:
-    grouping = make_grouping(name, [], 3, 0)
+    grouping = make_grouping(GroupingConfig(name, 3, seed=0), [])
     assert grouping.groups == ()
     assert grouping.group_count == 0
 
@@ -84,24 +121,24 @@ def test_equal_textures_share_a_group_without_a_warning() -> None:
     textures = [three_kinds()[0]] * 4
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert make_grouping("clustered", textures, 3, 0).groups == (0, 0, 0, 0)
+        assert make_grouping(GroupingConfig("clustered", 3, seed=0), textures).groups == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("clusters", [0, -1])
 def test_less_than_one_cluster_is_bad_input(clusters: int) -> None:
     with pytest.raises(InputError, match=rf"--clusters {clusters}: "):
-        make_grouping("clustered", three_kinds(), clusters, 0)
+        make_grouping(GroupingConfig("clustered", clusters, seed=0), three_kinds())
 
 
 @pytest.mark.parametrize("seed", [-1, 2**32])
 def test_a_seed_that_is_out_of_range_is_bad_input(seed: int) -> None:
     with pytest.raises(InputError, match=f"--seed {seed}: "):
-        make_grouping("clustered", three_kinds(), 3, seed)
+        make_grouping(GroupingConfig("clustered", 3, seed=seed), three_kinds())
 
 
 def test_covisible_without_views_is_bad_input() -> None:
     with pytest.raises(InputError, match="covisible: needs views"):
-        make_grouping("covisible", three_kinds(), 3, 0)
+        make_grouping(GroupingConfig("covisible", 3, seed=0), three_kinds())
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
@@ -127,8 +164,8 @@ def test_a_nearly_constant_texture_is_finite_and_has_no_detail() -> None:
 
 
 def test_matrix_columns_are_standardised() -> None:
-    matrix = feature_matrix(three_kinds())
+    matrix = feature_matrix("low_level", three_kinds())
     np.testing.assert_allclose(matrix.mean(axis=0), 0.0, atol=1e-9)
     deviation = matrix.std(axis=0)
     assert ((np.abs(deviation - 1.0) < 1e-9) | (deviation < 1e-9)).all()
-    assert (feature_matrix([three_kinds()[0]] * 2) == 0.0).all()
+    assert (feature_matrix("low_level", [three_kinds()[0]] * 2) == 0.0).all()

@@ -1,0 +1,68 @@
+"""What is seen of a scene from many places: the pictures of texture ids that groupings are measured and chosen by."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Camera, Scene
+from viewer.viewpoints import See
+
+SIZE = (1280, 720)
+"""Pixels of a view from a given camera."""
+NEARBY_SIZE = (640, 360)
+"""Pixels of a view from near a given camera: its blocks cover four times as much, so there are fewer of them."""
+
+
+@dataclass(frozen=True)
+class NearbyConfig:
+    """How far the places near a camera are from it."""
+
+    count: int = 8
+    """Places for each camera."""
+    yaw_degrees: float = 20.0
+    """Standard deviation of the direction, to the sides."""
+    pitch_slope: float = 0.1
+    """Standard deviation of the direction, up and down, as a share of the distance to the target."""
+    step_share: float = 0.1
+    """Standard deviation of the place as a share of the distance to the target, less up and down ..."""
+    step_of_extent: float = 0.01
+    """... but at most as this share of the scene's extent."""
+    seed: int = 0
+
+
+def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
+    """`config.count` cameras near each of `cameras`: what is seen from a place says little about the next step.
+
+    Without them a choice of groups fits the very pixels of a few pictures; see docs/groupings.md for what they bring.
+    """
+    random = np.random.default_rng(config.seed)
+    extent = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))
+    made: list[Camera] = []
+    for camera in cameras:
+        eye = np.array(camera.eye)
+        forward = np.array(camera.target) - eye
+        distance = float(np.linalg.norm(forward))
+        step = min(config.step_share * distance, config.step_of_extent * extent)
+        for number in range(config.count):
+            yaw = math.radians(float(random.normal()) * config.yaw_degrees)
+            cosine, sine = math.cos(yaw), math.sin(yaw)
+            turned = np.array(
+                [
+                    cosine * forward[0] + sine * forward[2],
+                    forward[1] + float(random.normal()) * config.pitch_slope * distance,
+                    cosine * forward[2] - sine * forward[0],
+                ]
+            )
+            place = eye + random.normal(size=3) * np.array([1.0, 0.3, 1.0]) * step
+            name = f"{camera.name} nearby {number + 1}"
+            made.append(replace(camera, name=name, eye=tuple(place), target=tuple(place + turned)))
+    return tuple(made)
+
+
+def views_around(see: See, cameras: Sequence[Camera], scene: Scene) -> tuple[NDArray[np.int32], ...]:
+    """Texture ids seen from `cameras` and from near them."""
+    nearby = nearby_cameras(cameras, scene, NearbyConfig())
+    return (*(see(camera, SIZE) for camera in cameras), *(see(camera, NEARBY_SIZE) for camera in nearby))
