@@ -208,27 +208,30 @@ class _Ground:
         ends = np.array([positions.min(axis=0), positions.max(axis=0)], np.float64)
         return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
 
-    def verticals(self, eyes: Array, heights: Array) -> "_Verticals":
-        """What opaque surfaces lie straight above and below `eyes` [N, 3]."""
-        found = _Verticals.nothing(len(eyes))
-        level = eyes[:, [0, 2]]
+    def around(self, eyes: Array, heights: Array) -> "_Around":
+        """What opaque surfaces are met on the lines through `eyes` [N, 3] along the axes."""
+        found = _Around.nothing(len(eyes))
         boxes = [self._box(index) for index in range(len(self._local))]
         for instance in np.nonzero(self._opaque)[0].tolist():
             primitive, matrix = int(self._scene.instances.primitive[instance]), self._transforms[instance]
-            box = (boxes[primitive] @ matrix[:3, :3].T + matrix[:3, 3])[:, [0, 2]]
-            over = np.nonzero(((level >= box.min(axis=0)) & (level <= box.max(axis=0))).all(axis=1))[0]
-            if not len(over):
+            box = boxes[primitive] @ matrix[:3, :3].T + matrix[:3, 3]
+            within = (eyes >= box.min(axis=0)) & (eyes <= box.max(axis=0))
+            over = [np.nonzero(within[:, (axis + 1) % 3] & within[:, (axis + 2) % 3])[0] for axis in range(3)]
+            if not any(len(indices) for indices in over):
                 continue
             corners = self._corners(primitive) @ matrix[:3, :3].T + matrix[:3, 3]
-            x, z = (np.ascontiguousarray(corners[:, :, axis].T) for axis in (0, 2))
-            left, right, back, front = *_range(x), *_range(z)
-            for index in over.tolist():
-                eye = eyes[index].tolist()
-                near = np.nonzero((left <= eye[0]) & (right >= eye[0]) & (back <= eye[2]) & (front >= eye[2]))[0]
-                if len(near):
-                    hits, up = _crossings(corners[near], eye[0], eye[2])
-                    up ^= bool(self._mirrored[instance])
-                    found.add(index, hits - eye[1], up, bool(self._double_sided[instance]), float(heights[index]))
+            ranges = [_range(np.ascontiguousarray(corners[:, :, axis].T)) for axis in range(3)]
+            for axis in range(3):
+                (low_p, high_p), (low_q, high_q) = ranges[(axis + 1) % 3], ranges[(axis + 2) % 3]
+                for index in over[axis].tolist():
+                    eye = eyes[index]
+                    p, q = float(eye[(axis + 1) % 3]), float(eye[(axis + 2) % 3])
+                    met = np.nonzero((low_p <= p) & (high_p >= p) & (low_q <= q) & (high_q >= q))[0]
+                    if len(met):
+                        offsets, along = _crossings(corners[met] - eye, axis)
+                        along ^= bool(self._mirrored[instance])
+                        sided = bool(self._double_sided[instance])
+                        found.add(axis, index, offsets, along, sided, float(heights[index]))
         return found
 
 
@@ -237,54 +240,60 @@ def _range(values: Array) -> tuple[Array, Array]:
     return np.minimum(np.minimum(*values[:2]), values[2]), np.maximum(np.maximum(*values[:2]), values[2])
 
 
-def _crossings(corners: Array, x: float, z: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Heights at which the vertical line through (x, z) meets triangles [T, 3, 3], and whether those face up."""
-    to = corners[:, :, [0, 2]] - (x, z)
-    turned = np.roll(to, -1, axis=1)
-    # Twice the areas that the line's foot makes with each side, seen from above: all of one sign inside.
-    areas = to[:, :, 1] * turned[:, :, 0] - to[:, :, 0] * turned[:, :, 1]
+def _crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Where on an axis triangles [T, 3, 3] cross it, and whether they face along it."""
+    p, q = corners[:, :, (axis + 1) % 3], corners[:, :, (axis + 2) % 3]
+    # Twice the areas that the origin makes with each side, seen along the axis: all of one sign inside.
+    areas = p * np.roll(q, -1, axis=1) - q * np.roll(p, -1, axis=1)
     whole = areas.sum(axis=1)
     inside = ((areas >= 0.0).all(axis=1) | (areas <= 0.0).all(axis=1)) & (whole != 0.0)
     # Side i is opposite to corner i + 2.
     shares = np.roll(areas[inside], -1, axis=1) / whole[inside, None]
-    return (shares * corners[inside, :, 1]).sum(axis=1), whole[inside] > 0.0
+    return (shares * corners[inside, :, axis]).sum(axis=1), whole[inside] > 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Verticals:
-    """The nearest opaque surfaces straight above and below places [N]."""
+class _Around:
+    """The nearest opaque surfaces of places [N] along each axis: [3, 2, N], first forwards, then backwards."""
 
     distance: Array
-    """[2, N] to the one above and the one below; infinite without one."""
-    up: NDArray[np.bool_]
-    """[2, N] whether it faces up."""
+    """To the surface; infinite without one."""
+    back: NDArray[np.bool_]
+    """Whether it turns its back."""
     double_sided: NDArray[np.bool_]
-    """[2, N]."""
+    """Whether that is drawn."""
     high_up: NDArray[np.bool_]
     """[N] whether another ground lies far below."""
 
     @staticmethod
-    def nothing(count: int) -> "_Verticals":
+    def nothing(count: int) -> "_Around":
         """No surface anywhere."""
-        flags = np.zeros((2, count), bool)
-        return _Verticals(np.full((2, count), np.inf), flags, flags.copy(), np.zeros(count, bool))
+        flags = np.zeros((3, 2, count), bool)
+        return _Around(np.full((3, 2, count), np.inf), flags, flags.copy(), np.zeros(count, bool))
 
-    def add(self, index: int, offsets: Array, up: NDArray[np.bool_], double_sided: bool, height: float) -> None:
-        """Count surfaces that lie by `offsets` [M] above (or below, where negative) place `index`."""
-        self.high_up[index] |= bool((up & (offsets < -HIGH_UP * height)).any())
-        for side, distances in enumerate((offsets, -offsets)):
+    def add(
+        self, axis: int, index: int, offsets: Array, along: NDArray[np.bool_], double_sided: bool, height: float
+    ) -> None:
+        """Count surfaces that are `offsets` [M] along `axis` from place `index`; `along` tells which face that way."""
+        if axis == 1:
+            self.high_up[index] |= bool((along & (offsets < -HIGH_UP * height)).any())
+        for side, (distances, backs) in enumerate(((offsets, along), (-offsets, ~along))):
             ahead = np.where(distances > 0.0, distances, np.inf)
-            if len(ahead) and ahead.min() < self.distance[side, index]:
+            if len(ahead) and ahead.min() < self.distance[axis, side, index]:
                 nearest = int(np.argmin(ahead))
-                self.distance[side, index] = ahead[nearest]
-                self.up[side, index], self.double_sided[side, index] = up[nearest], double_sided
+                self.distance[axis, side, index] = ahead[nearest]
+                self.back[axis, side, index] = backs[nearest]
+                self.double_sided[axis, side, index] = double_sided
 
     def buried(self) -> NDArray[np.bool_]:
         """[N] whether the place is under the ground or inside of something."""
-        above, below = np.isfinite(self.distance)
-        back_above, back_below = above & self.up[0], below & ~self.up[1]
-        unseen = back_above & ~self.double_sided[0] | back_below & ~self.double_sided[1]
-        return unseen | (back_above & back_below) | (above & ~below)
+        above, below = np.isfinite(self.distance[1])
+        unseen = (self.back & ~self.double_sided)[1].any(axis=0)
+        return np.asarray(unseen | self.back[1].all(axis=0) | (above & ~below))
+
+    def behind_walls(self) -> NDArray[np.bool_]:
+        """[N] whether it is behind a wall whose back is not drawn, so that one would look through it."""
+        return np.asarray((self.back & ~self.double_sided)[[0, 2]].any(axis=(0, 1)))
 
     def on_top(self) -> NDArray[np.bool_]:
         """[N] whether it is on a roof or the like: under the sky, far above another ground."""
@@ -292,7 +301,7 @@ class _Verticals:
 
     def open_sky(self) -> NDArray[np.bool_]:
         """[N] whether nothing is above."""
-        return ~np.isfinite(self.distance[0])
+        return ~np.isfinite(self.distance[1, 0])
 
 
 def _direction(turn: Array, pitch: Array) -> Array:
@@ -360,14 +369,14 @@ class _Places:
         return (1.0 + promise) * self._random.uniform(*PROMISE_BLUR, len(eyes))
 
     def _kept(self, eyes: Array, targets: Array, heights: Array, low_first: bool, count: int) -> list[_Candidate]:
-        around = self._ground.verticals(eyes, heights)
+        around = self._ground.around(eyes, heights)
         promise = self._promise(eyes, targets, heights)
         last = np.zeros(len(eyes), bool)
         if low_first:
             grounds = eyes[:, 1] - heights
             last = around.on_top() | (around.open_sky() & (grounds > np.median(grounds) + HIGH_UP * heights))
-        # A roof is better than nothing, a grave is not.
-        order = np.lexsort((-promise, last))
+        # A roof is better than nothing and so is a shell of walls, a grave is not.
+        order = np.lexsort((-promise, last, around.behind_walls()))
         best = order[~around.buried()[order]][:count]
         return _cameras(eyes[best], targets[best], heights[best], self._fov)
 
