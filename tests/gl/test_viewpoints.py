@@ -153,7 +153,7 @@ def test_a_count_of_nothing_is_refused(eyes: Callable[[Scene], See]) -> None:
         sample_viewpoints(scene, eyes(scene), ViewpointConfig(count=0))
 
 
-@pytest.mark.parametrize("double_sided, roofed", [(False, True), (True, True), (False, False)])
+@pytest.mark.parametrize(("double_sided", "roofed"), [(False, True), (True, True), (False, False)])
 def test_nobody_stands_under_the_ground_or_in_a_block(
     double_sided: bool, roofed: bool, eyes: Callable[[Scene], See]
 ) -> None:
