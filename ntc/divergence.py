@@ -34,24 +34,62 @@ def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> ND
 
 @dataclass(frozen=True)
 class DivergenceStatistics:
-    """A divergence map in four numbers."""
+    """A divergence map in a few numbers."""
 
-    score: float
-    """Mean of max(D - 1, 0) over all blocks (paper, Eq. 1)."""
-    excess: int
-    """Sum of max(D - 1, 0) over all blocks."""
-    divergent_blocks: int
-    """Blocks with more than one decoder."""
-    maximum: int
-    """Most decoders in one block."""
+    histogram: tuple[int, ...]
+    """How many blocks have D = 0, 1, 2, ... decoders; up to the number of pixels of a block."""
 
     @classmethod
     def of(cls, divergence: NDArray[np.uint16]) -> "DivergenceStatistics":
         """Statistics of a map made by `divergence_map`."""
-        excess = np.maximum(divergence.astype(np.int64) - 1, 0)
-        return cls(
-            score=float(excess.mean()) if excess.size else 0.0,
-            excess=int(excess.sum()),
-            divergent_blocks=int((excess > 0).sum()),
-            maximum=int(divergence.max(initial=0)),
-        )
+        return cls(tuple(np.bincount(divergence.reshape(-1)).tolist()))
+
+    @property
+    def blocks(self) -> int:
+        """All blocks, also those where nothing is decoded."""
+        return sum(self.histogram)
+
+    @property
+    def covered_blocks(self) -> int:
+        """Blocks in which something is decoded."""
+        return sum(self.histogram[1:])
+
+    @property
+    def excess(self) -> int:
+        """Sum of max(D - 1, 0) over all blocks."""
+        return self.decoder_runs - self.covered_blocks
+
+    @property
+    def score(self) -> float:
+        """Mean of max(D - 1, 0) over all blocks (paper, Eq. 1)."""
+        return self.excess / self.blocks if self.blocks else 0.0
+
+    @property
+    def divergent_blocks(self) -> int:
+        """Blocks with more than one decoder."""
+        return sum(self.histogram[2:])
+
+    @property
+    def maximum(self) -> int:
+        """Most decoders in one block."""
+        return max((count for count, blocks in enumerate(self.histogram) if blocks), default=0)
+
+    @property
+    def decoder_runs(self) -> int:
+        """Sum of D: how often a wave of the size of a block runs a decoder, if each of its decoders runs alone."""
+        return sum(count * blocks for count, blocks in enumerate(self.histogram))
+
+    @property
+    def mean(self) -> float:
+        """Mean of D over the blocks in which something is decoded; 0 without any."""
+        return self.decoder_runs / self.covered_blocks if self.covered_blocks else 0.0
+
+    @property
+    def wave_efficiency(self) -> float:
+        """Covered blocks / sum of D: the share of the decoder runs that would do without divergence; 1 without blocks."""
+        return self.covered_blocks / self.decoder_runs if self.decoder_runs else 1.0
+
+
+def cut_percent(excess: float, of_excess: float) -> float | None:
+    """By how many percent `excess` is less than `of_excess`; None where there is nothing to cut."""
+    return 100.0 * (1.0 - excess / of_excess) if of_excess > 0 else None

@@ -6,6 +6,7 @@ from typing import Literal
 
 from viewer.scene.model import Camera
 from viewer.view_state import CompareMode, Overlay, Slot
+from viewer.zoom import Zoom
 
 Side = Literal["a", "b"]
 
@@ -48,10 +49,23 @@ class SetAnisotropy:
 
 @dataclass(frozen=True)
 class SetOverlay:
-    """What lies over the picture, and how opaque it is (0 to 1)."""
+    """What lies over the picture, and how it looks."""
 
     overlay: Overlay
-    opacity: float
+
+
+@dataclass(frozen=True)
+class SetZoom:
+    """Which part of the picture is shown, how large."""
+
+    zoom: Zoom
+
+
+@dataclass(frozen=True)
+class InspectBlock:
+    """Say what is in the block at this place (shares of the picture from its upper left corner); None: in none."""
+
+    at: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -89,6 +103,8 @@ Action = (
     | SetCamera
     | SetAnisotropy
     | SetOverlay
+    | SetZoom
+    | InspectBlock
     | SetResolution
     | SetCoarseWhileMoving
     | OpenFile

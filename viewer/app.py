@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 # Before glfw: each of the two brings a libglfw, and both must use the same.
-from imgui_bundle import imgui  # isort: skip
+from imgui_bundle import imgui, implot  # isort: skip
 import glfw
 from moderngl_window.context.glfw.window import Window
 
@@ -65,6 +65,7 @@ class WindowApp:
         self._handle: Any = self._window._window
         self._context = wrap_context(self._window.ctx, self._address)
         imgui.create_context()
+        implot.create_context()
         io = imgui.get_io()
         io.set_ini_filename(str(self._folder / LAYOUT_FILE) if self._folder is not None else "")
         imgui.get_style().font_scale_main = settings.ui_scale
@@ -153,6 +154,7 @@ class WindowApp:
             self.frontend.release()
             imgui.backends.opengl3_shutdown()
             imgui.backends.glfw_shutdown()
+            implot.destroy_context()
             imgui.destroy_context()
             self._window.destroy()
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 
 from viewer.actions import SetCamera
 from viewer.navigation import frame
+from viewer.palettes import PALETTES
 from viewer.session import Session
 from viewer.settings import CameraMode
-from viewer.view_state import REFERENCE, CompareMode
+from viewer.view_state import BLOCKS, REFERENCE, CompareMode, OverlayKind
+from viewer.zoom import WHOLE
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),
     ("right or middle drag", "pan"),
     ("wheel", "nearer, farther; speed when flying"),
+    ("Ctrl + wheel", "look at the pixels themselves; Ctrl + drag moves them"),
+    ("click", "with the heatmap: keep the block under the mouse in the panel Divergence"),
     ("W A S D Q E", "fly; Shift: faster"),
     ("drag the divider", "wipe between A and B; double-click recentres it"),
     ("drop a file", "open a .gltf, .glb or .ntc"),
@@ -76,7 +80,36 @@ def _camera_mode(session: Session) -> None:
 
 
 def _toggle_overlay(session: Session) -> None:
-    session.view = replace(session.view, overlay="none" if session.view.overlay == "divergence" else "divergence")
+    overlay = session.view.overlay
+    kind: OverlayKind = "none" if overlay.kind == "divergence" else "divergence"
+    session.view = replace(session.view, overlay=replace(overlay, kind=kind))
+
+
+def _next_block(session: Session) -> None:
+    overlay = session.view.overlay
+    names = tuple(BLOCKS)
+    following = names[(names.index(overlay.block) + 1) % len(names)]
+    session.view = replace(session.view, overlay=replace(overlay, block=following))
+    session.say(f"decoders are counted in blocks of {following} pixels")
+
+
+def _next_palette(session: Session) -> None:
+    overlay = session.view.overlay
+    names = tuple(PALETTES)
+    following = names[(names.index(overlay.palette) + 1) % len(names)]
+    session.view = replace(session.view, overlay=replace(overlay, palette=following))
+
+
+def _whole_picture(session: Session) -> None:
+    session.view = replace(session.view, zoom=WHOLE)
+
+
+def _record_path(session: Session) -> None:
+    if session.recording is None:
+        session.recording = ()
+        session.say("recording the camera's path; the same key ends it")
+    else:
+        session.recorded_path, session.recording = session.recording, None
 
 
 def _toggle_panels(session: Session) -> None:
@@ -107,10 +140,14 @@ COMMANDS = (
     Command("next source", "N", "show the next open pack in slot A", _next_source),
     Command("decode path", "P", "switch slot A between deferred and forward", _next_path),
     Command("divergence", "O", "lay the heatmap of decoders per block over the picture", _toggle_overlay),
+    Command("block shape", "B", "count decoders in blocks of another shape: 8x8, 8x4, 16x4, 4x4", _next_block),
+    Command("palette", "L", "colour the heatmap green to red, or fit for the colour-blind", _next_palette),
+    Command("whole picture", "Z", "see the whole picture again after Ctrl + wheel", _whole_picture),
     Command("measure", "M", "measure PSNR, divergence and memory of both slots", _measure),
     Command("frame all", "F", "see the whole scene", _frame_all),
     Command("next camera", "C", "go to the scene's next camera", _next_camera),
     Command("camera mode", "V", "switch between orbiting and flying", _camera_mode),
+    Command("record path", "R", "record the camera's path as a cameras file, until pressed again", _record_path),
     Command("screenshot", "F12", "write the window's content as a PNG", _screenshot),
     Command("panels", "H", "hide or show the panels", _toggle_panels),
     Command("help", "F1", "show keys and mouse", _toggle_help),

@@ -14,18 +14,22 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
+from ntc.files import write_text
 from ntc.pack import Pack
+from viewer.block_content import BlockContent, BlockPlace, block_content
 from viewer.commands import run_command
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
+from viewer.gl.thumbnails import Thumbnails
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
 from viewer.renderer import FrameResult, Renderer
+from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
 from viewer.scene.model import Camera, Scene
 from viewer.session import Session
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
-from viewer.view_state import REFERENCE, Slot, ViewState
+from viewer.view_state import BLOCKS, REFERENCE, Slot, ViewState
 
 FRAMES_REMEMBERED = 15
 """Frames over which times are medians."""
@@ -37,6 +41,8 @@ SETTLING_FRAMES = 3
 SLOW_FRAME_MS = 120.0
 """A whole frame that takes longer makes a moving picture coarse."""
 COARSE_SHARE = 0.25
+RECORDING_SECONDS = 0.25
+"""A recorded path has a camera so often."""
 MOVING_SECONDS = 0.3
 """A camera moves until it has rested for so long."""
 
@@ -57,6 +63,10 @@ class Frontend:
         self._last_view: ViewState | None = None
         self._camera: Camera | None = None
         self._moved_at = -math.inf
+        self._recorded_at = -math.inf
+        self._thumbnails: Thumbnails | None = None
+        self._block_key: object = None
+        self._block_content: BlockContent | None = None
         self._whole_frame_ms = 0.0
         self._slot_ms: Mapping[Slot, float] = {}
         self.frames_drawn = 0
@@ -76,12 +86,18 @@ class Frontend:
                 self._renderer.release()
             self._renderer, self._scene = made, self.session.scene
             self._packs = None
+            self._block_key = None
             self._times.clear()
+            if self._thumbnails is not None:
+                self._thumbnails.release()
+            textures = self._scene.textures
+            self._thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
         if self._packs is not self.session.packs:
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self._renderer.set_packs(self.session.packs)
             self._packs = self.session.packs
             self._last_view = None
+            self._block_key = None
         return self._renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
@@ -138,9 +154,31 @@ class Frontend:
             skipped=last.skipped if last else {},
             drawn=last.drawn if last else {},
             divergence=last.divergence if last else {},
+            block=self._block(),
+            thumbnail=self._thumbnail if self._thumbnails is not None else None,
             gpu_bytes=gpu_bytes,
             frames_drawn=self.frames_drawn,
         )
+
+    def _thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
+        assert self._thumbnails is not None
+        return imgui.ImTextureRef(self._thumbnails[texture_id].glo)
+
+    def _block(self) -> BlockContent | None:
+        """The block to speak of, read back when it or the picture has changed."""
+        session, renderer, view = self.session, self._renderer, self._last_view
+        at = session.inspected or session.hovered
+        if renderer is None or view is None or view.overlay.kind == "none" or at is None:
+            return None
+        place = BlockPlace.at(at, BLOCKS[view.overlay.block], view.size)
+        sources = [slot.source for slot in (view.slot_a, view.slot_b) if slot.source != REFERENCE]
+        key = (view.camera, place, sources)
+        if key != self._block_key:
+            decoders = {source: renderer.decoders(source) for source in sources}
+            ids = renderer.texture_ids_in(place.pixels)
+            self._block_content = block_content(ids, place, renderer.scene, decoders)
+            self._block_key = key
+        return self._block_content
 
     def _measure(self) -> None:
         """Carry out a wish to measure both slots on the present view."""
@@ -172,6 +210,10 @@ class Frontend:
                 raise
             session.say(" ".join(str(error).split()), "error")
         session.measure_requested = False
+        now = time.monotonic()
+        if now - self._recorded_at >= RECORDING_SECONDS:
+            self._recorded_at = now
+            session.record_camera()
         # After the picture: messages are seen from now on, however long it took.
         session.forget_old_toasts(time.monotonic())
         picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
@@ -189,6 +231,9 @@ class Frontend:
         if self.session.screenshot_requested:
             self.session.screenshot_requested = False
             self._write_screenshot(read_pixels(framebuffer))
+        if self.session.recorded_path is not None:
+            self._write_path(self.session.recorded_path)
+            self.session.recorded_path = None
 
     def _write_screenshot(self, pixels: NDArray[np.uint8]) -> None:
         path = self._pictures / f"{self.session.scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
@@ -198,10 +243,18 @@ class Frontend:
         except InputError as error:
             self.session.say(str(error), "error")
 
+    def _write_path(self, cameras: tuple[Camera, ...]) -> None:
+        path = self._pictures / f"{self.session.scene.name}-path-{time.strftime('%Y%m%d-%H%M%S')}.json"
+        try:
+            write_text(path, cameras_json(cameras))
+            self.session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")
+        except InputError as error:
+            self.session.say(str(error), "error")
+
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""
         session = self.session
-        waiting = session.measure_requested or session.screenshot_requested
+        waiting = session.measure_requested or session.screenshot_requested or session.recorded_path is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
         return waiting or ending or opened or self._view(size) != self._last_view
@@ -213,6 +266,9 @@ class Frontend:
 
     def release(self) -> None:
         """Free everything on the GPU."""
+        if self._thumbnails is not None:
+            self._thumbnails.release()
+            self._thumbnails = None
         if self._renderer is not None:
             self._renderer.release()
             self._renderer = None

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from ntc.pack import Pack
@@ -36,6 +36,7 @@ class HeadlessApp:
         self._framebuffer = gl.framebuffer([gl.texture(size, 4)])
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
+        implot.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
         io.display_size = imgui.ImVec2(*size)
@@ -116,6 +117,7 @@ class HeadlessApp:
         self.frontend.release()
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()
+        implot.destroy_context()
         imgui.destroy_context(self._imgui)
         self._framebuffer.release()
         self._context.gl.release()

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -19,11 +18,11 @@ from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.pack_files import match_scene
 from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.composite import CompositePass, CompositeTarget, HeatmapOverlay
+from viewer.passes.composite import CompositePass, CompositeTarget, Look
 from viewer.passes.culling import Culling, DrawList
 from viewer.passes.decode_deferred import DecodeDeferredPass
 from viewer.passes.decode_forward import DecodeForwardPass
-from viewer.passes.divergence import DecoderTable, DivergencePass, DivergenceTarget
+from viewer.passes.divergence import Stage
 from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import PackBuffers, codec_programs
 from viewer.passes.reference import ReferencePass
@@ -31,6 +30,7 @@ from viewer.passes.scene_buffers import SceneBuffers, material_records
 from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
+from viewer.shown_divergence import CountedGrouping, ShownDivergence
 from viewer.view_state import REFERENCE, Precision, Slot, ViewState
 
 
@@ -64,10 +64,6 @@ class _Targets:
     drawn: dict[Slot, object] = field(default_factory=dict)
     """For each slot what its albedo was made from; equal means it is still good."""
     slot_ms: dict[Slot, float] = field(default_factory=dict)
-    divergence: dict[str, DivergenceTarget] = field(default_factory=dict)
-    """By source."""
-    counted: dict[str, tuple[object, DivergenceStatistics]] = field(default_factory=dict)
-    """For each source what its divergence map was made from, and its statistics."""
     visibility_key: object = None
     composite_key: object = None
 
@@ -76,8 +72,6 @@ class _Targets:
         self.composite.release()
         for target in self.albedo.values():
             target.release()
-        for divergence in self.divergence.values():
-            divergence.release()
 
 
 @dataclass
@@ -98,7 +92,7 @@ def _distinct(slot: Slot) -> Slot:
 class Renderer:
     """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
 
-    def __init__(self, context: GraphicsContext, scene: Scene) -> None:
+    def __init__(self, context: GraphicsContext, scene: Scene, divergence_stage: Stage = "compute") -> None:
         self._context, self._scene = context, scene
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         self._programs = ProgramFactory(context.gl, library)
@@ -108,9 +102,8 @@ class Renderer:
         self._scene_buffers = SceneBuffers(context, scene, materials)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._composite = CompositePass(context, self._programs)
-        self._divergence = DivergencePass(context, self._programs)
-        self._tables: dict[str, DecoderTable] = {}
         self._timer = PassTimer(context)
+        self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
         self._version = 0
@@ -137,8 +130,6 @@ class Renderer:
         for name in [name for name, pack in self._packs.items() if packs.get(name) is not pack]:
             for key in [key for key in self._decode if key[0] == name]:
                 self._decode.pop(key).buffers.release()
-            if name in self._tables:
-                self._tables.pop(name).release()
         for name, pack in packs.items():
             if self._packs.get(name) is not pack:
                 self._version += 1
@@ -260,62 +251,43 @@ class Renderer:
             targets.drawn.pop(slot, None)
             targets.slot_ms.pop(slot, None)
 
-    def _decoder_table(self, source: str) -> DecoderTable:
-        """Decoder of every texture under the grouping of `source`; for the reference nothing is decoded."""
-        if source not in self._tables:
-            pack = self._packs.get(source)
-            undecoded = (-1,) * len(self._scene.textures)
-            decoders = undecoded if pack is None else self._matches[source].decoders(pack)
-            self._tables[source] = DecoderTable(self._context, decoders)
-        return self._tables[source]
+    def decoders(self, source: str) -> tuple[int, ...]:
+        """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""
+        return self._counted(source).decoders
+
+    def _counted(self, source: str) -> CountedGrouping:
+        """The grouping of a source; for the reference nothing is decoded."""
+        pack = self._packs.get(source)
+        if pack is None:
+            return CountedGrouping(0, (-1,) * len(self._scene.textures))
+        return CountedGrouping(self._pack_versions[source], tuple(self._matches[source].decoders(pack)))
 
     def _update_divergence(
         self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]
     ) -> dict[str, DivergenceStatistics]:
         """Count the decoders per block of what is shown, where the overlay asks for it."""
-        if view.overlay != "divergence":
-            skipped["divergence_passes"] += len(slots)
+        if view.overlay.kind == "none":
+            skipped["divergence_passes"] += 1
             return {}
-        statistics: dict[str, DivergenceStatistics] = {}
-        for source in dict.fromkeys(slot.source for slot in slots):
-            key = (view.camera, self._pack_versions.get(source, 0))
-            if source in targets.counted and targets.counted[source][0] == key:
-                skipped["passes"] += 1
-            else:
-                if source not in targets.divergence:
-                    targets.divergence[source] = DivergenceTarget(self._context, view.size)
-                with self._timer.measure("divergence"):
-                    self._divergence.run(targets.visibility, self._decoder_table(source), targets.divergence[source])
-                targets.counted[source] = (key, DivergenceStatistics.of(targets.divergence[source].read()))
-            if source != REFERENCE:
-                statistics[source] = targets.counted[source][1]
-        return statistics
-
-    def _overlay(self, view: ViewState, targets: _Targets, first: Slot, second: Slot) -> HeatmapOverlay | None:
-        if view.overlay != "divergence":
-            return None
-        most = max(2, *(targets.counted[slot.source][1].maximum for slot in (first, second)))
-        maps = (targets.divergence[first.source], targets.divergence[second.source])
-        return HeatmapOverlay(*maps, most, view.overlay_opacity)
+        groupings = {slot.source: self._counted(slot.source) for slot in slots}
+        if not self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block):
+            skipped["passes"] += 1
+        return {source: figures for source, figures in self._divergence.statistics.items() if source != REFERENCE}
 
     def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
         wipe = view.compare == "wipe"
         first = view.slot_b if view.compare == "b" else view.slot_a
         second = view.slot_b if wipe else first
         divider = view.wipe_position * view.size[0] if wipe else None
-        key: Any = (first, second, divider, targets.drawn.get(first), targets.drawn.get(second))
-        if view.overlay != "none":
-            key = (*key, view.overlay, view.overlay_opacity)
+        counted = (view.overlay, self._divergence.key) if view.overlay.kind != "none" else None
+        key = (first, second, divider, targets.drawn.get(first), targets.drawn.get(second), counted, view.zoom)
         if targets.composite_key == key:
             skipped["passes"] += 1
             return
-        overlay = self._overlay(view, targets, first, second)
+        overlay = self._divergence.overlay(view.overlay, first.source, second.source) if counted else None
         with self._timer.measure("composite"):
-            if divider is None:
-                self._composite.run_single(targets.albedo[first], targets.composite, overlay)
-            else:
-                albedo_a, albedo_b = targets.albedo[first], targets.albedo[second]
-                self._composite.run_wipe(albedo_a, albedo_b, divider, targets.composite, overlay)
+            look = Look(divider, overlay, view.zoom)
+            self._composite.run(targets.albedo[first], targets.albedo[second], look, targets.composite)
         targets.composite_key = key
 
     def albedo(self, slot: Slot) -> NDArray[np.float32]:
@@ -341,6 +313,15 @@ class Renderer:
             raise RuntimeError("render a view first")
         return self._targets.visibility.texture_ids()
 
+    def texture_ids_in(self, pixels: tuple[int, int, int, int]) -> NDArray[np.int32]:
+        """[h, w] int32: texture ids of a part of the last view (left, top, right, bottom), -1 for none.
+
+        Pixels count from the upper left corner. Nothing but the part is read back.
+        """
+        if self._targets is None:
+            raise RuntimeError("render a view first")
+        return self._targets.visibility.texture_ids_in(*pixels)
+
     def covered(self) -> NDArray[np.bool_]:
         """[H, W], row 0 on top: whether a surface is seen."""
         if self._targets is None:
@@ -356,9 +337,15 @@ class Renderer:
             passes.buffers.release()
         self._decode.clear()
         self._composite.release()
-        for table in self._tables.values():
-            table.release()
+        self._divergence.release()
         self._reference.release()
         self._scene_buffers.release()
         for programs in (self._programs, *self._codec_programs.values()):
             programs.release()
+
+
+def read_picture(image: moderngl.Texture) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 sRGB, row 0 on top, of the image of a FrameResult."""
+    width, height = image.size
+    pixels = np.frombuffer(image.read(), np.uint8).reshape(height, width, 4)
+    return np.ascontiguousarray(pixels[::-1, :, :3])

@@ -11,6 +11,7 @@ from ntc.pack_file import read_pack
 from ntc.pack_match import PackMatch, require_match
 from viewer.actions import (
     Action,
+    InspectBlock,
     MoveDivider,
     OpenFile,
     RunCommand,
@@ -21,6 +22,7 @@ from viewer.actions import (
     SetOverlay,
     SetResolution,
     SetSlot,
+    SetZoom,
 )
 from viewer.camera import frame_all
 from viewer.measurement import SlotMeasurement
@@ -31,6 +33,8 @@ from viewer.settings import ViewerSettings
 from viewer.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
 
 TOAST_SECONDS = 6.0
+LONGEST_PATH = 10_000
+"""Cameras of a recorded path."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,17 @@ class Session:
         self.measured_view: ViewState | None = None
         self.measure_requested = False
         self.screenshot_requested = False
+        self.recording: tuple[Camera, ...] | None = None
+        """The camera's path so far; None while it is not recorded."""
+        self.recorded_path: tuple[Camera, ...] | None = None
+        """A whole path that is to be written."""
         self.closing = False
         self.show_panels = settings.show_panels
         self.show_help = False
+        self.inspected: tuple[float, float] | None = None
+        """Where the block is that stays inspected, as shares of the picture from its upper left corner."""
+        self.hovered: tuple[float, float] | None = None
+        """Where the mouse is over the picture, likewise."""
         self.showing_other = False
         """While held: the other slot is shown."""
         self.resolution = 1.0
@@ -87,6 +99,7 @@ class Session:
         self.scene = scene
         self.packs = packs
         self.measurements = {}
+        self.inspected = None
         source = self._first_source(first.grouping)
         camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, self.settings.fov_degrees)
         self.view = ViewState(
@@ -145,8 +158,12 @@ class Session:
                 self.view = replace(self.view, camera=camera)
             case SetAnisotropy(value=value):
                 self.view = replace(self.view, anisotropy=value)
-            case SetOverlay(overlay=overlay, opacity=opacity):
-                self.view = replace(self.view, overlay=overlay, overlay_opacity=opacity)
+            case SetOverlay(overlay=overlay):
+                self.view = replace(self.view, overlay=overlay)
+            case SetZoom(zoom=zoom):
+                self.view = replace(self.view, zoom=zoom)
+            case InspectBlock(at=at):
+                self.inspected = at
             case SetResolution(share=share):
                 self.resolution = share
             case SetCoarseWhileMoving(value=value):
@@ -191,6 +208,14 @@ class Session:
         self.packs = {**self.packs, name: pack}
         self.view = replace(self.view, slot_a=replace(self.view.slot_a, source=name))
         self.say(f"opened {path.name} in slot A: {match.line()}")
+
+    def record_camera(self) -> None:
+        """Add the camera to the path that is recorded, if it has moved."""
+        if self.recording is None or len(self.recording) >= LONGEST_PATH:
+            return
+        camera = replace(self.view.camera, name=f"path_{len(self.recording) + 1:04d}")
+        if not self.recording or replace(self.recording[-1], name=camera.name) != camera:
+            self.recording = (*self.recording, camera)
 
     def note_drawable(self) -> None:
         """Remember what is open as something that can be drawn."""

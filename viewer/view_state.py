@@ -3,12 +3,18 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from viewer.palettes import PaletteName
 from viewer.scene.model import Camera
+from viewer.zoom import WHOLE, Zoom
 
 DecodePath = Literal["forward", "deferred"]
 Precision = Literal["fp32", "fp16"]
 CompareMode = Literal["a", "b", "wipe"]
-Overlay = Literal["none", "divergence"]
+OverlayKind = Literal["none", "divergence"]
+BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
+
+BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
+"""(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
 
 REFERENCE: Final = "reference"
 """The slot source that shows the original images instead of a pack."""
@@ -27,6 +33,18 @@ class Slot:
 
 
 @dataclass(frozen=True)
+class Overlay:
+    """What lies over the picture."""
+
+    kind: OverlayKind = "none"
+    """Nothing, or the map of decoders per block."""
+    opacity: float = 0.6
+    """0 to 1."""
+    palette: PaletteName = "green-red"
+    block: BlockName = "8x8"
+
+
+@dataclass(frozen=True)
 class ViewState:
     """Everything that determines a picture, given the scene and the open packs."""
 
@@ -38,9 +56,7 @@ class ViewState:
     compare: CompareMode = "a"
     wipe_position: float = 0.5
     """Divider of the wipe as a share of the width: A is left of it."""
-    overlay: Overlay = "none"
-    """What lies over the picture: nothing, or the heatmap of decoders per block."""
-    overlay_opacity: float = 0.6
-    """0 to 1."""
+    overlay: Overlay = Overlay()
+    zoom: Zoom = WHOLE
     anisotropy: int = 1
     """Anisotropic filtering of the reference: 1 (trilinear, as the decode paths filter) to 16."""

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ntc.divergence import divergence_map
+from ntc.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.passes.divergence import DecoderTable, DivergencePass, DivergenceTarget
+from viewer.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
 from viewer.passes.layout import MATERIAL_SHIFT, scene_layout_glsl
 from viewer.passes.visibility import SurfaceContent, VisibilityTarget
 from viewer.resources import shaders_folder
@@ -21,10 +21,10 @@ def context() -> Iterator[GraphicsContext]:
     made.gl.release()
 
 
-@pytest.fixture(scope="module")
-def counting(context: GraphicsContext) -> DivergencePass:
+@pytest.fixture(scope="module", params=["compute", "fragment"])
+def counting(context: GraphicsContext, request: pytest.FixtureRequest) -> DivergencePass:
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    return DivergencePass(context, ProgramFactory(context.gl, library))
+    return DivergencePass(context, ProgramFactory(context.gl, library), request.param)
 
 
 def visibility_of(context: GraphicsContext, texture_ids: np.ndarray) -> VisibilityTarget:
@@ -51,18 +51,42 @@ def test_it_equals_numpy(
     ids[: size[1] // 2] = ids[: size[1] // 2, :1]
     visibility = visibility_of(context, ids)
     target = DivergenceTarget(context, size, block)
-    counting.run(visibility, DecoderTable(context, table.tolist()), target)
+    counting.run(visibility, DecoderTables(context, [table.tolist()]), target)
     expected = divergence_map(np.append(table, -1)[ids].astype(np.int32), (block[1], block[0]))
     np.testing.assert_array_equal(target.read(), expected)
+    assert_equal_statistics(target.statistics(), DivergenceStatistics.of(expected))
     visibility.release()
     target.release()
 
 
-def test_several_groupings_from_one_visibility_buffer(context: GraphicsContext, counting: DivergencePass) -> None:
+def assert_equal_statistics(found: DivergenceStatistics, expected: DivergenceStatistics) -> None:
+    longest = max(len(found.histogram), len(expected.histogram))
+    padded = [(*figures.histogram, *(0,) * (longest - len(figures.histogram))) for figures in (found, expected)]
+    assert padded[0] == padded[1]
+    for name in ("score", "excess", "divergent_blocks", "maximum", "mean", "wave_efficiency"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name))
+
+
+def test_several_groupings_at_once_from_one_visibility_buffer(
+    context: GraphicsContext, counting: DivergencePass
+) -> None:
     ids = np.random.default_rng(0).integers(-1, 40, (50, 70))
     visibility = visibility_of(context, ids)
-    for groups in (1, 3, 40):
-        table = [texture % groups for texture in range(40)]
-        target = DivergenceTarget(context, (70, 50))
-        counting.run(visibility, DecoderTable(context, table), target)
-        np.testing.assert_array_equal(target.read(), divergence_map(np.append(table, -1)[ids].astype(np.int32)))
+    tables = [[texture % groups for texture in range(40)] for groups in (1, 3, 40)]
+    target = DivergenceTarget(context, (70, 50), (8, 8), groupings=3)
+    for _ in range(2):
+        # Twice: nothing of the first count may be left in the second.
+        counting.run(visibility, DecoderTables(context, tables), target)
+    for row, table in enumerate(tables):
+        expected = divergence_map(np.append(table, -1)[ids].astype(np.int32))
+        np.testing.assert_array_equal(target.read(row), expected)
+        assert_equal_statistics(target.statistics(row), DivergenceStatistics.of(expected))
+
+
+def test_nothing_seen_is_no_divergence(context: GraphicsContext, counting: DivergencePass) -> None:
+    visibility = visibility_of(context, np.full((20, 20), -1))
+    target = DivergenceTarget(context, (20, 20), (8, 8))
+    counting.run(visibility, DecoderTables(context, [[]]), target)
+    figures = target.statistics()
+    assert (figures.excess, figures.maximum, figures.covered_blocks, figures.blocks) == (0, 0, 0, 9)
+    assert (figures.score, figures.mean, figures.wave_efficiency) == (0.0, 0.0, 1.0)

@@ -15,7 +15,8 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.model import Camera, Material
-from viewer.view_state import Slot, ViewState
+from viewer.view_state import Overlay, Slot, ViewState
+from viewer.zoom import Zoom
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
@@ -195,10 +196,20 @@ def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
 def test_divergence_is_counted_only_while_it_is_shown(renderer: Renderer) -> None:
     hidden = renderer.render(VIEW)
     assert "divergence" not in hidden.timings_ms
-    assert hidden.skipped["divergence_passes"] == 2
-    shown = renderer.render(replace(VIEW, overlay="divergence"))
+    assert hidden.skipped["divergence_passes"] == 1
+    shown = renderer.render(replace(VIEW, overlay=Overlay("divergence")))
     assert shown.divergence["p"].maximum == 1
     assert passes(shown) == {"composite"}
-    again = renderer.render(replace(VIEW, overlay="divergence", overlay_opacity=0.3))
-    assert "divergence" not in again.timings_ms
-    assert passes(again) == {"composite"}
+    for overlay in (Overlay("divergence", opacity=0.3), Overlay("divergence", palette="viridis")):
+        again = renderer.render(replace(VIEW, overlay=overlay))
+        assert "divergence" not in again.timings_ms
+        assert passes(again) == {"composite"}
+    other_blocks = renderer.render(replace(VIEW, overlay=Overlay("divergence", block="4x4")))
+    assert "divergence" in other_blocks.timings_ms
+
+
+def test_the_magnifying_glass_draws_nothing_anew(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    zoomed = renderer.render(replace(VIEW, zoom=Zoom(4.0, (0.25, 0.75))))
+    assert passes(zoomed) == {"composite"}
+    assert passes(renderer.render(VIEW)) == {"composite"}

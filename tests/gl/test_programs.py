@@ -26,10 +26,12 @@ DRAWN = [
 ]
 FULL_SCREEN = [
     *[
-        ("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe, "OVERLAY": overlay})
+        ("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe, "OVERLAY": overlay, "ZOOM": zoom})
         for wipe in (0, 1)
         for overlay in (0, 1)
+        for zoom in (0, 1)
     ],
+    ("common/fullscreen.vert", "passes/divergence/divergence.frag", {"BLOCK_WIDTH": 16, "BLOCK_HEIGHT": 4}),
     *(
         ("common/fullscreen.vert", "passes/reference/sample.frag", {"GRADIENTS": a, "FIRST": first, "SORTS": sorts})
         for a in (0, 1)

@@ -161,7 +161,7 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -
     plain = app.screenshot().astype(int)
     assert app.frontend.skipped["divergence_passes"] == 1
     app.press(imgui.Key.o)
-    assert app.session.view.overlay == "divergence"
+    assert app.session.view.overlay.kind == "divergence"
     assert "divergence_passes" not in app.frontend.skipped
     covered = app.screenshot().astype(int)
     changed = np.abs(covered - plain).max(axis=2) > 5
@@ -176,10 +176,10 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -
 
 def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
     app.click("divergence")
-    assert app.session.view.overlay == "divergence"
+    assert app.session.view.overlay.kind == "divergence"
     assert "opacity" in app.frontend.interface.items.labels()
     app.click("divergence")
-    assert app.session.view.overlay == "none"
+    assert app.session.view.overlay.kind == "none"
 
 
 def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import tyro
 
 from ntc.config import FeatureName, GroupingConfig, GroupingName, RecipeName
-from viewer.view_state import DecodePath, Precision
+from viewer.palettes import PaletteName
+from viewer.view_state import BlockName, DecodePath, Overlay, Precision
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -103,7 +104,13 @@ class RenderOptions:
     fov: float = 60.0
     """Vertical field of view of --eye/--target, degrees."""
     overlay: Literal["none", "divergence", "error"] = "none"
-    """Also write overlay.png: decoders per 8x8 block, or error against the reference."""
+    """Also write overlay.png: decoders per block, or error against the reference."""
+    opacity: float = Overlay.opacity
+    """Opacity of the divergence overlay, 0 to 1."""
+    palette: PaletteName = Overlay.palette
+    """Colours of the divergence overlay; viridis is fit for the colour-blind."""
+    block: BlockName = Overlay.block
+    """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
     anisotropy: Literal[1, 2, 4, 8, 16] = 1
     """Anisotropic filtering of the reference; 1 is trilinear, as the decode paths filter."""
     require_gpu: Switch = False

@@ -21,10 +21,11 @@ from viewer.commandline.options import RenderOptions
 from viewer.commandline.sources import choose_camera, choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
 from viewer.measurement import decoder_ids
-from viewer.overlay import divergence_overlay, error_overlay
-from viewer.renderer import FrameResult, Renderer
+from viewer.overlay import error_overlay, with_color_bar
+from viewer.palettes import PaletteName
+from viewer.renderer import FrameResult, Renderer, read_picture
 from viewer.scene.images import write_png
-from viewer.view_state import REFERENCE, Slot, ViewState
+from viewer.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState
 
 WARM_UP_SHARE = 16
 """A frame this many times smaller compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
@@ -45,7 +46,9 @@ class Picture:
     decoder_ids: NDArray[np.int32]
     """[H, W] group of the texture in the pack, -1 where nothing is decoded."""
     divergence: NDArray[np.uint16]
-    """[ceil(H / 8), ceil(W / 8)] distinct decoders per block."""
+    """[ceil(H / block height), ceil(W / block width)] distinct decoders per block."""
+    shown: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB: the picture with its overlay."""
     frame: FrameResult
 
 
@@ -60,7 +63,17 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     ids = np.full_like(texture_ids, -1)
     if pack is not None and match is not None:
         ids = decoder_ids(texture_ids, pack, match)
-    return Picture(color, reference, renderer.covered(), texture_ids, ids, divergence_map(ids), frame)
+    width, height = BLOCKS[view.overlay.block]
+    return Picture(
+        color=color,
+        reference=reference,
+        covered=renderer.covered(),
+        texture_ids=texture_ids,
+        decoder_ids=ids,
+        divergence=divergence_map(ids, (height, width)),
+        shown=read_picture(frame.image),
+        frame=frame,
+    )
 
 
 def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[str, Any]:
@@ -93,6 +106,10 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
             "excess": divergence.excess,
             "divergent_blocks": divergence.divergent_blocks,
             "max": divergence.maximum,
+            "mean": divergence.mean,
+            "wave_efficiency": divergence.wave_efficiency,
+            "histogram": list(divergence.histogram),
+            "block": list(BLOCKS[view.overlay.block]),
         },
         "psnr_db": quality(picture.covered),
         "psnr_decoded_pixels_db": quality(decoded),
@@ -106,14 +123,15 @@ def _npy(array: NDArray[Any]) -> bytes:
     return buffer.getvalue()
 
 
-def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay: str) -> None:
+def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay: str, palette: PaletteName) -> None:
     """Write the files of `render` into `folder`, stats.json last."""
     write_png(folder / "color.png", picture.color)
     write_bytes(folder / "texture_id.npy", _npy(picture.texture_ids))
     write_bytes(folder / "decoder_id.npy", _npy(picture.decoder_ids))
     write_bytes(folder / "divergence.npy", _npy(picture.divergence))
     if overlay == "divergence":
-        write_png(folder / "overlay.png", divergence_overlay(picture.color, picture.divergence))
+        most = int(picture.divergence.max(initial=0))
+        write_png(folder / "overlay.png", with_color_bar(picture.shown, palette, most))
     elif overlay == "error":
         write_png(folder / "overlay.png", error_overlay(picture.color, picture.reference))
     write_text(folder / "stats.json", json.dumps(stats, indent=2, allow_nan=False) + "\n")
@@ -121,6 +139,8 @@ def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay
 
 def render(options: RenderOptions) -> int:
     """Run `ntc-viewer render`. Raises InputError for bad input."""
+    if not 0.0 <= options.opacity <= 1.0:
+        raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
     scene = open_scene(options.scene)
@@ -137,11 +157,14 @@ def render(options: RenderOptions) -> int:
     chosen = {source: packs[source]} if source != REFERENCE else {}
     renderer.set_packs(chosen)
     slot = Slot(source, options.path, options.precision)
-    view = ViewState(camera=camera, size=options.size, slot_a=slot, anisotropy=options.anisotropy)
+    overlay = Overlay(
+        "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
+    )
+    view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
     renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
     picture = draw(renderer, chosen, view)
     stats = statistics(picture, view, context.info.renderer)
-    write_picture(options.out, picture, stats, options.overlay)
+    write_picture(options.out, picture, stats, options.overlay, options.palette)
     quality = stats["psnr_db"]
     sys.stdout.write(
         f"wrote {options.out}: {source}, camera {camera.name!r}"

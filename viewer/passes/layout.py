@@ -19,6 +19,7 @@ class StorageBinding(IntEnum):
     REQUESTS = 5
     RESULTS = 6
     DECODERS = 7
+    HISTOGRAM = 8
 
 
 class TextureUnit(IntEnum):
@@ -31,8 +32,7 @@ class TextureUnit(IntEnum):
     ALPHA = 4
     ALBEDO_A = 5
     ALBEDO_B = 6
-    DIVERGENCE_A = 7
-    DIVERGENCE_B = 8
+    DIVERGENCE = 7
 
 
 class ImageUnit(IntEnum):
@@ -78,6 +78,8 @@ GROUP_SIDE = 8
 """Side of a compute work group in pixels: the block of the divergence map."""
 TEXEL_GROUP = 64
 """Work group size of the texel decoder."""
+PALETTE_STEPS = 32
+"""Entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
 """The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
 LARGEST_ID = 65534
@@ -178,6 +180,7 @@ def scene_layout_glsl() -> str:
     lines += [
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
+        f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
         glsl_struct("MaterialRecord", MATERIAL_RECORD),

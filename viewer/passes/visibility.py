@@ -70,6 +70,14 @@ class VisibilityTarget:
         """[H, W] int32, row 0 on top: texture id of each pixel, -1 where no texture is seen."""
         return (self._ids() & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
 
+    def texture_ids_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.int32]:
+        """[bottom - top, right - left] int32: texture ids of a part of the picture, in pixels from the upper left corner."""
+        size = (right - left, bottom - top)
+        viewport = (left, self.size[1] - bottom, *size)
+        words = self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4")
+        ids = np.frombuffer(words, np.uint32).reshape(size[1], size[0], 4)[::-1, :, 0]
+        return (ids & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
+
     def materials(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
         return (self._ids() >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1

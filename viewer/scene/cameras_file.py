@@ -68,3 +68,12 @@ def find_camera(cameras: Sequence[Camera], name: str) -> Camera:
             return camera
     there = ", ".join(camera.name for camera in cameras) or "none"
     raise InputError(f"--camera {name}: no such camera (there are: {there})")
+
+
+def cameras_json(cameras: Sequence[Camera]) -> str:
+    """The text of a camera file that `read_cameras` reads back."""
+    entries = [
+        {"name": camera.name, "eye": camera.eye, "target": camera.target, "fov": camera.fov_degrees}
+        for camera in cameras
+    ]
+    return json.dumps(entries, indent=1) + "\n"

@@ -6,7 +6,9 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import key_table
 from viewer.session import Session, Toast
+from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import counted
 from viewer.view_state import REFERENCE, Slot
 
 MARGIN = 12.0
@@ -65,6 +67,27 @@ def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces) 
     slot = view.slot_a if view.compare == "a" else view.slot_b
     text = f"{view.compare.upper()}: {slot_label(slot)}"
     plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, text, align_right=False)
+
+
+def draw_block(session: Session, facts: FrameFacts, size: tuple[float, float]) -> None:
+    """A frame around the block that is spoken of, and beside the mouse how many decoders it has."""
+    block = facts.block
+    if block is None:
+        return
+    left, top, right, bottom = block.rectangle
+    zoom = session.view.zoom
+    low, high = (ImVec2(x * size[0], y * size[1]) for x, y in (zoom.shown_at(left, top), zoom.shown_at(right, bottom)))
+    draw = imgui.get_background_draw_list()
+    draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), _color(SHADE), 0.0, 3.0)
+    draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), _color(WHITE), 0.0, 1.0)
+    if session.hovered is not None and session.inspected is None and block.textures:
+        slots = (("A", session.view.slot_a), ("B", session.view.slot_b))
+        texts = [
+            f"{side}: {counted(block.decoder_count(slot.source), 'decoder')}"
+            for side, slot in slots
+            if slot.source != REFERENCE
+        ]
+        imgui.set_tooltip(", ".join([*texts, counted(len(block.textures), "texture")]))
 
 
 def draw_toasts(toasts: tuple[Toast, ...], size: tuple[float, float]) -> None:

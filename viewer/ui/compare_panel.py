@@ -5,6 +5,7 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
+from ntc.divergence import cut_percent
 from viewer.actions import (
     RunCommand,
     SetAnisotropy,
@@ -19,26 +20,11 @@ from viewer.session import Session
 from viewer.settings import ANISOTROPIES
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo
 from viewer.view_state import REFERENCE, CompareMode, DecodePath, Precision, Slot
 
 MODES: tuple[tuple[CompareMode, str], ...] = (("a", "A"), ("b", "B"), ("wipe", "Wipe"))
 RESOLUTIONS = (1.0, 0.5, 0.25)
-
-
-def _combo(label: str, current: str, choices: tuple[str, ...], items: ItemPlaces) -> str:
-    """A drop-down list; the chosen text."""
-    chosen = current
-    opened = imgui.begin_combo(f"##{label}", current)
-    items.note(label)
-    if opened:
-        for choice in choices:
-            if imgui.selectable(choice, choice == current)[0]:
-                chosen = choice
-            items.note(f"{label}: {choice}")
-        if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
-            imgui.close_current_popup()
-        imgui.end_combo()
-    return chosen
 
 
 def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlaces) -> None:
@@ -47,15 +33,15 @@ def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlace
     imgui.text(letter)
     imgui.same_line()
     imgui.set_next_item_width(150)
-    source = _combo(f"{letter} source", slot.source, session.sources, items)
+    source = combo(f"{letter} source", slot.source, session.sources, items)
     changed = replace(slot, source=source)
     if slot.source != REFERENCE:
         imgui.same_line()
         imgui.set_next_item_width(90)
-        path = _combo(f"{letter} path", slot.path, get_args(DecodePath), items)
+        path = combo(f"{letter} path", slot.path, get_args(DecodePath), items)
         imgui.same_line()
         imgui.set_next_item_width(64)
-        precision = _combo(f"{letter} precision", slot.precision, get_args(Precision), items)
+        precision = combo(f"{letter} precision", slot.precision, get_args(Precision), items)
         changed = replace(
             changed,
             path=next(value for value in get_args(DecodePath) if value == path),
@@ -76,13 +62,13 @@ def _modes(session: Session, emit: Emit, items: ItemPlaces) -> None:
 
 def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
     imgui.set_next_item_width(64)
-    chosen = _combo("anisotropy", str(session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), items)
+    chosen = combo("anisotropy", str(session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), items)
     if int(chosen) != session.view.anisotropy:
         emit(SetAnisotropy(int(chosen)))
     imgui.same_line()
     imgui.text("anisotropy of the reference")
     imgui.set_next_item_width(64)
-    share = _combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
+    share = combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
     if share != f"{session.resolution:.0%}":
         emit(SetResolution(float(share.rstrip("%")) / 100.0))
     imgui.same_line()
@@ -95,26 +81,20 @@ def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
 
 
 def _overlay(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
-    view = session.view
-    changed, shown = imgui.checkbox("divergence", view.overlay == "divergence")
+    overlay = session.view.overlay
+    changed, shown = imgui.checkbox("divergence", overlay.kind == "divergence")
     items.note("divergence")
     if changed:
-        emit(SetOverlay("divergence" if shown else "none", view.overlay_opacity))
-    if view.overlay == "none":
-        return
-    imgui.same_line()
-    imgui.set_next_item_width(-1)
-    moved, opacity = imgui.slider_float("##opacity", view.overlay_opacity, 0.0, 1.0, "opacity %.2f")
-    items.note("opacity")
-    if moved:
-        emit(SetOverlay(view.overlay, opacity))
-    for name, figures in facts.divergence.items():
-        imgui.text(f"{name}: score {figures.score:.4f}, excess {figures.excess:,}, most {figures.maximum}")
-    shown_excess = [
-        facts.divergence[s].excess for s in (view.slot_a.source, view.slot_b.source) if s in facts.divergence
+        emit(SetOverlay(replace(overlay, kind="divergence" if shown else "none")))
+    excess = [
+        facts.divergence[s.source].excess
+        for s in (session.view.slot_a, session.view.slot_b)
+        if s.source in facts.divergence
     ]
-    if len(shown_excess) == 2 and shown_excess[1] > 0:
-        imgui.text(f"A against B: {100.0 * (shown_excess[0] / shown_excess[1] - 1.0):+.1f} % excess")
+    if len(excess) == 2:
+        cut = cut_percent(*excess)
+        imgui.same_line()
+        imgui.text_disabled("nothing to cut" if cut is None else f"A cuts B's excess by {cut:.1f} %")
 
 
 def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:

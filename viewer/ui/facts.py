@@ -3,8 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from imgui_bundle import imgui
+
 from ntc.divergence import DivergenceStatistics
 from viewer.actions import Action
+from viewer.block_content import BlockContent
 from viewer.view_state import Slot
 
 Emit = Callable[[Action], None]
@@ -26,6 +29,10 @@ class FrameFacts:
     drawn: Mapping[str, int] = field(default_factory=dict)
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
     """Of the shown packs, by name, while the overlay is shown."""
+    block: BlockContent | None = None
+    """The block that is kept, else the one under the mouse, while the overlay is shown."""
+    thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
+    """Small picture of a texture by its id."""
     gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
     frames_drawn: int = 0
     picture: tuple[float, float] = (1.0, 1.0)

@@ -1,9 +1,11 @@
 """Mouse and keys over the picture: moving the camera and the divider."""
 
+import math
+
 from imgui_bundle import imgui
 
 from viewer import navigation
-from viewer.actions import MoveDivider, RunCommand, SetCamera
+from viewer.actions import InspectBlock, MoveDivider, RunCommand, SetCamera, SetZoom
 from viewer.commands import COMMANDS, HOLD_KEY
 from viewer.session import Session
 from viewer.ui.facts import Emit
@@ -11,6 +13,8 @@ from viewer.ui.facts import Emit
 GRAB_WIDTH = 12.0
 """Window units on either side of the divider within which it can be grabbed."""
 CENTRE = 0.5
+CLICK_DISTANCE = 4.0
+"""Window units: a press that moves less is a click."""
 MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
 LONGEST_STEP = 0.1
 """Seconds: a slow frame must not throw the camera across the scene."""
@@ -26,6 +30,7 @@ class PictureInput:
     def __init__(self) -> None:
         self._dragging_divider = False
         self._speed_notches = 0.0
+        self._pressed_at: tuple[float, float] | None = None
 
     def handle(self, session: Session, size: tuple[float, float], emit: Emit, keys: bool = True) -> None:
         """Turn this frame's events into actions; `keys` False leaves those of commands to an open list."""
@@ -63,8 +68,13 @@ class PictureInput:
         left = imgui.MouseButton_.left
         if not imgui.is_mouse_down(left):
             self._dragging_divider = False
+        session.hovered = None
         if io.want_capture_mouse and not self._dragging_divider:
+            self._pressed_at = None
             return
+        share = (io.mouse_pos.x / size[0], io.mouse_pos.y / size[1])
+        if all(0.0 <= value < 1.0 for value in share):
+            session.hovered = session.view.zoom.seen_at(*share)
         near = self._near_divider(session, size, io.mouse_pos.x)
         if near:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
@@ -77,7 +87,30 @@ class PictureInput:
             if io.mouse_delta.x:
                 emit(MoveDivider(io.mouse_pos.x / size[0]))
             return
+        self._click(session, io, emit)
+        if io.key_ctrl:
+            self._magnify(session, size, io, emit)
+            return
         self._move_camera(session, size[1], io, emit)
+
+    def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
+        """A press without a drag keeps the block under the mouse, or lets the kept one go."""
+        if imgui.is_mouse_clicked(imgui.MouseButton_.left):
+            self._pressed_at = (io.mouse_pos.x, io.mouse_pos.y)
+        if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:
+            still = math.dist(self._pressed_at, (io.mouse_pos.x, io.mouse_pos.y)) < CLICK_DISTANCE
+            if still and session.view.overlay.kind != "none":
+                emit(InspectBlock(session.hovered))
+            self._pressed_at = None
+
+    def _magnify(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:
+        zoom = session.view.zoom
+        if io.mouse_wheel:
+            zoom = zoom.towards(io.mouse_pos.x / size[0], io.mouse_pos.y / size[1], io.mouse_wheel)
+        if imgui.is_mouse_down(imgui.MouseButton_.left):
+            zoom = zoom.moved(io.mouse_delta.x / size[0], io.mouse_delta.y / size[1])
+        if zoom != session.view.zoom:
+            emit(SetZoom(zoom))
 
     def _move_camera(self, session: Session, height: float, io: imgui.IO, emit: Emit) -> None:
         camera, flies = session.view.camera, session.settings.camera_mode == "fly"

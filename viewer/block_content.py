@@ -1,0 +1,92 @@
+"""What is in one block of the picture: its textures and their decoders."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class BlockPlace:
+    """Where a block is in a picture of `picture` (width, height) pixels."""
+
+    column: int
+    row: int
+    block: tuple[int, int]
+    """(width, height) in pixels."""
+    picture: tuple[int, int]
+
+    @classmethod
+    def at(cls, share: tuple[float, float], block: tuple[int, int], picture: tuple[int, int]) -> "BlockPlace":
+        """The block in which a place lies, given as shares of the picture from its upper left corner."""
+        x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
+        return cls(x // block[0], y // block[1], block, picture)
+
+    @property
+    def pixels(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom in pixels from the upper left corner; cut off at the picture's edge."""
+        left, top = self.column * self.block[0], self.row * self.block[1]
+        return left, top, min(left + self.block[0], self.picture[0]), min(top + self.block[1], self.picture[1])
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """The same as shares of the picture."""
+        left, top, right, bottom = self.pixels
+        width, height = self.picture
+        return left / width, top / height, right / width, bottom / height
+
+
+@dataclass(frozen=True)
+class BlockTexture:
+    """One texture in a block."""
+
+    texture_id: int
+    name: str
+    pixels: int
+    """Pixels of the block in which it is seen."""
+    decoders: Mapping[str, int]
+    """Decoder of the texture by the source's name; -1 where nothing is decoded."""
+
+
+@dataclass(frozen=True)
+class BlockContent:
+    """One block."""
+
+    column: int
+    row: int
+    """Counted from the upper left corner of the picture, from 0."""
+    rectangle: tuple[float, float, float, float]
+    """Left, top, right, bottom as shares of the picture."""
+    textures: tuple[BlockTexture, ...]
+    """Most pixels first."""
+
+    def decoder_count(self, source: str) -> int:
+        """D of the block under a source's grouping."""
+        return len({texture.decoders.get(source, -1) for texture in self.textures} - {-1})
+
+
+def block_content(
+    ids: NDArray[np.int32],
+    place: BlockPlace,
+    scene: Scene,
+    decoders: Mapping[str, tuple[int, ...]],
+) -> BlockContent:
+    """Content of the block at `place` whose texture ids are `ids` [h, w], -1 for none.
+
+    `decoders` gives for each source the decoder of every texture.
+    """
+    found, counts = np.unique(ids[ids >= 0], return_counts=True)
+    textures = [
+        BlockTexture(
+            texture_id=texture_id,
+            name=scene.textures[texture_id].name,
+            pixels=pixels,
+            decoders={source: table[texture_id] for source, table in decoders.items()},
+        )
+        for texture_id, pixels in zip(found.tolist(), counts.tolist(), strict=True)
+    ]
+    in_order = tuple(sorted(textures, key=lambda texture: (-texture.pixels, texture.texture_id)))
+    return BlockContent(place.column, place.row, place.rectangle, in_order)

@@ -1,0 +1,41 @@
+"""Small pictures of textures for the user interface, made when they are first asked for."""
+
+from collections.abc import Callable
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+
+SIDE = 48
+"""Texels of the longer side."""
+
+
+class Thumbnails:
+    """GPU textures with few texels of images."""
+
+    def __init__(self, context: GraphicsContext, image_of: Callable[[int], NDArray[np.uint8]]) -> None:
+        self._gl = context.gl
+        self._image_of = image_of
+        self._made: dict[int, moderngl.Texture] = {}
+
+    def __getitem__(self, texture_id: int) -> moderngl.Texture:
+        """RGB8 texture, row 0 on top, sRGB-coded: every n-th texel of the image [H, W, 3] uint8 of a texture."""
+        if texture_id not in self._made:
+            image = self._image_of(texture_id)
+            # Thumbnails only need to be recognised: means of a few texels would cost a pass over each large image.
+            step = max(1, -(-max(image.shape[:2]) // SIDE))
+            small = np.ascontiguousarray(image[step // 2 :: step, step // 2 :: step][:SIDE, :SIDE])
+            if small.size == 0:
+                small = np.ascontiguousarray(image[:1, :1])
+            texture = self._gl.texture(small.shape[1::-1], 3, small.tobytes(), alignment=1)
+            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            self._made[texture_id] = texture
+        return self._made[texture_id]
+
+    def release(self) -> None:
+        """Free all textures."""
+        for texture in self._made.values():
+            texture.release()
+        self._made.clear()

@@ -1,0 +1,98 @@
+"""The divergence maps of what is shown: counted when the picture or a grouping has changed, and not while hidden."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.divergence import DivergenceStatistics
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.gl.timer import PassTimer
+from viewer.passes.composite import HeatmapOverlay
+from viewer.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget, Stage
+from viewer.passes.visibility import VisibilityTarget
+from viewer.scene.model import Camera
+from viewer.view_state import BLOCKS, BlockName, Overlay
+
+
+@dataclass(frozen=True, eq=False)
+class CountedGrouping:
+    """One grouping whose decoders are counted."""
+
+    version: int
+    """Changes with every pack that is opened."""
+    decoders: tuple[int, ...]
+    """Decoder of each texture of the scene, -1 where nothing is decoded."""
+
+
+class ShownDivergence:
+    """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, timer: PassTimer, stage: Stage) -> None:
+        self._context, self._timer = context, timer
+        self._pass = DivergencePass(context, programs, stage)
+        self._target: DivergenceTarget | None = None
+        self._tables: DecoderTables | None = None
+        self._tables_key: object = None
+        self._key: object = None
+        self._rows: dict[str, int] = {}
+        self.statistics: Mapping[str, DivergenceStatistics] = {}
+        """Of each grouping, by the name of its source."""
+
+    @property
+    def key(self) -> object:
+        """What the maps were counted from: equal keys mean equal maps."""
+        return self._key
+
+    def update(
+        self,
+        visibility: VisibilityTarget,
+        camera: Camera,
+        groupings: Mapping[str, CountedGrouping],
+        block: BlockName,
+    ) -> bool:
+        """Count unless the maps are still good; whether it counted."""
+        tables_key = tuple((source, grouping.version) for source, grouping in groupings.items())
+        key = (visibility, camera, tables_key, block)
+        if key == self._key:
+            return False
+        if self._tables is None or tables_key != self._tables_key:
+            if self._tables is not None:
+                self._tables.release()
+            self._tables = DecoderTables(self._context, [grouping.decoders for grouping in groupings.values()])
+            self._tables_key = tables_key
+        shape = (visibility.size, BLOCKS[block], len(groupings))
+        target = self._target
+        if target is None or (target.picture, target.block, target.groupings) != shape:
+            if target is not None:
+                target.release()
+            target = self._target = DivergenceTarget(self._context, *shape)
+        with self._timer.measure("divergence"):
+            self._pass.run(visibility, self._tables, target)
+        self._rows = {source: row for row, source in enumerate(groupings)}
+        self.statistics = {source: target.statistics(row) for source, row in self._rows.items()}
+        self._key = key
+        return True
+
+    def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
+        """The maps of two sources as an overlay; both must have been counted."""
+        if self._target is None:
+            raise RuntimeError("count first")
+        most = max(2, *(self.statistics[source].maximum for source in (first, second)))
+        rows = self._rows
+        return HeatmapOverlay(self._target, rows[first], rows[second], most, settings.opacity, settings.palette)
+
+    def map(self, source: str) -> NDArray[np.uint16]:
+        """[ceil(H / block height), ceil(W / block width)] uint16: D of a source that has been counted."""
+        if self._target is None:
+            raise RuntimeError("count first")
+        return self._target.read(self._rows[source])
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        for part in (self._target, self._tables):
+            if part is not None:
+                part.release()
+        self._target, self._tables, self._key = None, None, None

@@ -1,0 +1,173 @@
+"""Panel "Divergence": the map's settings, colour bar, figures of A and B, plots, and the block under the mouse."""
+
+from dataclasses import replace
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui, implot
+
+from ntc.divergence import DivergenceStatistics, cut_percent
+from viewer.actions import InspectBlock, SetOverlay
+from viewer.block_content import BlockContent
+from viewer.palettes import PALETTES
+from viewer.session import Session
+from viewer.ui.colors import SLOT_COLORS, heat, packed
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo, counted
+from viewer.view_state import BLOCKS, REFERENCE
+
+BAR_HEIGHT = 14.0
+MOST_TICKS = 16
+PLOT_HEIGHT = 130.0
+THUMBNAIL = 32.0
+TEXTURES_SHOWN = 12
+
+
+def _settings(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    overlay = session.view.overlay
+    imgui.set_next_item_width(64)
+    block = combo("block", overlay.block, tuple(BLOCKS), items)
+    imgui.same_line()
+    imgui.set_next_item_width(96)
+    palette = combo("palette", overlay.palette, tuple(PALETTES), items)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    _, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f")
+    items.note("opacity")
+    changed = replace(
+        overlay,
+        block=next(name for name in BLOCKS if name == block),
+        palette=next(name for name in PALETTES if name == palette),
+        opacity=min(max(opacity, 0.0), 1.0),
+    )
+    if changed != overlay:
+        emit(SetOverlay(changed))
+
+
+def _color_bar(session: Session, most: int, items: ItemPlaces) -> None:
+    """One field for each number of decoders, from one to the most, with integers below."""
+    draw = imgui.get_window_draw_list()
+    at, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    field = width / most
+    every = -(-most // MOST_TICKS)
+    for decoders in range(1, most + 1):
+        left = at.x + (decoders - 1) * field
+        color = packed(heat(session.view.overlay.palette, decoders, most))
+        draw.add_rect_filled(ImVec2(left, at.y), ImVec2(left + field, at.y + BAR_HEIGHT), color)
+        if (decoders - 1) % every == 0 or decoders == most:
+            text = str(decoders)
+            x = left + (field - imgui.calc_text_size(text).x) / 2.0
+            draw.add_text(ImVec2(x, at.y + BAR_HEIGHT + 1.0), imgui.get_color_u32(imgui.Col_.text), text)
+    imgui.dummy(ImVec2(width, BAR_HEIGHT + imgui.get_text_line_height() + 2.0))
+    items.note("color bar")
+
+
+def _sides(session: Session, facts: FrameFacts) -> dict[str, tuple[str, DivergenceStatistics]]:
+    """(source, figures) of the sides whose pack is counted."""
+    slots = {"a": session.view.slot_a, "b": session.view.slot_b}
+    return {side: (s.source, facts.divergence[s.source]) for side, s in slots.items() if s.source in facts.divergence}
+
+
+def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces) -> None:
+    rows = {
+        "shows": [source for source, _ in sides.values()],
+        "score": [f"{figures.score:.4f}" for _, figures in sides.values()],
+        "excess": [f"{figures.excess:,}" for _, figures in sides.values()],
+        "divergent blocks": [f"{figures.divergent_blocks:,}" for _, figures in sides.values()],
+        "decoders a block": [f"{figures.mean:.3f}, at most {figures.maximum}" for _, figures in sides.values()],
+        "wave efficiency": [f"{figures.wave_efficiency:.1%}" for _, figures in sides.values()],
+    }
+    if imgui.begin_table("divergence figures", 1 + len(sides), imgui.TableFlags_.borders_inner_v):
+        imgui.table_next_row()
+        imgui.table_next_column()
+        for side in sides:
+            imgui.table_next_column()
+            imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+        for name, texts in rows.items():
+            imgui.table_next_row()
+            for text in (name, *texts):
+                imgui.table_next_column()
+                imgui.text(text)
+        imgui.end_table()
+        items.note("divergence figures")
+    if len(sides) == 2:
+        first, second = (figures.excess for _, figures in sides.values())
+        cut = cut_percent(first, second)
+        imgui.text("nothing to cut in B" if cut is None else f"A cuts B's excess by {cut:.1f} %")
+
+
+def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces) -> None:
+    """Share of the covered blocks with D decoders, and with at most D, of both sides."""
+    most = max(figures.maximum for _, figures in sides.values())
+    counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
+    flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
+    ticks = counts[:: max(1, len(counts) // 8)]
+    half = (imgui.get_content_region_avail().x - 8.0) / 2.0
+    for title, cumulative in (("blocks with D decoders", False), ("with up to D", True)):
+        if implot.begin_plot(f"{title}, %##{title}", ImVec2(half, PLOT_HEIGHT), flags):
+            implot.setup_axes("", "", implot.AxisFlags_.no_grid_lines, 0)
+            implot.setup_axis_ticks(implot.ImAxis_.x1, ticks.tolist(), [f"{count:.0f}" for count in ticks])
+            implot.setup_axes_limits(0.4, float(counts[-1]) + 0.6, 0.0, 104.0, implot.Cond_.always)
+            for number, (side, (source, figures)) in enumerate(sides.items()):
+                blocks = np.zeros(len(counts))
+                seen = np.array(figures.histogram[1 : len(counts) + 1], np.float64)
+                blocks[: len(seen)] = seen
+                shares = 100.0 * blocks / max(figures.covered_blocks, 1)
+                color = imgui.ImVec4(*SLOT_COLORS[side])
+                spec = implot.Spec(line_color=color, fill_color=color, line_weight=2.0)
+                label = f"{side.upper()} {source}"
+                if cumulative:
+                    implot.plot_stairs(label, counts - 0.5, np.cumsum(shares), spec)
+                else:
+                    shift = 0.4 * (number - (len(sides) - 1) / 2.0)
+                    implot.plot_bars(label, counts + shift, shares, 0.38, spec)
+            implot.end_plot()
+        items.note(title)
+        if not cumulative:
+            imgui.same_line()
+
+
+def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    kept = session.inspected is not None
+    imgui.text(f"block {block.column}, {block.row}")
+    imgui.same_line()
+    if kept:
+        if imgui.small_button("let go"):
+            emit(InspectBlock(None))
+        items.note("let go")
+    else:
+        imgui.text_disabled("click keeps it")
+    slots = {"A": session.view.slot_a.source, "B": session.view.slot_b.source}
+    shown = {side: source for side, source in slots.items() if source != REFERENCE}
+    decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
+    imgui.text(", ".join([counted(len(block.textures), "texture"), *decoders]))
+    items.note("block")
+    for texture in block.textures[:TEXTURES_SHOWN]:
+        if facts.thumbnail is not None:
+            imgui.image(facts.thumbnail(texture.texture_id), ImVec2(THUMBNAIL, THUMBNAIL))
+            imgui.same_line()
+        of_texture = [f"{side} decoder {texture.decoders[source]}" for side, source in shown.items()]
+        imgui.begin_group()
+        imgui.text(texture.name)
+        imgui.text_disabled(", ".join([counted(texture.pixels, "pixel"), *of_texture]))
+        imgui.end_group()
+        items.note(f"block texture {texture.texture_id}")
+    if len(block.textures) > TEXTURES_SHOWN:
+        imgui.text_disabled(f"and {len(block.textures) - TEXTURES_SHOWN} more")
+
+
+def draw_divergence_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    """The content of the panel."""
+    _settings(session, emit, items)
+    sides = _sides(session, facts)
+    if not sides:
+        imgui.text_disabled("the reference decodes nothing: show a pack")
+        return
+    _color_bar(session, max(2, *(figures.maximum for _, figures in sides.values()), 2), items)
+    _figures(sides, items)
+    _plots(sides, items)
+    imgui.separator()
+    if facts.block is not None:
+        _block(facts.block, session, facts, emit, items)
+    else:
+        imgui.text_disabled("point at a block of the picture")
