@@ -1,7 +1,5 @@
 """Low-level features: colour statistics, and how much detail a texture has at each scale."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,8 +32,3 @@ def low_level_features(texture: SourceTexture) -> NDArray[np.float64]:
 def low_level_extractor() -> Extractor:
     """`low_level_features`, by name."""
     return Extractor("low_level", "1", 9 + 2 * SCALES, 1, standardised_columns, one_by_one(low_level_features))
-
-
-def feature_matrix(textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
-    """[textures, features] float64, each column standardised to mean 0 and deviation 1 (0 where it is constant)."""
-    return standardised_columns(np.stack([low_level_features(texture) for texture in textures]))

@@ -103,7 +103,7 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces
     flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
     ticks = counts[:: max(1, len(counts) // 8)]
     half = (imgui.get_content_region_avail().x - 8.0) / 2.0
-    for title, cumulative in (("blocks with D decoders", False), ("with up to D", True)):
+    for title, cumulative in (("blocks with D", False), ("up to D", True)):
         if implot.begin_plot(f"{title}, %##{title}", ImVec2(half, PLOT_HEIGHT), flags):
             implot.setup_axes("", "", implot.AxisFlags_.no_grid_lines, 0)
             implot.setup_axis_ticks(implot.ImAxis_.x1, ticks.tolist(), [f"{count:.0f}" for count in ticks])

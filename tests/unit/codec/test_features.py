@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
-from ntc.features.low_level import feature_matrix as low_level_matrix
 from ntc.features.network_input import square_images
 from ntc.features.scaling import centred_directions, standardised_columns
 from ntc.features.spectral import (
@@ -76,11 +75,6 @@ def test_equal_pixels_equal_features_and_none_at_all(name: Any) -> None:
     assert np.abs(matrix[0] - matrix[1]).max() > 0.1
     assert feature_matrix(name, [noise((20, 20, 3))] * 2).any() == np.False_
     assert len(feature_matrix(name, [])) == 0
-
-
-def test_low_level_by_name_is_that_of_its_module() -> None:
-    textures = [noise((20, 20, 3), seed) for seed in range(3)]
-    np.testing.assert_array_equal(feature_matrix("low_level", textures), low_level_matrix(textures))
 
 
 def test_alpha_is_left_out_and_grey_is_rgb() -> None:
