@@ -13,6 +13,7 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
+from viewer.commandline.study_options import ClusterStudyOptions
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -41,6 +42,10 @@ def run(options: Options) -> int:
             from viewer.commandline.info import info
 
             return info(options)
+        case ClusterStudyOptions():
+            from viewer.commandline.study import study_clusters
+
+            return study_clusters(options)
         case DoctorOptions():
             from viewer.commandline.doctor import doctor
 

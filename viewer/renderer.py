@@ -116,6 +116,11 @@ class Renderer:
         self._view: ViewState | None = None
 
     @property
+    def name(self) -> str:
+        """The driver's name of what draws."""
+        return self._context.info.renderer
+
+    @property
     def scene(self) -> Scene:
         """What is drawn."""
         return self._scene

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
@@ -18,9 +19,11 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
+from viewer.commandline.study_options import ClusterStudyOptions
 from viewer.pack_files import PACK_SUFFIX
 
-Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions
+StudyOptions = ClusterStudyOptions
+Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions | StudyOptions
 
 _Subcommands = (
     Annotated[ViewOptions, tyro.conf.subcommand("view", prefix_name=False)]
@@ -31,11 +34,16 @@ _Subcommands = (
     | Annotated[DoctorOptions, tyro.conf.subcommand("doctor", prefix_name=False)]
 )
 SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "doctor")
-DESCRIPTION = "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents."
+STUDIES: dict[str, type[StudyOptions]] = {"clusters": ClusterStudyOptions}
+"""Options by the name of the study: each has settings of its own."""
+DESCRIPTION = (
+    "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "
+    "Measurements over many settings: ntc-viewer study NAME (see ntc-viewer study --help)."
+)
 
 
 def _with_subcommand(arguments: list[str]) -> list[str]:
-    if arguments and (arguments[0] in SUBCOMMANDS or arguments[0] in ("-h", "--help")):
+    if arguments and (arguments[0] in SUBCOMMANDS or arguments[0] in ("-h", "--help", "study")):
         return arguments
     return ["view", *arguments]
 
@@ -78,14 +86,14 @@ def parse_arguments(arguments: Sequence[str]) -> Options:
     Raises InputError with one line for bad arguments, SystemExit(0) after printing help.
     """
     complaint = io.StringIO()
+    words = _with_packs_merged(_with_subcommand(list(arguments)))
     try:
         with contextlib.redirect_stderr(complaint):
-            options: Options = tyro.cli(
-                _Subcommands,
-                prog="ntc-viewer",
-                description=DESCRIPTION,
-                args=_with_packs_merged(_with_subcommand(list(arguments))),
-            )
+            options: Options
+            if words[0] == "study":
+                options = tyro.cli(_study(words), prog=f"ntc-viewer study {words[1]}", args=words[2:])
+            else:
+                options = tyro.cli(_Subcommands, prog="ntc-viewer", description=DESCRIPTION, args=words)
     except SystemExit as stopped:
         if stopped.code in (0, None):
             raise
@@ -93,9 +101,21 @@ def parse_arguments(arguments: Sequence[str]) -> Options:
     return _with_scene_found(options)
 
 
+def _study(words: list[str]) -> type[StudyOptions]:
+    """Options of the study that is named. Raises InputError for none and for one that there is not."""
+    name = words[1] if len(words) > 1 else ""
+    if name in ("-h", "--help"):
+        summaries = (f"  {study:12} {(options.__doc__ or '').strip()}" for study, options in STUDIES.items())
+        sys.stdout.write("\n".join(["usage: ntc-viewer study NAME ...; each has --help", *summaries]) + "\n")
+        raise SystemExit(0)
+    if name not in STUDIES:
+        raise InputError(f"study {name}: no such study (there are: {', '.join(STUDIES)})")
+    return STUDIES[name]
+
+
 def _with_scene_found(options: Options) -> Options:
     """A scene written behind `--pack F ...` was read as a pack: take it back."""
-    if not isinstance(options, ViewOptions | RenderOptions) or options.scene is not None:
+    if not isinstance(options, ViewOptions | RenderOptions | ClusterStudyOptions) or options.scene is not None:
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX]
     if len(scenes) != 1:

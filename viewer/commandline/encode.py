@@ -86,7 +86,7 @@ def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
     from viewer.commandline.views import ViewSource, scene_views
 
     seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
-    views = (*seen.around(seen.cameras), *seen.from_sampled())
+    views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())
     seen.renderer.release()
     return GroupingInputs(views, labels, features)
 

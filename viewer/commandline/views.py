@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from viewer.gl.context import create_headless_context
+from viewer.nearby_cameras import NearbyConfig, nearby_cameras
 from viewer.renderer import Renderer
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.model import Camera, Scene
-from viewer.seen_views import NEARBY_SIZE, views_around
 from viewer.viewpoints import ViewpointConfig, sample_viewpoints
 
+SIZE = (1280, 720)
+"""Pixels of a view from a given camera."""
+NEARBY_SIZE = (640, 360)
+"""Pixels of a view from near a given camera, or from a sampled place: a quarter of the blocks, for there are many."""
 SAMPLED_WITHOUT_CAMERAS = 24
 MOST_SAMPLED = 1000
 
@@ -45,9 +49,14 @@ class SceneViews:
     """Places sampled in the scene."""
     renderer: Renderer
 
-    def around(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] from these of the named cameras and from near them."""
-        return views_around(self.renderer.texture_ids_from, cameras, self.renderer.scene)
+    def exactly(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
+        """Texture ids [H, W] from these cameras."""
+        return tuple(self.renderer.texture_ids_from(camera, SIZE) for camera in cameras)
+
+    def near(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
+        """Texture ids [H, W] from places near these cameras."""
+        nearby = nearby_cameras(cameras, self.renderer.scene, NearbyConfig())
+        return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in nearby)
 
     def from_sampled(self) -> tuple[NDArray[np.int32], ...]:
         """Texture ids [H, W] from the sampled places."""

@@ -1,19 +1,12 @@
-"""What is seen of a scene from many places: the pictures of texture ids that groupings are measured and chosen by."""
+"""Places near a camera: what is seen from one point says little about the next step."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from viewer.scene.model import Camera, Scene
-from viewer.viewpoints import See
-
-SIZE = (1280, 720)
-"""Pixels of a view from a given camera."""
-NEARBY_SIZE = (640, 360)
-"""Pixels of a view from near a given camera: its blocks cover four times as much, so there are fewer of them."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +27,7 @@ class NearbyConfig:
 
 
 def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
-    """`config.count` cameras near each of `cameras`: what is seen from a place says little about the next step.
+    """`config.count` cameras near each of `cameras`.
 
     Without them a choice of groups fits the very pixels of a few pictures; see docs/groupings.md for what they bring.
     """
@@ -60,9 +53,3 @@ def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig
             name = f"{camera.name} nearby {number + 1}"
             made.append(replace(camera, name=name, eye=tuple(place), target=tuple(place + turned)))
     return tuple(made)
-
-
-def views_around(see: See, cameras: Sequence[Camera], scene: Scene) -> tuple[NDArray[np.int32], ...]:
-    """Texture ids seen from `cameras` and from near them."""
-    nearby = nearby_cameras(cameras, scene, NearbyConfig())
-    return (*(see(camera, SIZE) for camera in cameras), *(see(camera, NEARBY_SIZE) for camera in nearby))

@@ -1,0 +1,46 @@
+"""The magnifying glass."""
+
+import pytest
+
+from viewer.zoom import LARGEST, WHOLE, Zoom
+
+
+def test_the_whole_picture_is_where_it_is() -> None:
+    assert WHOLE.is_whole
+    assert WHOLE.seen_at(0.3, 0.8) == pytest.approx((0.3, 0.8))
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (0.2, 0.9), (1.0, 1.0), (0.5, 0.5)])
+def test_what_is_under_the_mouse_stays_there(at: tuple[float, float]) -> None:
+    zoom = WHOLE
+    for _ in range(6):
+        larger = zoom.towards(*at, 1.0)
+        assert larger.factor > zoom.factor
+        assert larger.seen_at(*at) == pytest.approx(zoom.seen_at(*at))
+        zoom = larger
+    for _ in range(9):
+        zoom = zoom.towards(*at, -1.0)
+    assert zoom.is_whole
+    assert zoom.corner == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize("centre", [(-1.0, 0.5), (0.0, 0.0), (1.0, 2.0), (0.4, 0.6)])
+def test_what_is_shown_never_leaves_the_picture(centre: tuple[float, float]) -> None:
+    zoom = Zoom(5.0, centre)
+    for corner in ((0.0, 0.0), (1.0, 1.0)):
+        assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.seen_at(*corner))
+
+
+def test_shown_at_is_the_inverse_of_seen_at() -> None:
+    zoom = Zoom(3.0, (0.3, 0.7))
+    assert zoom.shown_at(*zoom.seen_at(0.1, 0.9)) == pytest.approx((0.1, 0.9))
+
+
+def test_dragging_moves_the_picture_along() -> None:
+    zoom = Zoom(4.0, (0.5, 0.5))
+    before = zoom.seen_at(0.5, 0.5)
+    assert zoom.moved(0.1, -0.2).seen_at(0.6, 0.3) == pytest.approx(before)
+
+
+def test_there_is_a_largest_magnification() -> None:
+    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST
