@@ -52,7 +52,7 @@ class Frontend:
 
     def __init__(self, context: GraphicsContext, session: Session, pictures: Path) -> None:
         self._context, self.session = context, session
-        self._pictures = pictures
+        self.pictures = pictures
         session.use_commands(run_command)
         self.interface = UserInterface()
         self._scene: Scene | None = None
@@ -138,7 +138,8 @@ class Frontend:
         for name, milliseconds in self._last.timings_ms.items():
             self._times[name].append(milliseconds)
 
-    def _facts(self) -> FrameFacts:
+    def facts(self) -> FrameFacts:
+        """What the panels show of the last frame."""
         last, renderer = self._last, self._renderer
         gpu_bytes: dict[Slot, int] = {}
         if renderer is not None:
@@ -217,7 +218,7 @@ class Frontend:
         # After the picture: messages are seen from now on, however long it took.
         session.forget_old_toasts(time.monotonic())
         picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
-        self.interface.draw(session, self._facts(), picture, session.apply)
+        self.interface.draw(session, self.facts(), picture, session.apply)
         imgui.render()
         return imgui.get_draw_data()
 
@@ -236,7 +237,7 @@ class Frontend:
             self.session.recorded_path = None
 
     def _write_screenshot(self, pixels: NDArray[np.uint8]) -> None:
-        path = self._pictures / f"{self.session.scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+        path = self.pictures / f"{self.session.scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
         try:
             write_png(path, pixels)
             self.session.say(f"wrote {path}")
@@ -244,7 +245,7 @@ class Frontend:
             self.session.say(str(error), "error")
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
-        path = self._pictures / f"{self.session.scene.name}-path-{time.strftime('%Y%m%d-%H%M%S')}.json"
+        path = self.pictures / f"{self.session.scene.name}-path-{time.strftime('%Y%m%d-%H%M%S')}.json"
         try:
             write_text(path, cameras_json(cameras))
             self.session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")

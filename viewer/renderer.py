@@ -312,26 +312,27 @@ class Renderer:
         self._timer.take()
         return self.texture_ids()
 
-    def texture_ids(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
+    @property
+    def visibility(self) -> VisibilityTarget:
+        """The visibility buffer of the last view."""
         if self._targets is None:
             raise RuntimeError("render a view first")
-        return self._targets.visibility.texture_ids()
+        return self._targets.visibility
+
+    def texture_ids(self) -> NDArray[np.int32]:
+        """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
+        return self.visibility.texture_ids()
 
     def texture_ids_in(self, pixels: tuple[int, int, int, int]) -> NDArray[np.int32]:
         """[h, w] int32: texture ids of a part of the last view (left, top, right, bottom), -1 for none.
 
         Pixels count from the upper left corner. Nothing but the part is read back.
         """
-        if self._targets is None:
-            raise RuntimeError("render a view first")
-        return self._targets.visibility.texture_ids_in(*pixels)
+        return self.visibility.texture_ids_in(*pixels)
 
     def covered(self) -> NDArray[np.bool_]:
         """[H, W], row 0 on top: whether a surface is seen."""
-        if self._targets is None:
-            raise RuntimeError("render a view first")
-        return self._targets.visibility.materials() >= 0
+        return self.visibility.materials() >= 0
 
     def release(self) -> None:
         """Free everything on the GPU."""

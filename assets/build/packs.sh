@@ -2,6 +2,12 @@
 # Encode the built-in scene once for each grouping.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-for grouping in clustered baseline single random; do
-    ntc-viewer encode courtyard.glb --out "courtyard.$grouping.ntc" --grouping "$grouping" --clusters 10 --steps "${1:-2500}"
-done
+encode() {
+    ntc-viewer encode courtyard.glb --out "courtyard.$1.ntc" --grouping "$@" --steps "${STEPS:-2500}"
+}
+encode baseline
+encode single
+encode category
+encode clustered --clusters 10
+encode random --clusters 10
+encode covisible --clusters 10 --views courtyard.cameras.json

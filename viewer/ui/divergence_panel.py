@@ -32,13 +32,13 @@ def _settings(session: Session, emit: Emit, items: ItemPlaces) -> None:
     palette = combo("palette", overlay.palette, tuple(PALETTES), items)
     imgui.same_line()
     imgui.set_next_item_width(-1)
-    _, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f")
+    moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f")
     items.note("opacity")
     changed = replace(
         overlay,
         block=next(name for name in BLOCKS if name == block),
         palette=next(name for name in PALETTES if name == palette),
-        opacity=min(max(opacity, 0.0), 1.0),
+        opacity=min(max(opacity, 0.0), 1.0) if moved else overlay.opacity,
     )
     if changed != overlay:
         emit(SetOverlay(changed))

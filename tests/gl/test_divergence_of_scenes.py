@@ -1,0 +1,61 @@
+"""The pass counts on real pictures what numpy counts from texture_id.npy: every camera, grouping and block shape."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.config import GroupingConfig
+from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.grouping import GroupingInputs, make_grouping
+from viewer.gl.context import create_headless_context
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
+from viewer.passes.layout import scene_layout_glsl
+from viewer.renderer import Renderer
+from viewer.resources import assets_folder, shaders_folder
+from viewer.scene.cameras_file import read_cameras
+from viewer.scene.load import load_scene
+from viewer.scene.source_textures import source_textures
+from viewer.view_state import BLOCKS, ViewState
+
+NAMES = ("baseline", "single", "random", "category", "clustered", "covisible")
+SIZES = ((640, 360), (331, 187))
+"""The second is odd: blocks at the right and lower edge are partial."""
+
+
+@pytest.mark.parametrize("place", ["courtyard", "bistro"])
+def test_every_camera_grouping_and_block_shape(place: str, request: pytest.FixtureRequest) -> None:
+    if place == "courtyard":
+        path, cameras_file = assets_folder() / "courtyard.glb", assets_folder() / "courtyard.cameras.json"
+    else:
+        data: Path = request.getfixturevalue("data_folder")
+        path, cameras_file = (data / "scenes" / "bistro" / name for name in ("bistro.gltf", "cameras.json"))
+    scene, cameras = load_scene(path), read_cameras(cameras_file)
+    context = create_headless_context()
+    renderer = Renderer(context, scene)
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    counting = DivergencePass(context, ProgramFactory(context.gl, library))
+    textures = source_textures(scene, 32)
+    views = [renderer.texture_ids_from(camera, (320, 180)) for camera in cameras]
+    groupings = [
+        make_grouping(GroupingConfig(name, seed=3), textures, GroupingInputs(views=views)).groups for name in NAMES
+    ]
+    tables = DecoderTables(context, groupings)
+    for size in SIZES:
+        targets = [DivergenceTarget(context, size, block, len(NAMES)) for block in BLOCKS.values()]
+        for camera in cameras:
+            renderer.render(ViewState(camera, size))
+            ids = renderer.texture_ids()
+            assert (ids >= 0).any()
+            for target in targets:
+                counting.run(renderer.visibility, tables, target)
+                for row, groups in enumerate(groupings):
+                    decoders = np.array([*groups, -1], np.int32)[ids]
+                    expected = divergence_map(decoders, target.block[::-1])
+                    np.testing.assert_array_equal(target.read(row), expected)
+                    counted, figures = target.statistics(row), DivergenceStatistics.of(expected)
+                    assert (counted.excess, counted.maximum) == (figures.excess, figures.maximum)
+        for target in targets:
+            target.release()
+    renderer.release()

@@ -1,0 +1,163 @@
+"""The divergence map in the window: settings, figures, the block under the mouse, the magnifying glass, recorded paths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from tests.ui.conftest import SIZE
+from viewer import frontend
+from viewer.headless import HeadlessApp
+from viewer.scene.cameras_file import read_cameras
+from viewer.view_state import Overlay, Slot
+from viewer.zoom import WHOLE
+
+MEETING = (SIZE[0] / 2, SIZE[1] / 2)
+"""Where the two squares meet, as `mapped` looks at them."""
+
+
+@pytest.fixture
+def mapped(app: HeadlessApp) -> HeadlessApp:
+    """Both squares seen from the front, with the map."""
+    camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
+    app.session.settings = replace(app.session.settings, coarse_while_moving=False)
+    app.session.view = replace(
+        app.session.view,
+        camera=camera,
+        compare="a",
+        slot_b=Slot("single"),
+        overlay=Overlay("divergence"),
+    )
+    app.settle()
+    return app
+
+
+def labels(app: HeadlessApp) -> tuple[str, ...]:
+    return app.frontend.interface.items.labels()
+
+
+def wheel(app: HeadlessApp, at: tuple[float, float], notches: int) -> None:
+    app.move(*at)
+    for key in (imgui.Key.left_ctrl, imgui.Key.mod_ctrl):
+        app.key(key, True)
+    for _ in range(abs(notches)):
+        imgui.get_io().add_mouse_wheel_event(0.0, 1.0 if notches > 0 else -1.0)
+        app.frame()
+    for key in (imgui.Key.left_ctrl, imgui.Key.mod_ctrl):
+        app.key(key, False)
+    app.settle()
+
+
+def test_the_panel_is_there_with_the_map_only(mapped: HeadlessApp) -> None:
+    assert {"color bar", "divergence figures", "blocks with D", "up to D"} <= set(labels(mapped))
+    mapped.press(imgui.Key.o)
+    assert "color bar" not in labels(mapped)
+
+
+def test_block_shape_and_palette_are_chosen(mapped: HeadlessApp) -> None:
+    mapped.click("block")
+    mapped.click("block: 16x4")
+    assert mapped.session.view.overlay.block == "16x4"
+    mapped.click("palette")
+    mapped.click("palette: viridis")
+    assert mapped.session.view.overlay.palette == "viridis"
+    mapped.press(imgui.Key.b)
+    assert mapped.session.view.overlay.block == "4x4"
+    mapped.press(imgui.Key.l)
+    assert mapped.session.view.overlay.palette == "green-red"
+
+
+def test_both_sides_and_the_cut_are_shown(mapped: HeadlessApp) -> None:
+    mapped.session.view = replace(mapped.session.view, compare="wipe")
+    mapped.settle()
+    figures = mapped.frontend.facts().divergence
+    assert figures["clustered"].excess > 0
+    assert figures["single"].excess == 0
+    before = mapped.frontend.facts().skipped.get("passes", 0)
+    mapped.settle()
+    assert mapped.frontend.facts().skipped.get("passes", 0) == before
+
+
+def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
+    mapped.session.show_panels = False
+    mapped.move(MEETING[0], MEETING[1])
+    mapped.settle()
+    assert mapped.frontend.facts().block is not None
+    row = int(MEETING[1]) // 8
+    found = []
+    for x in range(0, SIZE[0], 8):
+        mapped.move(x + 4, MEETING[1])
+        mapped.settle()
+        block = mapped.frontend.facts().block
+        assert block is not None
+        assert (block.column, block.row) == (x // 8, row)
+        found.append(block.decoder_count("clustered"))
+    assert max(found) == 2
+    seen = mapped.frontend.facts().divergence["clustered"]
+    assert seen.maximum == 2
+
+
+def test_a_click_keeps_the_block_and_lets_it_go(mapped: HeadlessApp) -> None:
+    mapped.session.show_panels = False
+    mapped.click_at(MEETING[0] - 20, MEETING[1] + 60)
+    mapped.session.show_panels = True
+    kept = mapped.session.inspected
+    assert kept is not None
+    mapped.move(5, SIZE[1] - 5)
+    mapped.settle()
+    block = mapped.frontend.facts().block
+    assert block is not None
+    assert block.column == int(MEETING[0] - 20) // 8
+    assert f"block texture {block.textures[0].texture_id}" in labels(mapped)
+    mapped.click("let go")
+    assert mapped.session.inspected is None
+
+
+def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: HeadlessApp) -> None:
+    mapped.session.show_panels = False
+    camera = mapped.session.view.camera
+    mapped.drag((MEETING[0], MEETING[1] + 60), (MEETING[0] + 30, MEETING[1] + 80))
+    assert mapped.session.view.camera != camera
+    assert mapped.session.inspected is None
+
+
+def test_without_the_map_a_click_keeps_nothing(app: HeadlessApp) -> None:
+    app.session.show_panels = False
+    app.click_at(MEETING[0] - 20, MEETING[1] + 60)
+    assert app.session.inspected is None
+
+
+def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: HeadlessApp) -> None:
+    mapped.session.show_panels = False
+    mapped.settle()
+    whole = mapped.screenshot()
+    camera = mapped.session.view.camera
+    wheel(mapped, MEETING, 10)
+    assert mapped.session.view.zoom.factor == pytest.approx(1.25**10)
+    assert mapped.session.view.camera == camera
+    large = mapped.screenshot()
+    assert np.abs(large.astype(int) - whole.astype(int)).max() > 50
+    # Edges of blocks are darker lines over the whole height.
+    middle = large[SIZE[1] // 2 - 60 : SIZE[1] // 2 - 50].astype(int).sum(axis=2).mean(axis=0)
+    darker = np.nonzero((middle[1:-1] < middle[:-2] - 40) & (middle[1:-1] < middle[2:] - 40))[0]
+    assert len(darker) >= 3
+    gaps = np.diff(darker)
+    assert np.median(gaps) == pytest.approx(8 * 1.25**10, rel=0.05)
+    mapped.press(imgui.Key.z)
+    assert mapped.session.view.zoom == WHOLE
+
+
+def test_a_path_is_recorded_as_a_cameras_file(app: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frontend, "RECORDING_SECONDS", 0.0)
+    app.press(imgui.Key.r)
+    for x in (0.1, 0.2, 0.3):
+        app.session.view = replace(app.session.view, camera=replace(app.session.view.camera, eye=(x, 0.0, 2.0)))
+        app.frame(2)
+    last = app.session.view.camera
+    app.press(imgui.Key.r)
+    (file,) = app.frontend.pictures.glob("*-path-*.json")
+    cameras = read_cameras(file)
+    assert len(cameras) == 4
+    assert cameras[-1].eye == last.eye
+    assert app.session.recording is None
