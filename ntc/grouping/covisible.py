@@ -11,7 +11,7 @@ from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import Floats, Groups, SearchProblem, feature_spread, tabu_search
 from ntc.pack import Grouping
 
-SPREAD_WEIGHTS_UNDER_A_LIMIT = (0.1, 8.0)
+SPREAD_WEIGHTS_UNDER_A_LIMIT = (0.01, 4.0)
 """Weights of spread that chains try, from the first to the last, where spread has a limit."""
 LARGEST_WORK = 2.0e9
 """Rough number of elementary steps after which a search ends early, so that a thousand textures take a minute."""

@@ -121,6 +121,10 @@ class _Chains:
         return left
 
 
+def _adapted(penalty: Floats, kept: NDArray[np.bool_]) -> Floats:
+    return np.clip(np.where(kept, penalty / PENALTY_STEP, penalty * PENALTY_STEP), 1e-4, 100.0)
+
+
 def tabu_search(
     problem: SearchProblem, starts: Groups, weights: Floats, iterations: int, random: np.random.Generator
 ) -> tuple[Floats, Groups]:
@@ -133,9 +137,12 @@ def tabu_search(
     state = _Chains(problem, starts)
     chain, everyone = np.arange(chains), np.arange(textures)[None]
     excess_scale = 1.0 / max(problem.worst_excess, 1e-300)
-    spread_scale = weights / max(problem.worst_spread, 1e-300)
+    worst_spread = max(problem.worst_spread, 1e-300)
+    spread_scale = weights / worst_spread
+    limited = bool(np.isfinite(problem.spread_limit))
     shortest, longest = max(1, textures // 8), max(2, textures // 2)
     penalty = np.full(chains, FIRST_PENALTY)
+    spread_penalty = np.ones(chains)
     forbidden_until = np.zeros((chains, problem.clusters, textures), np.int64)
     best_cost, best = np.full(chains, np.inf), starts.copy()
 
@@ -152,6 +159,10 @@ def tabu_search(
         over = state.sizes - problem.bound
         change += (penalty[:, None] * (over >= 0))[:, :, None]
         change -= (penalty[:, None] * (over > 0))[chain[:, None], state.groups][:, None, :]
+        if limited:
+            beyond = np.maximum(state.spread[:, None, None] + spread - problem.spread_limit, 0.0)
+            beyond -= np.maximum(state.spread - problem.spread_limit, 0.0)[:, None, None]
+            change += beyond * (spread_penalty / worst_spread)[:, None, None]
         # Not back to where it just came from, unless that is better than anything before.
         hopeful = change < (best_cost - cost)[:, None, None] - SMALLEST_GAIN
         change[(forbidden_until > iteration) & ~hopeful] = np.inf
@@ -163,7 +174,8 @@ def tabu_search(
         left = state.move(texture, group)
         forbidden_until[chain, left, texture] = iteration + random.integers(shortest, longest, chains)
         within = state.sizes.max(axis=1) <= problem.bound
-        penalty = np.clip(np.where(within, penalty / PENALTY_STEP, penalty * PENALTY_STEP), 1e-4, 1.0)
+        penalty = _adapted(penalty, within)
+        spread_penalty = _adapted(spread_penalty, state.spread <= problem.spread_limit)
         cost = state.excess * excess_scale + state.spread * spread_scale
         keep_better(cost, within)
     return best_cost, best
