@@ -1,0 +1,145 @@
+"""The triangles of a scene in world space: points on them, and what lies around places between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Scene
+from viewer.viewpoints.surroundings import Surroundings, crossings, value_range
+
+Array = NDArray[np.float64]
+LEAST_UP = 0.7
+"""Cosine between the vertical and the normal of ground that can be stood on."""
+CHUNK = 1 << 20
+"""Triangles that are transformed at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Points on surfaces."""
+
+    points: Array
+    """[N, 3]."""
+    normals: Array
+    """[N, 3] of length 1, to the side that is seen."""
+    textures: NDArray[np.int64]
+    """[N] texture ids, -1 for none."""
+
+
+class Surfaces:
+    """The triangles of a scene in world space, of which points are drawn by area; never all held at once."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        transforms = scene.instances.transform.astype(np.float64)
+        linear = transforms[:, :3, :3]
+        # The matrix that carries area vectors over: its columns are cross products of the transform's columns.
+        self._area_matrix = np.stack(
+            [np.cross(linear[:, :, (i + 1) % 3], linear[:, :, (i + 2) % 3]) for i in range(3)], axis=2
+        )
+        self._mirrored = np.linalg.det(linear) < 0.0 if len(linear) else np.zeros(0, bool)
+        self._transforms = transforms
+        self._local = [self._local_areas(index) for index in range(len(scene.primitives))]
+        materials = [scene.materials[primitive.material] for primitive in scene.primitives]
+        of_instance = scene.instances.primitive
+        self.texture = np.array([material.texture_id for material in materials], np.int64)[of_instance]
+        self._double_sided = np.array([material.double_sided for material in materials], bool)[of_instance]
+        self._opaque = np.array([material.alpha_mode == "opaque" for material in materials], bool)[of_instance]
+        area, self.up_area = self._sums()
+        self.textured_area = area * (self.texture >= 0)
+        # Nobody stands on leaves or glass where there is anything else.
+        if (self.up_area * self._opaque).any():
+            self.up_area = self.up_area * self._opaque
+
+    def _corners(self, primitive: int) -> Array:
+        """[T, 3, 3] corners in local space."""
+        row, geometry = self._scene.primitives[primitive], self._scene.geometry
+        indices = geometry.indices[row.first_index : row.first_index + row.index_count].astype(np.int64)
+        return (
+            geometry.positions[row.base_vertex + indices[: len(indices) // 3 * 3]].reshape(-1, 3, 3).astype(np.float64)
+        )
+
+    def _local_areas(self, primitive: int) -> Array:
+        """[T, 3] vectors along the normals, as long as twice the areas."""
+        corners = self._corners(primitive)
+        return np.nan_to_num(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+    def _areas(self, instances: NDArray[np.int64], primitive: int) -> tuple[Array, Array]:
+        """[K, T] areas of the triangles of instances of one primitive; the same, 0 where one cannot stand."""
+        vectors = np.einsum("kij,tj->kti", self._area_matrix[instances], self._local[primitive])
+        areas = np.linalg.norm(vectors, axis=2)
+        up = np.where(self._mirrored[instances][:, None], -vectors[:, :, 1], vectors[:, :, 1])
+        # A back is not drawn: who stands on it sees the scene from below its ground.
+        up = np.where(self._double_sided[instances][:, None], np.abs(up), up)
+        return areas, np.where(up > LEAST_UP * areas, areas, 0.0)
+
+    def _sums(self) -> tuple[Array, Array]:
+        area, up_area = np.zeros(len(self._transforms)), np.zeros(len(self._transforms))
+        order = np.argsort(self._scene.instances.primitive, kind="stable")
+        ends = np.searchsorted(self._scene.instances.primitive[order], np.arange(len(self._local)), side="right")
+        first = 0
+        for primitive, end in enumerate(ends.tolist()):
+            step = max(CHUNK // max(len(self._local[primitive]), 1), 1)
+            for start in range(first, end, step):
+                rows = order[start : min(start + step, end)]
+                areas, ups = self._areas(rows, primitive)
+                area[rows], up_area[rows] = areas.sum(axis=1), ups.sum(axis=1)
+            first = end
+        return area, up_area
+
+    def points(self, random: np.random.Generator, weights: Array, count: int, up_only: bool) -> SurfacePoints:
+        """`count` points, instances drawn by `weights` and triangles by area."""
+        points, normals = np.zeros((count, 3)), np.zeros((count, 3))
+        chosen = random.choice(len(weights), size=count, p=weights / weights.sum())
+        for instance in np.unique(chosen):
+            places = np.nonzero(chosen == instance)[0]
+            primitive = int(self._scene.instances.primitive[instance])
+            areas = self._areas(np.array([instance]), primitive)[1 if up_only else 0][0]
+            triangles = random.choice(len(areas), size=len(places), p=areas / areas.sum())
+            u, v = random.random((2, len(places), 1))
+            u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+            corners = self._corners(primitive)[triangles]
+            local = corners[:, 0] * (1.0 - u - v) + corners[:, 1] * u + corners[:, 2] * v
+            points[places] = local @ self._transforms[instance, :3, :3].T + self._transforms[instance, :3, 3]
+            vectors = self._local[primitive][triangles] @ self._area_matrix[instance].T
+            vectors *= -1.0 if self._mirrored[instance] else 1.0
+            if self._double_sided[instance]:
+                vectors *= random.choice([-1.0, 1.0], size=(len(places), 1))
+            normals[places] = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        return SurfacePoints(points, normals, self.texture[chosen])
+
+    def _box(self, primitive: int) -> Array:
+        """[8, 3] corners of the box around a primitive in local space."""
+        row = self._scene.primitives[primitive]
+        positions = self._scene.geometry.positions[row.base_vertex : row.base_vertex + row.vertex_count]
+        if not len(positions):
+            return np.full((8, 3), np.nan)
+        ends = np.array([positions.min(axis=0), positions.max(axis=0)], np.float64)
+        return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
+
+    def around(self, eyes: Array, heights: Array) -> Surroundings:
+        """What opaque surfaces are met on the lines through `eyes` [N, 3] along the axes."""
+        found = Surroundings.nothing(len(eyes))
+        boxes = [self._box(index) for index in range(len(self._local))]
+        for instance in np.nonzero(self._opaque)[0].tolist():
+            primitive, matrix = int(self._scene.instances.primitive[instance]), self._transforms[instance]
+            box = boxes[primitive] @ matrix[:3, :3].T + matrix[:3, 3]
+            within = (eyes >= box.min(axis=0)) & (eyes <= box.max(axis=0))
+            over = [np.nonzero(within[:, (axis + 1) % 3] & within[:, (axis + 2) % 3])[0] for axis in range(3)]
+            if not any(len(indices) for indices in over):
+                continue
+            corners = self._corners(primitive) @ matrix[:3, :3].T + matrix[:3, 3]
+            ranges = [value_range(np.ascontiguousarray(corners[:, :, axis].T)) for axis in range(3)]
+            for axis in range(3):
+                (low_p, high_p), (low_q, high_q) = ranges[(axis + 1) % 3], ranges[(axis + 2) % 3]
+                for index in over[axis].tolist():
+                    eye = eyes[index]
+                    p, q = float(eye[(axis + 1) % 3]), float(eye[(axis + 2) % 3])
+                    met = np.nonzero((low_p <= p) & (high_p >= p) & (low_q <= q) & (high_q >= q))[0]
+                    if len(met):
+                        offsets, along = crossings(corners[met] - eye, axis)
+                        along ^= bool(self._mirrored[instance])
+                        sided = bool(self._double_sided[instance])
+                        found.add(axis, index, offsets, along, sided, float(heights[index]))
+        return found
