@@ -12,7 +12,7 @@ def main() -> None:
     studio = Studio()
     for old in FOLDER.glob("*.png"):
         old.unlink()
-    for picture in studio.pictures():
+    for picture in (*studio.pictures(), *studio.maps()):
         write_png(picture.path, studio.draw(picture))
     write_text(FOLDER / "renderer.json", json.dumps(studio.renderer_description(), indent=2) + "\n")
 

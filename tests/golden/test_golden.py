@@ -1,12 +1,12 @@
 """The built-in scene looks as it did when somebody last looked."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
 
-from tests.golden.pictures import FOLDER, SLOTS, Studio
+from tests.golden.pictures import FOLDER, SLOTS, GoldenPicture, Studio
 from viewer.scene.images import read_image
 from viewer.view_state import Slot
 
@@ -25,6 +25,15 @@ def studio() -> Iterator[Studio]:
 def test_pictures_are_as_accepted(studio: Studio, slot: Slot) -> None:
     pictures = [picture for picture in studio.pictures() if picture.slot == slot]
     assert len(pictures) >= 5
+    compare(studio, pictures)
+
+
+def test_divergence_maps_are_as_accepted(studio: Studio) -> None:
+    compare(studio, studio.maps())
+
+
+def compare(studio: Studio, pictures: Sequence[GoldenPicture]) -> None:
+    """Draw and compare with what was accepted; skips on another renderer."""
     drawn = {picture: studio.draw(picture) for picture in pictures}
     for picture, image in drawn.items():
         assert image.std() > 5.0, f"{picture.path.name}: nothing to see"
