@@ -228,7 +228,8 @@ def _with_features(
         title: replace(search, largest_share=1.0, spread_limit=times * spread) for title, times in SPREAD_LIMITS.items()
     }
     for title, settings in {"covisible": search, **limited}.items():
-        if count == len(matrix):
+        if count in (1, len(matrix)):
+            # Nothing to choose.
             continue
         found, seconds = [], 0.0
         for fold in folds:

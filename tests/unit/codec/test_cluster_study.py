@@ -38,7 +38,7 @@ def test_every_grouping_has_its_rows(rows) -> None:  # type: ignore[no-untyped-d
     assert {("baseline", None, 12), ("category", None, 1), ("pack single", None, 1)} <= found
     for name in ("low_level", "spectral"):
         assert {("clustered", name, count) for count in (1, 4, 12)} <= found
-        assert {("covisible", name, count) for count in (1, 4)} <= found
+        assert ("covisible", name, 4) in found
     assert ("random", None, 4) in found
 
 
