@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.divergence import DivergenceStatistics, cut_percent, divergence_map
 
 
 def brute_map(ids: NDArray[np.int32], block: tuple[int, int]) -> NDArray[np.uint16]:
@@ -44,14 +44,38 @@ def test_all_different_ids() -> None:
     assert divergence_map(np.arange(64, dtype=np.int32).reshape(8, 8)).tolist() == [[64]]
 
 
+def figures(statistics: DivergenceStatistics) -> tuple[float, int, int, int, float, float]:
+    """score, excess, divergent blocks, maximum, mean, wave efficiency."""
+    s = statistics
+    return s.score, s.excess, s.divergent_blocks, s.maximum, s.mean, s.wave_efficiency
+
+
 def test_statistics_of_a_known_map() -> None:
     statistics = DivergenceStatistics.of(np.array([[0, 1, 2], [5, 1, 0]], np.uint16))
-    assert statistics == DivergenceStatistics(score=5 / 6, excess=5, divergent_blocks=2, maximum=5)
+    assert figures(statistics) == (5 / 6, 5, 2, 5, 9 / 4, 4 / 9)
+    assert (statistics.blocks, statistics.covered_blocks, statistics.decoder_runs) == (6, 4, 9)
+    assert statistics.histogram == (2, 2, 1, 0, 0, 1)
 
 
 def test_statistics_of_an_empty_map() -> None:
-    assert DivergenceStatistics.of(np.zeros((0, 0), np.uint16)) == DivergenceStatistics(0.0, 0, 0, 0)
+    assert figures(DivergenceStatistics.of(np.zeros((0, 0), np.uint16))) == (0.0, 0, 0, 0, 0.0, 1.0)
 
 
 def test_statistics_of_a_map_without_divergence() -> None:
-    assert DivergenceStatistics.of(np.ones((3, 3), np.uint16)) == DivergenceStatistics(0.0, 0, 0, 1)
+    assert figures(DivergenceStatistics.of(np.ones((3, 3), np.uint16))) == (0.0, 0, 0, 1, 1.0, 1.0)
+
+
+def test_statistics_agree_with_the_definition() -> None:
+    divergence = np.random.default_rng(0).integers(0, 9, (13, 21)).astype(np.uint16)
+    excess = np.maximum(divergence.astype(int) - 1, 0)
+    statistics = DivergenceStatistics.of(divergence)
+    assert statistics.excess == excess.sum()
+    assert statistics.score == pytest.approx(excess.mean())
+    assert statistics.mean == pytest.approx(divergence[divergence > 0].mean())
+    assert statistics.wave_efficiency == pytest.approx((divergence > 0).sum() / divergence.sum())
+
+
+def test_a_cut_is_in_percent_of_what_there_was() -> None:
+    assert cut_percent(30, 40) == pytest.approx(25.0)
+    assert cut_percent(50, 40) == pytest.approx(-25.0)
+    assert cut_percent(0, 0) is None
