@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ntc.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
-from ntc.decoder import DecoderStack
+from ntc.decoder import AdapterStack, DecoderStack
 from ntc.latents import latent_levels
-from ntc.pack import Pack
+from ntc.pack import EncodedTexture, Pack
 from ntc.reference import image_of_texels
 from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows
 
@@ -59,6 +59,14 @@ class TorchCodec:
         self._decoders = DecoderStack(pack.config, len(pack.decoders), torch.Generator().manual_seed(0))
         self._decoders.load(pack.decoders)
         self._decoders.to(self._device)
+        self._adapters = [self._adapter(texture) for texture in pack.textures]
+
+    def _adapter(self, texture: EncodedTexture) -> AdapterStack | None:
+        if texture.adapter is None:
+            return None
+        stack = AdapterStack(self._pack.config, 1)
+        stack.load([texture.adapter])
+        return stack.to(self._device)
 
     def _tables(self, index: int, wrap: tuple[WrapMode, WrapMode]) -> tuple[PyramidTable, PyramidTable]:
         texture = self._pack.textures[index]
@@ -96,7 +104,8 @@ class TorchCodec:
             wrapped = torch.stack([_wrap(at[:, axis], modes[axis]) for axis in range(2)], dim=-1)
             same = torch.zeros(len(at), dtype=torch.int64, device=self._device)
             inputs = codec_inputs(self._pack.config, latents, cells, texels, same, wrapped, level.clamp(0.0, last))
-            parts.append(self._decoders(inputs[None], group)[0].clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
+            decoded = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
+            parts.append(decoded.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:

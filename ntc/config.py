@@ -33,6 +33,8 @@ class CodecConfig:
     """Channels the decoders write, 1 to 4; a texture with fewer uses the first ones."""
     latent_bits: Literal[8] = 8
     """Bits of a stored latent value."""
+    adapters: bool = False
+    """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -44,6 +46,7 @@ class CodecConfig:
             "leaky_slope": 0.0 <= self.leaky_slope < 1.0,
             "output_channels": 1 <= self.output_channels <= 4,
             "latent_bits": self.latent_bits == 8,
+            "adapters": isinstance(self.adapters, bool),
         }
         for field, valid in checks.items():
             if not valid:

@@ -58,9 +58,10 @@ class PsnrTable:
     rows: tuple[dict[str, Any], ...]
     summary: PsnrSummary | None
     bits_per_texel: float
-    """Stored bits (latents with scale and offset, decoders) per texel of mip 0."""
+    """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0."""
     latent_bytes: int
     decoder_bytes: int
+    adapter_bytes: int
 
     def json(self) -> dict[str, Any]:
         """Everything as JSON values; an infinite PSNR becomes null."""
@@ -72,6 +73,7 @@ class PsnrTable:
             "bits_per_texel": self.bits_per_texel,
             "latent_bytes": self.latent_bytes,
             "decoder_bytes": self.decoder_bytes,
+            "adapter_bytes": self.adapter_bytes,
             "textures": [{**row, "psnr_db": _finite_or_none(row["psnr_db"])} for row in self.rows],
         }
 
@@ -90,10 +92,9 @@ class PsnrTable:
                 f"PSNR: mean {self.summary.mean_db:.2f} dB, median {self.summary.median_db:.2f} dB, "
                 f"min {self.summary.minimum_db:.2f} dB, of the mean MSE {self.summary.of_mean_mse_db:.2f} dB"
             )
-        lines.append(
-            f"size: {self.bits_per_texel:.2f} bits/texel in all "
-            f"({self.latent_bytes / 1e6:.2f} MB latents, {self.decoder_bytes / 1e6:.2f} MB decoders)"
-        )
+        parts = {"latents": self.latent_bytes, "decoders": self.decoder_bytes, "adapters": self.adapter_bytes}
+        sizes = ", ".join(f"{size / 1e6:.2f} MB {name}" for name, size in parts.items() if size or name != "adapters")
+        lines.append(f"size: {self.bits_per_texel:.2f} bits/texel in all ({sizes})")
         return lines
 
 
@@ -115,11 +116,14 @@ def psnr_table(pack: Pack) -> PsnrTable:
     )
     latent_bytes = sum(t.latents.nbytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
     decoder_bytes = sum(array.nbytes for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases))
+    # Stored in half precision: two bytes a number.
+    adapter_bytes = sum(2 * (t.adapter.scales.size + t.adapter.biases.size) for t in pack.textures if t.adapter)
     texels = sum(texture.width * texture.height for texture in pack.textures)
     return PsnrTable(
         rows=rows,
         summary=PsnrSummary.of([texture.psnr_db for texture in pack.textures if texture.psnr_db is not None]),
-        bits_per_texel=8.0 * (latent_bytes + decoder_bytes) / max(1, texels),
+        bits_per_texel=8.0 * (latent_bytes + decoder_bytes + adapter_bytes) / max(1, texels),
         latent_bytes=latent_bytes,
         decoder_bytes=decoder_bytes,
+        adapter_bytes=adapter_bytes,
     )

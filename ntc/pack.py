@@ -12,6 +12,19 @@ from ntc.config import CodecConfig, ColorSpace, WrapMode
 
 
 @dataclass(frozen=True, eq=False)
+class Adapter:
+    """What specialises a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
+
+    The biases stand in place of the decoder's own, so that they cost nothing to decode. Values are exact in half precision.
+    """
+
+    scales: NDArray[np.float32]
+    """[2, hidden_width] float32."""
+    biases: NDArray[np.float32]
+    """[2, hidden_width] float32."""
+
+
+@dataclass(frozen=True, eq=False)
 class EncodedTexture:
     """One texture as its latent grid pyramid."""
 
@@ -36,6 +49,8 @@ class EncodedTexture:
     """[latent_channels] float32: latent value = offset + scale * stored integer."""
     offset: NDArray[np.float32]
     """[latent_channels] float32."""
+    adapter: Adapter | None = None
+    """Present exactly when the codec has adapters."""
     psnr_db: float | None = None
     """PSNR in dB of mip 0 over 8-bit values in `color_space`, measured after quantisation by the encoder."""
 

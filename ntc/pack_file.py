@@ -13,20 +13,24 @@ from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.files import write_bytes
 from ntc.latents import latent_cell_count
-from ntc.pack import Decoder, EncodedTexture, Pack
+from ntc.pack import Adapter, Decoder, EncodedTexture, Pack
 from ntc.pack_metadata import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
 
+HIDDEN_LAYERS = 2
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
-TENSOR_TYPES = {"U8": np.dtype(np.uint8), "F32": np.dtype(np.float32)}
 
 
 def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, tuple[str, tuple[int, ...]]]:
     channels = config.latent_channels
-    return {
+    tensors: dict[str, tuple[str, tuple[int, ...]]] = {
         f"latents.{index}": ("U8", (cells, channels)),
         f"latents.{index}.scale": ("F32", (channels,)),
         f"latents.{index}.offset": ("F32", (channels,)),
     }
+    if config.adapters:
+        tensors[f"adapter.{index}.scales"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
+        tensors[f"adapter.{index}.biases"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
+    return tensors
 
 
 def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tuple[str, tuple[int, ...]]]]:
@@ -53,6 +57,9 @@ def write_pack(path: Path, pack: Pack) -> None:
         tensors[f"latents.{index}"] = np.ascontiguousarray(texture.latents)
         tensors[f"latents.{index}.scale"] = np.ascontiguousarray(texture.scale)
         tensors[f"latents.{index}.offset"] = np.ascontiguousarray(texture.offset)
+        if texture.adapter is not None:
+            tensors[f"adapter.{index}.scales"] = texture.adapter.scales.astype(np.float16)
+            tensors[f"adapter.{index}.biases"] = texture.adapter.biases.astype(np.float16)
     for index, decoder in enumerate(pack.decoders):
         for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
             tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight)
@@ -77,9 +84,14 @@ def _check_header(file: Any, metadata: PackMetadata, path: Path) -> None:
 
 def _tensor(file: Any, name: str, path: Path) -> NDArray[Any]:
     array: NDArray[Any] = file.get_tensor(name)
-    if array.dtype == np.float32 and not np.isfinite(array).all():
+    if array.dtype != np.uint8 and not np.isfinite(array).all():
         raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
     return array
+
+
+def _adapter(file: Any, index: int, path: Path) -> Adapter:
+    scales, biases = (_tensor(file, f"adapter.{index}.{part}", path) for part in ("scales", "biases"))
+    return Adapter(scales.astype(np.float32), biases.astype(np.float32))
 
 
 def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
@@ -91,6 +103,7 @@ def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
             latents=_tensor(file, f"latents.{index}", path),
             scale=_tensor(file, f"latents.{index}.scale", path),
             offset=_tensor(file, f"latents.{index}.offset", path),
+            adapter=_adapter(file, index, path) if metadata.config.adapters else None,
         )
         textures.append(encoded)
     layers = range(len(metadata.config.layer_shapes))

@@ -11,6 +11,8 @@ from ntc.pack import Grouping, Pack
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
+ADDED_FIELDS = {"adapters"}
+"""Fields of the codec that the first files of this version lack: they mean the default."""
 LARGEST_SIDE = 32768
 """Texels: the largest texture side a pack may name."""
 LARGEST_COUNT = 65535
@@ -123,9 +125,13 @@ def _is_optional_decibels(value: Any) -> bool:
 def _codec(document: Any) -> CodecConfig:
     codec = _field(document, "codec", "metadata", _is_object, "an object")
     known = {field.name for field in fields(CodecConfig)}
-    if set(codec) != known:
+    if not known - ADDED_FIELDS <= set(codec) <= known:
         _fail(f"codec has fields {sorted(codec)[:12]}, expected {sorted(known)}")
     for name, value in codec.items():
+        if name == "adapters":
+            if not isinstance(value, bool):
+                _fail(f"codec.adapters is {str(value)[:60]!r}, expected true or false")
+            continue
         whole = isinstance(value, int) and not isinstance(value, bool)
         if not (whole or (name == "levels" and value is None) or (name == "leaky_slope" and isinstance(value, float))):
             _fail(f"codec.{name} is {str(value)[:60]!r}, expected a number")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.config import LOD_INPUT_SCALE, WrapMode
 from ntc.latents import LatentLevel, latent_levels
-from ntc.pack import Decoder, EncodedTexture, Pack
+from ntc.pack import Adapter, Decoder, EncodedTexture, Pack
 from ntc.positional import positional_encoding
 
 Array = NDArray[np.float64]
@@ -46,11 +46,15 @@ def _bilinear_latents(latents: Array, level: LatentLevel, uv: Array, wrap: tuple
     return upper * (1.0 - fraction_y) + lower * fraction_y
 
 
-def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float) -> Array:
+def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float, adapter: Adapter | None = None) -> Array:
     """[N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
     values = inputs
     for index, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-        values = values @ weight.astype(np.float64).T + bias.astype(np.float64)
+        values = values @ weight.astype(np.float64).T
+        if adapter is not None and index < len(adapter.scales):
+            values = values * adapter.scales[index].astype(np.float64) + adapter.biases[index].astype(np.float64)
+        else:
+            values = values + bias.astype(np.float64)
         if index + 1 < len(decoder.weights):
             values = np.where(values > 0.0, values, values * leaky_slope)
     return values
@@ -102,7 +106,7 @@ def decode_texels(
         inputs = decoder_inputs(
             pack, texture, np.asarray(uv[part], np.float64), np.asarray(lod[part], np.float64), modes
         )
-        parts.append(run_decoder(pack.decoders[texture.group], inputs, pack.config.leaky_slope))
+        parts.append(run_decoder(pack.decoders[texture.group], inputs, pack.config.leaky_slope, texture.adapter))
     values = np.concatenate(parts) if parts else np.zeros((0, pack.config.output_channels))
     return np.clip(values, 0.0, 1.0)[:, : texture.channels]
 

@@ -12,18 +12,17 @@ import torch
 
 from ntc.codec import TorchCodec, codec_inputs
 from ntc.config import CodecConfig
-from ntc.decoder import DecoderStack
+from ntc.decoder import AdapterStack, DecoderStack
 from ntc.errors import InputError
 from ntc.metrics import psnr_db
-from ntc.pack import Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.quantize import QuantizedLatents, quantize_latents
 from ntc.schedule import freezing_scale, rate_scale
 from ntc.textures import SourceTexture
 from ntc.training_config import TrainingConfig
 from ntc.training_data import TrainingData
+from ntc.warm_start import chance_latents, image_latents
 
-LATENT_SPREAD = 0.25
-"""Latents start uniform in [-LATENT_SPREAD, LATENT_SPREAD]."""
 STEPS_BETWEEN_RANGES = 50
 """Steps between measurements of the latents' ranges, which set the quantisation noise."""
 SECONDS_BETWEEN_REPORTS = 0.25
@@ -115,9 +114,8 @@ class _Cohort:
         self.decoder_numbers = sorted(set(groups))
         self._decoder_of = torch.tensor([self.decoder_numbers.index(group) for group in groups], device=device)
         self.decoders = DecoderStack(config, len(self.decoder_numbers), generator).to(device)
-        cells = sum(self.data.cell_counts)
-        start = (torch.rand(cells, config.latent_channels, generator=generator) * 2.0 - 1.0) * LATENT_SPREAD
-        self.latents = torch.nn.Parameter(start.to(device))
+        self.adapters = AdapterStack(config, len(textures)).to(device) if config.adapters else None
+        self.latents = torch.nn.Parameter(self._start(textures).to(device))
         self.per_texture = (
             training.texels_per_texture
             if training.texels_per_group is None
@@ -129,6 +127,11 @@ class _Cohort:
             samples = (training.epochs or 0.0) * sum(self.data.texel_counts)
             self.steps = max(1, math.ceil(samples / (self.per_texture * len(textures))))
         self._rounded: list[QuantizedLatents] | None = None
+
+    def _start(self, textures: Sequence[SourceTexture]) -> torch.Tensor:
+        if self._training.latent_start == "image":
+            return torch.cat([image_latents(texture, self._config, self._generator) for texture in textures])
+        return chance_latents(sum(self.data.cell_counts), self._config, self._generator)
 
     def _ranges(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Smallest and largest latent [T, channels] of every texture."""
@@ -155,6 +158,8 @@ class _Cohort:
         training = self._training
         latent_optimizer = torch.optim.Adam([self.latents], lr=training.latent_rate, fused=True)
         decoder_optimizer = torch.optim.Adam(self.decoders.parameters(), lr=training.decoder_rate, fused=True)
+        specialised = list(self.adapters.parameters()) if self.adapters is not None else []
+        adapter_optimizer = torch.optim.Adam(specialised, lr=training.decoder_rate, fused=True) if specialised else None
         first_rounded = self.steps - math.floor(self.steps * training.rounded_share)
         noise_step = torch.zeros(0)
         for step in range(self.steps):
@@ -167,6 +172,9 @@ class _Cohort:
             scale = freezing_scale(progress, training.freezing)
             latent_optimizer.param_groups[0]["lr"] = training.latent_rate * rate_scale(progress, training)
             decoder_optimizer.param_groups[0]["lr"] = training.decoder_rate * rate_scale(progress, training) * scale
+            if adapter_optimizer is not None:
+                adapter_optimizer.param_groups[0]["lr"] = training.decoder_rate * rate_scale(progress, training)
+                adapter_optimizer.zero_grad(set_to_none=True)
             loss = self._loss(noise_step if step < first_rounded else None)
             latent_optimizer.zero_grad(set_to_none=True)
             decoder_optimizer.zero_grad(set_to_none=True)
@@ -175,6 +183,8 @@ class _Cohort:
                 latent_optimizer.step()
             if scale > 0.0:
                 decoder_optimizer.step()
+            if adapter_optimizer is not None:
+                adapter_optimizer.step()
             clock.tick(loss.detach(), self.per_texture * self.data.count, scale)
 
     def _loss(self, noise_step: torch.Tensor | None) -> torch.Tensor:
@@ -188,7 +198,7 @@ class _Cohort:
             noise = torch.rand(len(inputs), channels, generator=self._generator).to(inputs.device) - 0.5
             noise = noise * noise_step[samples.texture] * 0.6
             inputs = torch.cat([inputs[:, :channels] + noise, inputs[:, channels:]], dim=1)
-        decoded = self.decoders(inputs.view(self.data.count, self.per_texture, -1), self._decoder_of)
+        decoded = self.decoders(inputs.view(self.data.count, self.per_texture, -1), self._decoder_of, self.adapters)
         difference = (decoded - samples.targets.view_as(decoded)) * self.data.channel_mask[:, None, :]
         return difference.square().sum() / (self.data.channel_mask.sum() * self.per_texture)
 
@@ -264,10 +274,13 @@ def train(
     clock = _Clock(sum(cohort.steps for cohort in cohorts), progress, cancelled)
     decoders: dict[int, Decoder] = {}
     latents: dict[int, QuantizedLatents] = {}
+    adapters: dict[int, Adapter] = {}
     for member, cohort in zip(members, cohorts, strict=True):
         cohort.train(clock)
         decoders.update(zip(cohort.decoder_numbers, cohort.decoders.export(), strict=True))
         latents.update(zip(member, cohort.quantized(), strict=True))
+        if cohort.adapters is not None:
+            adapters.update(zip(member, cohort.adapters.export(), strict=True))
     encoded = tuple(
         EncodedTexture(
             name=texture.name,
@@ -282,6 +295,7 @@ def train(
             latents=latents[index].stored,
             scale=latents[index].scale,
             offset=latents[index].offset,
+            adapter=adapters.get(index),
         )
         for index, texture in enumerate(textures)
     )

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ntc.config import RecipeName
+from ntc.config import CodecConfig, RecipeName
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,11 @@ class TrainingConfig:
     """Samples of each texture in a step; all groups train side by side. Unused when `texels_per_group` is set."""
     texels_per_group: int | None = None
     """Samples of each group in a step; groups train one after the other, as the paper trains them."""
-    latent_rate: float = 1e-2
-    decoder_rate: float = 4e-3
+    latent_rate: float = 2e-2
+    decoder_rate: float = 8e-3
+    """Of adapters too."""
+    latent_start: Literal["chance", "image"] = "image"
+    """Where latents start: uniform at chance, or at a small copy of the texture."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """How the learning rates fall over the training."""
     freezing: FreezingConfig | None = None
@@ -54,8 +57,14 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
             texels_per_group=32768,
             latent_rate=4e-3,
             decoder_rate=4e-4,
+            latent_start="chance",
             schedule="constant",
             freezing=FreezingConfig(),
             rounded_share=0.0,
         )
     return TrainingConfig()
+
+
+def recipe_codec(name: RecipeName, output_channels: int, levels: int | None) -> CodecConfig:
+    """The codec of a recipe: `best` has adapters, `paper` has none."""
+    return CodecConfig(levels=levels, output_channels=output_channels, adapters=name == "best")

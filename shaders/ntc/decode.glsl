@@ -95,5 +95,5 @@ vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool w
 #if LOD_INPUTS
     x[DECODER_INPUTS - 1] = lod * LOD_INPUT_SCALE;
 #endif
-    return clamp(run_decoder(record.decoder, x, wanted ? network_blocks : 0), 0.0, 1.0);
+    return clamp(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0), 0.0, 1.0);
 }

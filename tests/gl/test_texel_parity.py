@@ -21,6 +21,7 @@ FP32_TOLERANCE = 1e-4
 FP16_TOLERANCE = 2e-3
 FULL = CodecConfig()
 PAPER = CodecConfig(levels=1)
+ADAPTED = CodecConfig(adapters=True)
 WIDE = CodecConfig(latent_channels=8, hidden_width=32, positional_octaves=2, output_channels=4, downscale=2)
 
 
@@ -29,10 +30,10 @@ def packed(config: CodecConfig) -> Pack:
     return random_pack(SIZES, (0, 1, 0, 1, 0), config)
 
 
-@pytest.fixture(scope="module", params=["full", "paper", "wide"])
+@pytest.fixture(scope="module", params=["full", "paper", "wide", "adapted"])
 def codec(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator[tuple[Pack, GlTexelDecoder]]:
-    """Packs of three codec shapes with their GLSL decoders."""
-    pack = packed({"full": FULL, "paper": PAPER, "wide": WIDE}[request.param])
+    """Packs of four codec shapes with their GLSL decoders."""
+    pack = packed({"full": FULL, "paper": PAPER, "wide": WIDE, "adapted": ADAPTED}[request.param])
     decoder = GlTexelDecoder(graphics, pack)
     yield pack, decoder
     decoder.release()

@@ -6,7 +6,14 @@ import numpy as np
 
 from ntc.config import CodecConfig, WrapMode
 from ntc.latents import latent_cell_count
-from ntc.pack import Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
+
+
+def random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:
+    """Scales around 1 and biases around 0, exact in half precision."""
+    shape = (2, config.hidden_width)
+    scales, biases = random.uniform(0.5, 1.5, shape), random.normal(0.0, 0.2, shape)
+    return Adapter(scales.astype(np.float16).astype(np.float32), biases.astype(np.float16).astype(np.float32))
 
 
 def random_pack(
@@ -36,6 +43,7 @@ def random_pack(
             ),
             scale=random.uniform(0.004, 0.012, config.latent_channels).astype(np.float32),
             offset=random.uniform(-1.5, -0.5, config.latent_channels).astype(np.float32),
+            adapter=random_adapter(config, random) if config.adapters else None,
         )
         for index, (width, height) in enumerate(sizes)
     )

@@ -7,7 +7,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
@@ -16,7 +15,7 @@ from ntc.metrics import psnr_table
 from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
 from ntc.train import TrainingProgress, train
-from ntc.training_config import TrainingConfig, recipe_config
+from ntc.training_config import TrainingConfig, recipe_codec, recipe_config
 from viewer.commandline.options import EncodeOptions
 from viewer.folders import features_cache
 from viewer.pack_files import PACK_SUFFIX
@@ -145,7 +144,7 @@ def encode(options: EncodeOptions) -> int:
     source = read_source(options.source, options.texture_size)
     textures = source.textures
     grouping = make_grouping(options.grouping_config(), textures, grouping_inputs(source, options))
-    codec = CodecConfig(levels=options.levels, output_channels=max(texture.pixels.shape[2] for texture in textures))
+    codec = recipe_codec(options.recipe, max(texture.pixels.shape[2] for texture in textures), options.levels)
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
         highlight=False,

@@ -121,7 +121,8 @@ REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap",
 
 
 def texture_record(config: CodecConfig) -> np.dtype:
-    """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold."""
+    """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
+    of its adapter among the weights."""
     words = config.latent_channels // 4
     return np.dtype(
         [
@@ -130,9 +131,9 @@ def texture_record(config: CodecConfig) -> np.dtype:
             ("decoder", "<i4"),
             ("channels", "<i4"),
             ("srgb", "<i4"),
+            ("adapter", "<i4"),
             ("padding_0", "<i4"),
             ("padding_1", "<i4"),
-            ("padding_2", "<i4"),
             ("scale", "<f4", (words, 4)),
             ("offset", "<f4", (words, 4)),
         ]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
-from ntc.pack import Decoder
+from ntc.pack import Adapter, Decoder
 from viewer.view_state import Precision
 
 PARTS = "xyzw"
@@ -30,6 +30,7 @@ class NetworkLayout:
         self.third = self.second_bias + self.hidden_blocks
         self.third_bias = self.third + self.outputs * self.hidden_blocks
         self.blocks = self.third_bias + 1
+        self.adapter_blocks = 4 * self.hidden_blocks if config.adapters else 0
 
     def arrange(self, decoder: Decoder) -> NDArray[np.float32]:
         """[blocks, 4] float32: the weights of `decoder` in this order."""
@@ -45,49 +46,71 @@ class NetworkLayout:
         return np.concatenate([part.reshape(-1, 4) for part in arranged]).astype(np.float32)
 
 
-def weight_bytes(config: CodecConfig, decoders: Sequence[Decoder], precision: Precision) -> bytes:
-    """Contents of the weight buffer: all decoders one after the other, as fp32 or as fp16 storage.
+def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
+    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second."""
+    pairs = zip(adapter.scales, adapter.biases, strict=True)
+    return np.concatenate([part.reshape(-1, 4) for pair in pairs for part in pair]).astype(np.float32)
 
-    Weights beyond the range of fp16 become its largest number, not infinity.
+
+def weight_bytes(
+    config: CodecConfig, decoders: Sequence[Decoder], adapters: Sequence[Adapter], precision: Precision
+) -> bytes:
+    """Contents of the weight buffer: all decoders, then all adapters, as fp32 or as fp16 storage.
+
+    Weights beyond the range of fp16 become its largest number, not infinity. Adapters are exact in either.
     """
     layout = NetworkLayout(config)
-    numbers = (
-        np.concatenate([layout.arrange(decoder) for decoder in decoders]) if decoders else np.zeros((1, 4), np.float32)
-    )
+    parts = [layout.arrange(decoder) for decoder in decoders] + [arrange_adapter(adapter) for adapter in adapters]
+    numbers = np.concatenate(parts) if parts else np.zeros((1, 4), np.float32)
     if precision == "fp16":
         return np.clip(numbers, -65504.0, 65504.0).astype("<f2").tobytes()
     return numbers.astype("<f4").tobytes()
 
 
 def network_glsl(config: CodecConfig) -> str:
-    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, float x[DECODER_INPUTS], int blocks)`.
+    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
 
-    `blocks` is the number of hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop
-    whose length the compiler knows is unrolled into code that takes minutes to compile on llvmpipe.
+    `adapter` is the first block of the texture's adapter, unused where the codec has none. `blocks` is the number of
+    hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop whose length the compiler knows is
+    unrolled into code that takes minutes to compile on llvmpipe.
     """
     layout = NetworkLayout(config)
     slope = repr(float(config.leaky_slope))
+
+    def start(bias: int) -> list[str]:
+        return [
+            "        vec4 sum = vec4(0.0);" if config.adapters else f"        vec4 sum = weight(base + {bias} + k);"
+        ]
+
+    def finish(hidden_layer: int) -> list[str]:
+        if not config.adapters:
+            return []
+        scales = 2 * hidden_layer * layout.hidden_blocks
+        biases = scales + layout.hidden_blocks
+        return [f"        sum = weight(adapter + {scales} + k) * sum + weight(adapter + {biases} + k);"]
+
     lines = [
         "// Generated from viewer/passes/network.py for one CodecConfig.",
-        "vec4 run_decoder(int decoder, float x[DECODER_INPUTS], int blocks) {",
+        "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
         f"    int base = decoder * {layout.blocks};",
         f"    vec4 hidden[{layout.hidden_blocks}];",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + k * {layout.inputs};",
-        f"        vec4 sum = weight(base + {layout.first_bias} + k);",
+        *start(layout.first_bias),
         *[f"        sum += weight(row + {i}) * x[{i}];" for i in range(layout.inputs)],
+        *finish(0),
         f"        hidden[k] = max(sum, {slope} * sum);",
         "    }",
         f"    vec4 result = weight(base + {layout.third_bias});",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + {layout.second} + k * {layout.hidden};",
-        f"        vec4 sum = weight(base + {layout.second_bias} + k);",
+        *start(layout.second_bias),
     ]
     for block in range(layout.hidden_blocks):
         lines.append(f"        {{ vec4 h = hidden[{block}];")
         lines += [f"          sum += weight(row + {4 * block + part}) * h.{PARTS[part]};" for part in range(4)]
         lines.append("        }")
-    lines.append(f"        sum = max(sum, {slope} * sum);")
+    lines += [*finish(1), f"        sum = max(sum, {slope} * sum);"]
     lines += [
         f"        result.{PARTS[output]} += dot(sum, weight(base + {layout.third + output * layout.hidden_blocks} + k));"
         for output in range(layout.outputs)

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from ntc.latents import latent_levels
-from ntc.pack import Pack
+from ntc.pack import Adapter, Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.layout import LEVEL_RECORD, StorageBinding, codec_layout_glsl, texture_record
@@ -21,12 +21,14 @@ class PackBuffers:
         self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision
     ) -> None:
         config = pack.config
-        self.hidden_blocks = NetworkLayout(config).hidden_blocks
+        network = NetworkLayout(config)
+        self.hidden_blocks = network.hidden_blocks
         self.precision = precision
         records = np.zeros(max(1, len(texture_index)), texture_record(config))
         records["decoder"] = -1
         levels: list[tuple[int, ...]] = []
         latents: list[np.ndarray] = []
+        adapters: list[Adapter] = []
         first_cell = 0
         # Only what the table names is uploaded: latents of other scenes' textures cost nothing.
         for slot, index in enumerate(texture_index):
@@ -37,6 +39,9 @@ class PackBuffers:
             records[slot]["first_level"], records[slot]["levels"] = len(levels), len(pyramid)
             records[slot]["decoder"], records[slot]["channels"] = texture.group, texture.channels
             records[slot]["srgb"] = texture.color_space == "srgb"
+            records[slot]["adapter"] = len(pack.decoders) * network.blocks + len(adapters) * network.adapter_blocks
+            if texture.adapter is not None:
+                adapters.append(texture.adapter)
             records[slot]["scale"] = texture.scale.reshape(-1, 4)
             records[slot]["offset"] = texture.offset.reshape(-1, 4)
             for level in pyramid:
@@ -50,7 +55,7 @@ class PackBuffers:
             StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
             StorageBinding.LEVELS: gl.buffer(np.array(levels or [(0,) * 8], LEVEL_RECORD).tobytes()),
             StorageBinding.LATENTS: gl.buffer(np.ascontiguousarray(cells).tobytes()),
-            StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, precision)),
+            StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, adapters, precision)),
         }
         self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values())
 

@@ -14,7 +14,7 @@ import pytest
 
 from ntc.config import CodecConfig
 from ntc.errors import InputError
-from ntc.pack import Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack_file import expected_tensors, read_pack, write_pack
 from ntc.pack_metadata import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
@@ -35,6 +35,8 @@ def assert_equal(a: Pack, b: Pack) -> None:
     for one, other in pairs:
         for name, value in vars(one).items():
             twin = vars(other)[name]
+            if isinstance(value, Adapter):
+                value, twin = (value.scales, value.biases), (twin.scales, twin.biases)
             if isinstance(value, np.ndarray):
                 value, twin = (value,), (twin,)
             if isinstance(value, tuple) and isinstance(value[0], np.ndarray):
@@ -68,7 +70,12 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
 
 @pytest.mark.parametrize(
     "config",
-    [CodecConfig(), CodecConfig(levels=1, output_channels=1), CodecConfig(latent_channels=16, output_channels=4)],
+    [
+        CodecConfig(),
+        CodecConfig(levels=1, output_channels=1),
+        CodecConfig(latent_channels=16, output_channels=4),
+        CodecConfig(adapters=True),
+    ],
 )
 def test_round_trip_is_exact(tmp_path: Path, config: CodecConfig) -> None:
     pack = random_pack(config=config, wrap=("mirror", "clamp"))
@@ -89,6 +96,12 @@ def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
     write_pack(three, read_pack(one))
     assert one.read_bytes() == two.read_bytes() == three.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.ntc", "three.ntc", "two.ntc"]
+
+
+def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) -> None:
+    path = tmp_path / "old.ntc"
+    path.write_bytes(pieces.changed(lambda old: old.metadata["codec"].pop("adapters")))
+    assert not read_pack(path).config.adapters
 
 
 def test_a_pack_without_textures(tmp_path: Path) -> None:

@@ -163,11 +163,29 @@ def test_decoder_against_plain_sums() -> None:
     np.testing.assert_allclose(run_decoder(decoder, values[None], 0.01)[0], layer, atol=1e-9)
 
 
+def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> None:
+    pack = random_pack(((8, 8),), (0,), CodecConfig(hidden_width=8, adapters=True))
+    adapter, decoder = pack.textures[0].adapter, pack.decoders[0]
+    assert adapter is not None
+    values = layer = np.linspace(-1.0, 1.0, pack.config.decoder_inputs)
+    for number, weight in enumerate(decoder.weights):
+        layer = weight.astype(np.float64) @ layer
+        if number < 2:
+            layer = adapter.scales[number] * layer + adapter.biases[number]
+            layer = np.where(layer > 0.0, layer, 0.01 * layer)
+        else:
+            layer = layer + decoder.biases[2]
+    np.testing.assert_allclose(run_decoder(decoder, values[None], 0.01, adapter)[0], layer, atol=1e-9)
+    without = run_decoder(decoder, values[None], 0.01)[0]
+    assert np.abs(without - layer).max() > 0.01
+
+
 @pytest.mark.parametrize(
     "config",
     [
         CodecConfig(latent_channels=12, hidden_width=16, positional_octaves=1, downscale=8),
         CodecConfig(latent_channels=16, hidden_width=128, positional_octaves=8, downscale=1, leaky_slope=0.2),
+        CodecConfig(adapters=True),
     ],
 )
 def test_other_shapes_agree_too(config: CodecConfig) -> None:

@@ -52,6 +52,8 @@ def arrays(pack: Pack) -> list[NDArray[np.generic]]:
     found: list[NDArray[np.generic]] = []
     for encoded in pack.textures:
         found += [encoded.latents, encoded.scale, encoded.offset]
+        if encoded.adapter is not None:
+            found += [encoded.adapter.scales, encoded.adapter.biases]
     for decoder in pack.decoders:
         found += [*decoder.weights, *decoder.biases]
     return found
@@ -122,11 +124,11 @@ def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) 
     seen: list[list[NDArray[np.float32]]] = []
     forward = DecoderStack.forward
 
-    def watched(self: DecoderStack, inputs: torch.Tensor, decoder: torch.Tensor) -> torch.Tensor:
+    def watched(self: DecoderStack, inputs: torch.Tensor, decoder: torch.Tensor, *adapters: None) -> torch.Tensor:
         if torch.is_grad_enabled():
             exported = self.export()[0]
             seen.append([*exported.weights, *exported.biases])
-        return forward(self, inputs, decoder)
+        return forward(self, inputs, decoder, *adapters)
 
     with monkeypatch.context() as patch:
         patch.setattr(DecoderStack, "forward", watched)
@@ -267,3 +269,31 @@ def test_cuda_that_is_not_there_is_bad_input() -> None:
     assert choose_device("auto").type == "cpu"
     with pytest.raises(InputError, match="--device cuda"):
         choose_device("cuda")
+
+
+def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
+    textures = [texture(16, 16), texture(16, 16, seed=1)]
+    config = replace(SMALL, adapters=True)
+    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
+    for encoded in pack.textures:
+        assert encoded.adapter is not None
+        for values in (encoded.adapter.scales, encoded.adapter.biases):
+            assert values.shape == (2, 16)
+            np.testing.assert_array_equal(values, values.astype(np.float16).astype(np.float32))
+        assert np.abs(encoded.adapter.scales - 1.0).max() > 1e-3
+        assert np.abs(encoded.adapter.biases).max() > 1e-3
+    # The biases of hidden layers are the adapters' now.
+    assert not pack.decoders[0].biases[0].any()
+    assert not pack.decoders[0].biases[1].any()
+
+
+def test_adapters_help_a_shared_decoder() -> None:
+    # Two textures that nothing but a constant of their own can tell apart.
+    noise = np.random.default_rng(0).integers(0, 256, (32, 32, 3), np.uint8)
+    textures = [SourceTexture(name, p, name) for name, p in (("a", noise), ("b", 255 - noise))]
+    training = replace(SHORT, steps=250)
+    quality = [
+        min(t.psnr_db or 0.0 for t in train(textures, Grouping("single", (0, 0)), config, training).textures)
+        for config in (replace(SMALL, hidden_width=8), replace(SMALL, hidden_width=8, adapters=True))
+    ]
+    assert quality[1] > quality[0]
