@@ -12,7 +12,14 @@ from ntc.decoder import AdapterStack, DecoderStack
 from ntc.latents import latent_levels
 from ntc.pack import EncodedTexture, Pack
 from ntc.reference import image_of_texels
-from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows
+from ntc.sampling import (
+    PyramidTable,
+    bilinear_corners,
+    level_waves,
+    positional_encoding,
+    trilinear_corners,
+    weighted_rows,
+)
 
 TEXELS_AT_ONCE = 1 << 17
 """Texels decoded together, to bound memory."""
@@ -38,6 +45,26 @@ def codec_inputs(
     ]
     if config.lod_inputs:
         parts.append(lod[:, None] * LOD_INPUT_SCALE)
+    return torch.cat(parts, dim=-1)
+
+
+def level_inputs(
+    config: CodecConfig,
+    latents: Tensor,
+    cells: PyramidTable,
+    texels: PyramidTable,
+    texture: Tensor,
+    uv: Tensor,
+    level: Tensor,
+) -> Tensor:
+    """`codec_inputs` at whole `level` [N] int64: half the cells are read, for there is nothing to blend between levels."""
+    index, weights = bilinear_corners(cells, texture, level, uv)
+    parts = [
+        weighted_rows(latents, index, weights),
+        level_waves(texels, texture, uv, level, config.positional_octaves),
+    ]
+    if config.lod_inputs:
+        parts.append(level[:, None] * LOD_INPUT_SCALE)
     return torch.cat(parts, dim=-1)
 
 

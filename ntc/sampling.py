@@ -107,21 +107,20 @@ def weighted_rows(rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
     return blended
 
 
-def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves of the texel coordinate, blended between the two levels around `lod` (docs/codec.md).
+def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:
+    """[N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N] (docs/codec.md). `table` holds texel sizes."""
+    size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
+    texel = (uv * size)[:, :, None, None]
+    octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]
+    phase = torch.tensor([0.0, 0.25], device=uv.device, dtype=uv.dtype)[None, None, None, :]
+    turns = texel * octave + phase
+    return (4.0 * torch.abs(turns - torch.floor(turns) - 0.5) - 1.0).flatten(1)
 
-    `table` holds texel sizes.
-    """
+
+def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor, octaves: int) -> Tensor:
+    """[N, 4 octaves] triangle waves, blended between the two levels around `lod` [N]."""
     lower = torch.floor(lod).long()
     upper = torch.minimum(lower + 1, table.levels[texture] - 1)
     share = (lod - lower)[:, None]
-
-    def waves(level: Tensor) -> Tensor:
-        size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
-        texel = (uv * size)[:, :, None, None]
-        octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]
-        phase = torch.tensor([0.0, 0.25], device=uv.device, dtype=uv.dtype)[None, None, None, :]
-        turns = texel * octave + phase
-        return (4.0 * torch.abs(turns - torch.floor(turns) - 0.5) - 1.0).flatten(1)
-
-    return waves(lower) * (1.0 - share) + waves(upper) * share
+    waves = [level_waves(table, texture, uv, level, octaves) for level in (lower, upper)]
+    return waves[0] * (1.0 - share) + waves[1] * share

@@ -10,17 +10,18 @@ from typing import Any
 import numpy as np
 import torch
 
-from ntc.codec import TorchCodec, codec_inputs
+from ntc.codec import TorchCodec, codec_inputs, level_inputs
 from ntc.config import CodecConfig
 from ntc.decoder import AdapterStack, DecoderStack
 from ntc.errors import InputError
 from ntc.metrics import psnr_db
+from ntc.muon import Muon
 from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.quantize import QuantizedLatents, quantize_latents
 from ntc.schedule import freezing_scale, rate_scale
 from ntc.textures import SourceTexture
 from ntc.training_config import TrainingConfig
-from ntc.training_data import TrainingData
+from ntc.training_data import Samples, TrainingData
 from ntc.warm_start import chance_latents, image_latents
 
 STEPS_BETWEEN_RANGES = 50
@@ -97,6 +98,18 @@ class _Clock:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Parameters that are trained alike."""
+
+    optimizer: torch.optim.Optimizer
+    rate: float
+    """Learning rate before any schedule."""
+    freezes: bool = False
+    """Whether freezing slows it down: decoders, which the textures of a group share."""
+    is_latents: bool = False
+
+
 class _Cohort:
     """Textures whose decoders are trained side by side: all of them, or one group."""
 
@@ -156,10 +169,7 @@ class _Cohort:
     def train(self, clock: _Clock) -> None:
         """Run all steps."""
         training = self._training
-        latent_optimizer = torch.optim.Adam([self.latents], lr=training.latent_rate, fused=True)
-        decoder_optimizer = torch.optim.Adam(self.decoders.parameters(), lr=training.decoder_rate, fused=True)
-        specialised = list(self.adapters.parameters()) if self.adapters is not None else []
-        adapter_optimizer = torch.optim.Adam(specialised, lr=training.decoder_rate, fused=True) if specialised else None
+        optimizers = self._optimizers()
         first_rounded = self.steps - math.floor(self.steps * training.rounded_share)
         noise_step = torch.zeros(0)
         for step in range(self.steps):
@@ -169,29 +179,56 @@ class _Cohort:
             if step % STEPS_BETWEEN_RANGES == 0 and step < first_rounded:
                 low, high = self._ranges()
                 noise_step = (high - low) / 255.0
-            scale = freezing_scale(progress, training.freezing)
-            latent_optimizer.param_groups[0]["lr"] = training.latent_rate * rate_scale(progress, training)
-            decoder_optimizer.param_groups[0]["lr"] = training.decoder_rate * rate_scale(progress, training) * scale
-            if adapter_optimizer is not None:
-                adapter_optimizer.param_groups[0]["lr"] = training.decoder_rate * rate_scale(progress, training)
-                adapter_optimizer.zero_grad(set_to_none=True)
+            freezing = freezing_scale(progress, training.freezing)
+            for part in optimizers:
+                part.optimizer.zero_grad(set_to_none=True)
             loss = self._loss(noise_step if step < first_rounded else None)
-            latent_optimizer.zero_grad(set_to_none=True)
-            decoder_optimizer.zero_grad(set_to_none=True)
             loss.backward()
-            if step < first_rounded:
-                latent_optimizer.step()
-            if scale > 0.0:
-                decoder_optimizer.step()
-            if adapter_optimizer is not None:
-                adapter_optimizer.step()
-            clock.tick(loss.detach(), self.per_texture * self.data.count, scale)
+            for part in optimizers:
+                scale = rate_scale(progress, training) * (freezing if part.freezes else 1.0)
+                part.optimizer.param_groups[0]["lr"] = part.rate * scale
+                # Adam would go on by its momentum where nothing is left to learn from.
+                if scale > 0.0 and not (part.is_latents and step >= first_rounded):
+                    part.optimizer.step()
+            clock.tick(loss.detach(), self.per_texture * self.data.count, freezing)
+
+    def _optimizers(self) -> list[_Part]:
+        training = self._training
+        hidden = list(self.decoders.weights[:-1]) if training.hidden_optimizer == "muon" else []
+        others = [p for p in self.decoders.parameters() if not any(p is matrix for matrix in hidden)]
+
+        def adam(parameters: Sequence[torch.Tensor], rate: float) -> torch.optim.Optimizer:
+            return torch.optim.Adam(parameters, lr=rate, fused=True)
+
+        parts = [
+            _Part(adam([self.latents], training.latent_rate), training.latent_rate, is_latents=True),
+            _Part(adam(others, training.decoder_rate), training.decoder_rate, freezes=True),
+        ]
+        if hidden:
+            parts.append(_Part(Muon(hidden, training.hidden_rate), training.hidden_rate, freezes=True))
+        if self.adapters is not None:
+            specialised = list(self.adapters.parameters())
+            parts.append(_Part(adam(specialised, training.decoder_rate), training.decoder_rate))
+        return parts
+
+    def _inputs(self, samples: Samples) -> torch.Tensor:
+        """[T N, decoder_inputs] of the samples."""
+        parts = []
+        for first, end, inputs in (
+            (0, samples.centres, level_inputs),
+            (samples.centres, samples.per_texture, codec_inputs),
+        ):
+            if first == end:
+                continue
+            texture, uv, lod = (samples.columns(v, first, end) for v in (samples.texture, samples.uv, samples.lod))
+            at = lod.long() if inputs is level_inputs else lod
+            made = inputs(self._config, self.latents, self.data.cells, self.data.texels, texture, uv, at)
+            parts.append(made.view(self.data.count, end - first, -1))
+        return torch.cat(parts, dim=1).flatten(0, 1)
 
     def _loss(self, noise_step: torch.Tensor | None) -> torch.Tensor:
         samples = self.data.sample(self.per_texture, self._generator)
-        inputs = codec_inputs(
-            self._config, self.latents, self.data.cells, self.data.texels, samples.texture, samples.uv, samples.lod
-        )
+        inputs = self._inputs(samples)
         if noise_step is not None:
             channels = self._config.latent_channels
             # Rounding moves each of the up to eight blended cells by up to half a step, so the blend by less than that.

@@ -32,6 +32,10 @@ class TrainingConfig:
     latent_rate: float = 2e-2
     decoder_rate: float = 8e-3
     """Of adapters too."""
+    hidden_optimizer: Literal["adam", "muon"] = "muon"
+    """How the matrices of the hidden layers are trained; everything else is trained by Adam."""
+    hidden_rate: float = 2e-2
+    """Learning rate of those matrices with muon; with adam they have the decoder's."""
     latent_start: Literal["chance", "image"] = "image"
     """Where latents start: uniform at chance, or at a small copy of the texture."""
     schedule: Literal["constant", "cosine"] = "cosine"
@@ -58,6 +62,7 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
             latent_rate=4e-3,
             decoder_rate=4e-4,
             latent_start="chance",
+            hidden_optimizer="adam",
             schedule="constant",
             freezing=FreezingConfig(),
             rounded_share=0.0,

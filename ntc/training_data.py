@@ -14,7 +14,7 @@ from ntc.sampling import PyramidTable, trilinear_corners
 from ntc.textures import SourceTexture
 
 CENTRE_SHARE = 0.5
-"""Share of the samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+"""Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
 SMALLEST_LEVEL_WEIGHT = 0.02
 """Levels are sampled by their texels, but never less often than this, relative to mip 0."""
 
@@ -31,6 +31,14 @@ class Samples:
     """[T N]."""
     targets: Tensor
     """[T N, output_channels] in the texture's colour space, in [0, 1]."""
+    per_texture: int
+    """N."""
+    centres: int
+    """The first so many of each texture lie at texel centres of whole levels."""
+
+    def columns(self, values: Tensor, first: int, end: int) -> Tensor:
+        """[T (end - first), ...]: of `values` [T N, ...] the samples `first` to `end` of each texture."""
+        return values.view(-1, self.per_texture, *values.shape[1:])[:, first:end].flatten(0, 1)
 
 
 class TrainingData:
@@ -48,13 +56,16 @@ class TrainingData:
         self.cell_counts = [sum(level.cells for level in levels) for levels in pyramids]
         self.texel_counts = [texture.size[0] * texture.size[1] for texture in textures]
         channels = config.output_channels
-        rows = []
+        rows, coded_rows = [], []
         for texture, levels in zip(textures, pyramids, strict=True):
             for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
                 linear = to_linear(mip, texture.color_space).reshape(-1, mip.shape[2])
-                rows.append(np.pad(linear, ((0, 0), (0, channels - mip.shape[2]))).astype(np.float16))
+                missing = ((0, 0), (0, channels - mip.shape[2]))
+                rows.append(np.pad(linear, missing).astype(np.float16))
+                coded_rows.append(np.pad(mip.reshape(-1, mip.shape[2]), missing))
         # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
         self._linear = torch.from_numpy(np.concatenate(rows)).to(device)
+        self._coded = torch.from_numpy(np.concatenate(coded_rows)).to(device)
         used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
         self.channel_mask = used.to(device=device, dtype=torch.float32)
         """[T, output_channels]: 1 for the channels that a texture has."""
@@ -72,23 +83,34 @@ class TrainingData:
 
     def sample(self, per_texture: int, generator: torch.Generator) -> Samples:
         """`per_texture` random samples of each texture with targets: trilinear in linear light, as the hardware filters."""
-        total = self.count * per_texture
-        texture = torch.arange(self.count, device=self._device).repeat_interleave(per_texture)
-        random = torch.rand(total, 5, generator=generator).to(self._device)
-        level = torch.searchsorted(self._level_cumulative[texture], random[:, :1].contiguous()).squeeze(1)
-        last = self.cells.levels[texture] - 1
-        level = torch.minimum(level, last)
+        # With one level all are texels of mip 0, as in the paper.
+        centres = per_texture if self._single_level else round(CENTRE_SHARE * per_texture)
+        shape = (self.count, per_texture)
+        texture = torch.arange(self.count, device=self._device)[:, None].expand(shape)
+        random = torch.rand(*shape, 4, generator=generator).to(self._device)
+        level = torch.searchsorted(self._level_cumulative, random[..., 0].contiguous())
+        level = torch.minimum(level, (self.cells.levels - 1)[:, None])
+        at, lod = random[..., 1:3].clone(), level.to(random.dtype)
         size = torch.stack([self.texels.width[texture, level], self.texels.height[texture, level]], dim=-1)
-        centres = (torch.floor(random[:, 1:3] * size) + 0.5) / size
-        if self._single_level:
-            # Paper parity: texels of mip 0, nothing between them.
-            at, lod = centres, torch.zeros(total, device=self._device)
-        else:
-            at_centre = random[:, 3] < CENTRE_SHARE
-            at = torch.where(at_centre[:, None], centres, random[:, 1:3])
-            lod = level + torch.where(at_centre, torch.zeros_like(random[:, 4]), random[:, 4])
-            lod = torch.minimum(lod, last.to(lod.dtype))
-        return Samples(texture, at, lod, self._targets(texture, at, lod))
+        texel = torch.minimum((at * size).long(), size - 1)[:, :centres]
+        at[:, :centres] = (texel + 0.5) / size[:, :centres]
+        lod[:, centres:] = torch.minimum(lod + random[..., 3], (self.cells.levels - 1)[:, None].to(lod.dtype))[
+            :, centres:
+        ]
+        row = self.texels.first[texture, level][:, :centres] + texel[..., 1] * size[:, :centres, 0] + texel[..., 0]
+        targets = [self._coded.index_select(0, row.reshape(-1)).float().div_(255.0).view(*row.shape, -1)]
+        if centres < per_texture:
+            rest = slice(centres, None)
+            between = self._targets(texture[:, rest].reshape(-1), at[:, rest].reshape(-1, 2), lod[:, rest].reshape(-1))
+            targets.append(between.view(self.count, per_texture - centres, -1))
+        return Samples(
+            texture=texture.reshape(-1),
+            uv=at.view(-1, 2),
+            lod=lod.view(-1),
+            targets=torch.cat(targets, dim=1).flatten(0, 1),
+            per_texture=per_texture,
+            centres=centres,
+        )
 
     def _targets(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
         index, weights = trilinear_corners(self.texels, texture, uv, lod)

@@ -285,15 +285,3 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     # The biases of hidden layers are the adapters' now.
     assert not pack.decoders[0].biases[0].any()
     assert not pack.decoders[0].biases[1].any()
-
-
-def test_adapters_help_a_shared_decoder() -> None:
-    # Two textures that nothing but a constant of their own can tell apart.
-    noise = np.random.default_rng(0).integers(0, 256, (32, 32, 3), np.uint8)
-    textures = [SourceTexture(name, p, name) for name, p in (("a", noise), ("b", 255 - noise))]
-    training = replace(SHORT, steps=250)
-    quality = [
-        min(t.psnr_db or 0.0 for t in train(textures, Grouping("single", (0, 0)), config, training).textures)
-        for config in (replace(SMALL, hidden_width=8), replace(SMALL, hidden_width=8, adapters=True))
-    ]
-    assert quality[1] > quality[0]
