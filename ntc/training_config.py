@@ -30,16 +30,16 @@ class TrainingConfig:
     texels_per_group: int | None = None
     """Samples of each group in a step; groups train one after the other, as the paper trains them."""
     latent_rate: float = 2e-2
-    decoder_rate: float = 8e-3
+    decoder_rate: float = 1.6e-2
     """Of adapters too."""
     hidden_optimizer: Literal["adam", "muon"] = "muon"
     """How the matrices of the hidden layers are trained; everything else is trained by Adam."""
-    hidden_rate: float = 2e-2
+    hidden_rate: float = 3e-2
     """Learning rate of those matrices with muon; with adam they have the decoder's."""
     latent_start: Literal["chance", "image"] = "image"
     """Where latents start: uniform at chance, or at a small copy of the texture."""
-    schedule: Literal["constant", "cosine"] = "cosine"
-    """How the learning rates fall over the training."""
+    schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
+    """How the learning rates change over the training (`ntc.schedule.rate_scale`)."""
     freezing: FreezingConfig | None = None
     rounded_share: float = 0.05
     """The last share of the steps trains the decoders alone, on rounded latents; 0 when freezing has stopped them."""

@@ -37,6 +37,16 @@ def test_rates() -> None:
     assert rate_scale(0.9, constant) == 1.0
 
 
+def test_a_trapezoid_rises_stays_and_falls_to_nothing() -> None:
+    trapezoid = TrainingConfig(schedule="trapezoid")
+    scales = [rate_scale(step / 1000, trapezoid) for step in range(1001)]
+    assert 0.0 < scales[0] < 0.05
+    assert scales[40] == scales[300] == scales[600] == 1.0
+    assert scales[800] == pytest.approx(0.5)
+    assert scales[1000] == 0.0
+    assert scales[600:] == sorted(scales[600:], reverse=True)
+
+
 def test_the_paper_recipe_has_the_papers_numbers() -> None:
     paper = recipe_config("paper")
     assert (paper.epochs, paper.steps, paper.texels_per_group) == (350.0, None, 32768)
