@@ -13,7 +13,7 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
-from viewer.commandline.study_options import ClusterStudyOptions
+from viewer.commandline.study_options import AblationStudyOptions, ClusterStudyOptions
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -43,9 +43,13 @@ def run(options: Options) -> int:
 
             return info(options)
         case ClusterStudyOptions():
-            from viewer.commandline.study import study_clusters
+            from viewer.commandline.study_clusters import study_clusters
 
             return study_clusters(options)
+        case AblationStudyOptions():
+            from viewer.commandline.study_ablation import study_ablation
+
+            return study_ablation(options)
         case DoctorOptions():
             from viewer.commandline.doctor import doctor
 

@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from viewer import cli
-from viewer.scene.images import read_image
+from viewer.scene.images import read_image, write_png
 
 
 def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -26,7 +27,7 @@ def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFix
     ("arguments", "words"),
     [
         (["study"], "no such study"),
-        (["study", "nothing"], "study nothing: no such study (there are: clusters"),
+        (["study", "nothing"], "study nothing: no such study (there are: clusters, ablation"),
         (["study", "clusters", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
         (["study", "clusters", "--out", "o", "--features", "shape"], "shape"),
         (["study", "clusters", "nowhere.glb", "--out", "o"], "nowhere.glb"),
@@ -53,3 +54,36 @@ def test_help_lists_the_studies(capsys: pytest.CaptureFixture[str]) -> None:
         cli.main(["study", "--help"])
     assert stopped.value.code == 0
     assert "clusters" in capsys.readouterr().out
+
+
+def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    random = np.random.default_rng(0)
+    for number in range(3):
+        write_png(tmp_path / "in" / f"{number}.png", random.integers(0, 256, (16, 16, 3), np.uint8))
+    out = tmp_path / "o"
+    arguments = ["study", "ablation", str(tmp_path / "in"), "--out", str(out), "--clusters", "2", "--steps", "6"]
+    arguments += ["--texels-per-texture", "32", "--device", "cpu"]
+    assert cli.main(arguments) == 0
+    record = json.loads((out / "ablation.json").read_text())
+    variants = [row["variant"] for row in record["rows"]]
+    assert variants[0] == "best"
+    assert variants[-1] == "paper"
+    assert {"without adapters", "hidden layers by Adam"} <= set(variants)
+    assert all(row["mean_db"] > 3.0 for row in record["rows"])
+    assert read_image(out / "ablation.png").shape[1] > 500
+    runs = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
+    assert len(runs) == len(variants)
+    gone, broken = list(runs)[:2]
+    gone.unlink()
+    broken.write_text("{")
+    assert cli.main(arguments) == 0
+    again = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
+    assert again.keys() == runs.keys()
+    assert {path for path in runs if again[path] != runs[path]} == {gone, broken}
+    figures = [[row["mean_db"] for row in json.loads((out / "ablation.json").read_text())["rows"]]]
+    assert figures == [[row["mean_db"] for row in record["rows"]]]
+    capsys.readouterr()
+    assert cli.main([*arguments[:-2], "--steps", "0"]) == 2
+    assert "--steps 0: must be at least 1" in capsys.readouterr().err

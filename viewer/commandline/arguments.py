@@ -19,10 +19,10 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
-from viewer.commandline.study_options import ClusterStudyOptions
+from viewer.commandline.study_options import AblationStudyOptions, ClusterStudyOptions
 from viewer.pack_files import PACK_SUFFIX
 
-StudyOptions = ClusterStudyOptions
+StudyOptions = ClusterStudyOptions | AblationStudyOptions
 Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions | StudyOptions
 
 _Subcommands = (
@@ -34,7 +34,7 @@ _Subcommands = (
     | Annotated[DoctorOptions, tyro.conf.subcommand("doctor", prefix_name=False)]
 )
 SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "doctor")
-STUDIES: dict[str, type[StudyOptions]] = {"clusters": ClusterStudyOptions}
+STUDIES: dict[str, type[StudyOptions]] = {"clusters": ClusterStudyOptions, "ablation": AblationStudyOptions}
 """Options by the name of the study: each has settings of its own."""
 DESCRIPTION = (
     "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "

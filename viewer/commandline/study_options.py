@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from ntc.config import FeatureName, GroupingConfig
+from ntc.studies.ablation_config import AblationConfig
 from viewer.commandline.options import OptionalScene, Packs
 
 
@@ -38,3 +39,27 @@ class ClusterStudyOptions:
     """Textures are reduced to at most this many texels a side before they are compared."""
     seed: int = 0
     """Seed of groupings and sampled places."""
+
+
+@dataclass(frozen=True)
+class AblationStudyOptions:
+    """What each part of the recipe is worth, at equal samples: table, CSV, JSON and plot. Stopped, it goes on where it was."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """glTF scene, or a folder of images."""
+    out: Path
+    """Folder for ablation.md, .csv, .json and .png, and for the finished runs."""
+    clusters: int | None = None
+    """Decoders, by k-means over low-level features. None: 10, or one for each texture where there are fewer."""
+    steps: int = AblationConfig.steps
+    """Optimisation steps of each run."""
+    texels_per_texture: int = AblationConfig.texels_per_texture
+    """Samples of each texture in a step."""
+    texture_size: int = 256
+    """Textures are reduced to at most this many texels a side."""
+    levels: int | None = AblationConfig.levels
+    """Latent levels; 1: mip 0 alone as in the paper, None: all mips."""
+    seeds: tuple[int, ...] = AblationConfig.seeds
+    """Seeds; figures are means over them."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train."""

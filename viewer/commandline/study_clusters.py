@@ -1,11 +1,8 @@
 """`ntc-viewer study clusters`: groupings over the number of groups, measured on the views of a scene."""
 
-import io
-import json
 import platform
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -16,12 +13,12 @@ from rich.progress import Progress
 
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
-from ntc.files import write_bytes, write_text
 from ntc.grouping.seen_blocks import seen_blocks
 from ntc.metrics import psnr_table
 from ntc.studies.cluster_plot import cluster_figure
-from ntc.studies.clusters import ClusterRow, ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
+from ntc.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
 from viewer.commandline.sources import open_scene, packs_for
+from viewer.commandline.study_files import check_output, write_study
 from viewer.commandline.study_options import ClusterStudyOptions
 from viewer.commandline.views import SceneViews, ViewSource, scene_views
 from viewer.folders import features_cache
@@ -63,17 +60,10 @@ def _describe(scene: Scene, views: SceneViews) -> str:
     return f"{scene.name}: {len(scene.textures)} textures, {' and '.join(parts)}, every other view held out"
 
 
-def _png(rows: Sequence[ClusterRow], title: str) -> bytes:
-    buffer = io.BytesIO()
-    cluster_figure(rows, title).savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-    return buffer.getvalue()
-
-
 def study_clusters(options: ClusterStudyOptions) -> int:
     """Run `ntc-viewer study clusters`. Raises InputError for bad input."""
     config = ClusterStudyConfig(options.clusters, options.spread_weight, options.largest_share, options.seed)
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"--out {options.out}: is a file; name a folder")
+    check_output(options.out)
     if not options.features:
         raise InputError("--features: name at least one")
     console = Console(stderr=True, soft_wrap=True)
@@ -112,9 +102,6 @@ def study_clusters(options: ClusterStudyOptions) -> int:
         "seconds": time.perf_counter() - began,
         "rows": [asdict(row) for row in rows],
     }
-    write_text(options.out / "clusters.md", f"# {title}\n\n{table.markdown()}")
-    write_text(options.out / "clusters.csv", table.csv())
-    write_bytes(options.out / "clusters.png", _png(rows, title))
-    write_text(options.out / "clusters.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+    write_study(options.out, "clusters", title, table, cluster_figure(rows, title), record)
     sys.stdout.write(f"{title}\n{table.text()}wrote {options.out}\n")
     return 0
