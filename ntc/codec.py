@@ -25,7 +25,7 @@ TEXELS_AT_ONCE = 1 << 17
 """Texels decoded together, to bound memory."""
 
 
-def codec_inputs(
+def codec_features(
     config: CodecConfig,
     latents: Tensor,
     cells: PyramidTable,
@@ -33,22 +33,22 @@ def codec_inputs(
     texture: Tensor,
     uv: Tensor,
     lod: Tensor,
-) -> Tensor:
-    """[N, decoder_inputs] at wrapped `uv` [N, 2] in [0, 1] and clamped `lod` [N] of `texture` [N].
+) -> tuple[Tensor, Tensor]:
+    """Latents [N, latent_channels] and the other inputs of the decoder [N, rest] at wrapped `uv` [N, 2] in [0, 1] and clamped
+    `lod` [N] of `texture` [N].
 
     `latents` [all cells, channels]; differentiable in them.
     """
     index, weights = trilinear_corners(cells, texture, uv, lod)
-    parts = [
-        weighted_rows(latents, index, weights),
-        positional_encoding(texels, texture, uv, lod, config.positional_octaves),
-    ]
-    if config.lod_inputs:
-        parts.append(lod[:, None] * LOD_INPUT_SCALE)
-    return torch.cat(parts, dim=-1)
+    waves = positional_encoding(texels, texture, uv, lod, config.positional_octaves)
+    return weighted_rows(latents, index, weights), _with_lod(waves, lod, config)
 
 
-def level_inputs(
+def _with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
+    return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
+
+
+def level_features(
     config: CodecConfig,
     latents: Tensor,
     cells: PyramidTable,
@@ -56,16 +56,11 @@ def level_inputs(
     texture: Tensor,
     uv: Tensor,
     level: Tensor,
-) -> Tensor:
-    """`codec_inputs` at whole `level` [N] int64: half the cells are read, for there is nothing to blend between levels."""
+) -> tuple[Tensor, Tensor]:
+    """`codec_features` at whole `level` [N] int64: half the cells are read, for there is nothing to blend between levels."""
     index, weights = bilinear_corners(cells, texture, level, uv)
-    parts = [
-        weighted_rows(latents, index, weights),
-        level_waves(texels, texture, uv, level, config.positional_octaves),
-    ]
-    if config.lod_inputs:
-        parts.append(level[:, None] * LOD_INPUT_SCALE)
-    return torch.cat(parts, dim=-1)
+    waves = level_waves(texels, texture, uv, level, config.positional_octaves)
+    return weighted_rows(latents, index, weights), _with_lod(waves, level, config)
 
 
 def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:
@@ -85,6 +80,8 @@ class TorchCodec:
         self._device = torch.device(device)
         self._decoders = DecoderStack(pack.config, len(pack.decoders), torch.Generator().manual_seed(0))
         self._decoders.load(pack.decoders)
+        if pack.config.adapter_output:
+            self._decoders.clear_output()
         self._decoders.to(self._device)
         self._adapters = [self._adapter(texture) for texture in pack.textures]
 
@@ -130,8 +127,8 @@ class TorchCodec:
             )
             wrapped = torch.stack([_wrap(at[:, axis], modes[axis]) for axis in range(2)], dim=-1)
             same = torch.zeros(len(at), dtype=torch.int64, device=self._device)
-            inputs = codec_inputs(self._pack.config, latents, cells, texels, same, wrapped, level.clamp(0.0, last))
-            decoded = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
+            features = codec_features(self._pack.config, latents, cells, texels, same, wrapped, level.clamp(0.0, last))
+            decoded = self._decoders(torch.cat(features, dim=-1)[None], group, self._adapters[texture_index])[0]
             parts.append(decoded.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
 

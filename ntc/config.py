@@ -31,10 +31,12 @@ class CodecConfig:
     """Slope of LeakyReLU for negative inputs."""
     output_channels: int = 3
     """Channels the decoders write, 1 to 4; a texture with fewer uses the first ones."""
-    latent_bits: Literal[8] = 8
-    """Bits of a stored latent value."""
+    latent_bits: Literal[4, 8] = 8
+    """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
     adapters: bool = False
     """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
+    adapter_output: bool = False
+    """Whether adapters hold an output layer too, in place of the decoder's."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -45,8 +47,9 @@ class CodecConfig:
             "hidden_width": 4 <= self.hidden_width <= 256 and self.hidden_width % 4 == 0,
             "leaky_slope": 0.0 <= self.leaky_slope < 1.0,
             "output_channels": 1 <= self.output_channels <= 4,
-            "latent_bits": self.latent_bits == 8,
+            "latent_bits": self.latent_bits in (4, 8),
             "adapters": isinstance(self.adapters, bool),
+            "adapter_output": isinstance(self.adapter_output, bool) and (self.adapters or not self.adapter_output),
         }
         for field, valid in checks.items():
             if not valid:
@@ -66,6 +69,16 @@ class CodecConfig:
     def decoder_inputs(self) -> int:
         """Inputs of the decoder, in the order latents, positional encoding, lod."""
         return self.latent_channels + self.positional_inputs + self.lod_inputs
+
+    @property
+    def largest_stored(self) -> int:
+        """Stored latents run from 0 to this integer."""
+        return (1 << self.latent_bits) - 1
+
+    @property
+    def cell_bytes(self) -> int:
+        """Bytes of a stored latent cell."""
+        return self.latent_channels * self.latent_bits // 8
 
     @property
     def layer_shapes(self) -> tuple[tuple[int, int], ...]:

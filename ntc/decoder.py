@@ -1,7 +1,7 @@
-"""Decoders in torch: the weights of all decoders of a pack in stacked tensors."""
+"""Decoders and adapters in torch: those of all groups and textures in stacked tensors."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -9,31 +9,46 @@ from torch import Tensor, nn
 from ntc.config import CodecConfig
 from ntc.pack import Adapter, Decoder
 
+Layer = tuple[Tensor, Tensor]
+"""(weight [T, inputs, outputs], bias [T, 1, outputs]): row t computes x @ weight[t] + bias[t]."""
+
 
 class AdapterStack(nn.Module):
-    """Adapters of `count` textures: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l (docs/codec.md)."""
+    """Adapters of `count` textures: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l (docs/codec.md).
+
+    Where adapters hold an output layer, `output` is what it has besides the output layer of the decoder: both are added,
+    so that textures learn together what they share.
+    """
 
     def __init__(self, config: CodecConfig, count: int) -> None:
         super().__init__()
         hidden = range(len(config.layer_shapes) - 1)
         self.scales = nn.ParameterList(nn.Parameter(torch.ones(count, config.hidden_width)) for _ in hidden)
         self.biases = nn.ParameterList(nn.Parameter(torch.zeros(count, config.hidden_width)) for _ in hidden)
+        outputs, inputs = config.layer_shapes[-1]
+        shapes = ((count, outputs, inputs), (count, outputs)) if config.adapter_output else ()
+        self.output = nn.ParameterList(nn.Parameter(torch.zeros(shape)) for shape in shapes)
+        """Weight [count, outputs, inputs] and bias [count, outputs], or nothing."""
 
     def load(self, adapters: Sequence[Adapter]) -> None:
-        """Take over the adapters of a pack."""
+        """Take over the adapters of a pack, for decoders whose output layer is 0 where adapters have their own."""
         with torch.no_grad():
             for index, adapter in enumerate(adapters):
                 for layer in range(len(self.scales)):
                     self.scales[layer][index] = torch.from_numpy(adapter.scales[layer].copy())
                     self.biases[layer][index] = torch.from_numpy(adapter.biases[layer].copy())
+                for own, stored in zip(self.output, (adapter.output_weight, adapter.output_bias), strict=False):
+                    if stored is not None:
+                        own[index] = torch.from_numpy(stored.copy())
 
-    def export(self) -> tuple[Adapter, ...]:
-        """The adapters as numpy arrays, rounded to half precision."""
-        stacked = [
-            torch.stack(list(values), dim=1).detach().cpu().half().float().numpy()
-            for values in (self.scales, self.biases)
-        ]
-        return tuple(Adapter(scales.copy(), biases.copy()) for scales, biases in zip(*stacked, strict=True))
+    def export(self, decoders: "DecoderStack", decoder: Tensor) -> tuple[Adapter, ...]:
+        """The adapters as numpy arrays, rounded to half precision; row t specialises decoder `decoder`[t]."""
+        parts = [torch.stack(list(values), dim=1) for values in (self.scales, self.biases)]
+        if self.output:
+            shared = (decoders.weights[-1], decoders.biases[-1])
+            parts += [own + common[decoder] for own, common in zip(self.output, shared, strict=True)]
+        stacked = [part.detach().cpu().half().float().numpy() for part in parts]
+        return tuple(Adapter(*(values.copy() for values in row)) for row in zip(*stacked, strict=True))
 
 
 class DecoderStack(nn.Module):
@@ -53,24 +68,37 @@ class DecoderStack(nn.Module):
             self.weights.append(nn.Parameter(weight))
             self.biases.append(nn.Parameter(torch.full((count, outputs), 0.5 if last else 0.0)))
 
-    def forward(self, inputs: Tensor, decoder: Tensor, adapters: "AdapterStack | None" = None) -> Tensor:
+    def layers(
+        self, decoder: Tensor, adapters: AdapterStack | None = None, textures: Tensor | None = None
+    ) -> list[Layer]:
+        """The layers that row t of a batch goes through: those of decoder `decoder`[t], specialised by adapter `textures`[t],
+        or t where that is None."""
+        own: Callable[[Tensor], Tensor] = (lambda rows: rows) if textures is None else (lambda rows: rows[textures])
+        choice = nn.functional.one_hot(decoder, len(self.weights[0])).to(self.weights[0].dtype)
+        found: list[Layer] = []
+        for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            # A product with ones and zeros: its way back is a product too, many times faster than index_select's.
+            chosen = (choice @ weight.flatten(1)).view(-1, *weight.shape[1:])
+            offset = choice @ bias
+            if adapters is not None and index + 1 < len(self.weights):
+                # Rows of the small matrix are scaled instead of the many values that it makes.
+                chosen = chosen * own(adapters.scales[index]).unsqueeze(2)
+                offset = own(adapters.biases[index])
+            elif adapters is not None and adapters.output:
+                chosen, offset = chosen + own(adapters.output[0]), offset + own(adapters.output[1])
+            found.append((chosen.transpose(1, 2), offset.unsqueeze(1)))
+        return found
+
+    def forward(self, inputs: Tensor, decoder: Tensor, adapters: AdapterStack | None = None) -> Tensor:
         """[T, N, outputs] for `inputs` [T, N, decoder_inputs], row t decoded by decoder `decoder`[t]; not clamped.
 
         Row t is specialised by adapter t.
         """
         values = inputs
-        choice = nn.functional.one_hot(decoder, len(self.weights[0])).to(inputs.dtype)
-        last = len(self.weights) - 1
-        for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # A product with ones and zeros: its way back is a product too, many times faster than index_select's.
-            chosen = (choice @ weight.flatten(1)).view(-1, *weight.shape[1:]).transpose(1, 2)
-            offset = (choice @ bias).unsqueeze(1)
-            if adapters is not None and index < last:
-                # Columns of the small matrix are scaled instead of the many values that it makes.
-                chosen = chosen * adapters.scales[index].unsqueeze(1)
-                offset = adapters.biases[index].unsqueeze(1)
-            values = torch.baddbmm(offset, values, chosen)
-            if index < last:
+        layers = self.layers(decoder, adapters)
+        for index, (weight, bias) in enumerate(layers):
+            values = torch.baddbmm(bias, values, weight)
+            if index + 1 < len(layers):
                 values = nn.functional.leaky_relu(values, self.leaky_slope)
         return values
 
@@ -81,6 +109,12 @@ class DecoderStack(nn.Module):
                 for index, decoder in enumerate(decoders):
                     weight[index] = torch.from_numpy(decoder.weights[layer].copy())
                     bias[index] = torch.from_numpy(decoder.biases[layer].copy())
+
+    def clear_output(self) -> None:
+        """Set output layers to 0: where adapters have their own, those are the whole of it."""
+        with torch.no_grad():
+            self.weights[-1].zero_()
+            self.biases[-1].zero_()
 
     def export(self) -> tuple[Decoder, ...]:
         """The decoders as numpy arrays."""

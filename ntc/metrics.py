@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.pack import Pack
+from ntc.pack import Adapter, Pack
 
 
 def _finite_or_none(value: float | None) -> float | None:
@@ -98,6 +98,12 @@ class PsnrTable:
         return lines
 
 
+def _adapter_bytes(adapter: Adapter) -> int:
+    parts = (adapter.scales, adapter.biases, adapter.output_weight, adapter.output_bias)
+    # Stored in half precision: two bytes a number.
+    return sum(2 * part.size for part in parts if part is not None)
+
+
 def psnr_table(pack: Pack) -> PsnrTable:
     """The table of `pack`; PSNR as the encoder measured it after quantisation."""
     rows = tuple(
@@ -114,10 +120,10 @@ def psnr_table(pack: Pack) -> PsnrTable:
         }
         for texture in pack.textures
     )
-    latent_bytes = sum(t.latents.nbytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
+    cell_bytes = pack.config.cell_bytes
+    latent_bytes = sum(len(t.latents) * cell_bytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
     decoder_bytes = sum(array.nbytes for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases))
-    # Stored in half precision: two bytes a number.
-    adapter_bytes = sum(2 * (t.adapter.scales.size + t.adapter.biases.size) for t in pack.textures if t.adapter)
+    adapter_bytes = sum(_adapter_bytes(texture.adapter) for texture in pack.textures if texture.adapter is not None)
     texels = sum(texture.width * texture.height for texture in pack.textures)
     return PsnrTable(
         rows=rows,

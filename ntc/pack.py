@@ -22,6 +22,10 @@ class Adapter:
     """[2, hidden_width] float32."""
     biases: NDArray[np.float32]
     """[2, hidden_width] float32."""
+    output_weight: NDArray[np.float32] | None = None
+    """[outputs, hidden_width] float32, in place of the decoder's output layer, where the codec says so."""
+    output_bias: NDArray[np.float32] | None = None
+    """[outputs] float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,8 @@ class EncodedTexture:
     group: int
     """Index of the decoder that decodes this texture."""
     latents: NDArray[np.uint8]
-    """[cells, latent_channels] uint8: the levels of `ntc.latents.latent_levels`, one after the other."""
+    """[cells, latent_channels] uint8, 0 to `CodecConfig.largest_stored`: the levels of `ntc.latents.latent_levels`, one
+    after the other."""
     scale: NDArray[np.float32]
     """[latent_channels] float32: latent value = offset + scale * stored integer."""
     offset: NDArray[np.float32]

@@ -15,6 +15,7 @@ from ntc.files import write_bytes
 from ntc.latents import latent_cell_count
 from ntc.pack import Adapter, Decoder, EncodedTexture, Pack
 from ntc.pack_metadata import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
+from ntc.quantize import packed_cells, unpacked_cells
 
 HIDDEN_LAYERS = 2
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
@@ -23,13 +24,16 @@ REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, tuple[str, tuple[int, ...]]]:
     channels = config.latent_channels
     tensors: dict[str, tuple[str, tuple[int, ...]]] = {
-        f"latents.{index}": ("U8", (cells, channels)),
+        f"latents.{index}": ("U8", (cells, config.cell_bytes)),
         f"latents.{index}.scale": ("F32", (channels,)),
         f"latents.{index}.offset": ("F32", (channels,)),
     }
     if config.adapters:
         tensors[f"adapter.{index}.scales"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
         tensors[f"adapter.{index}.biases"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
+    if config.adapter_output:
+        tensors[f"adapter.{index}.output.weight"] = ("F16", (config.output_channels, config.hidden_width))
+        tensors[f"adapter.{index}.output.bias"] = ("F16", (config.output_channels,))
     return tensors
 
 
@@ -54,12 +58,15 @@ def write_pack(path: Path, pack: Pack) -> None:
     """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
     tensors: dict[str, NDArray[Any]] = {}
     for index, texture in enumerate(pack.textures):
-        tensors[f"latents.{index}"] = np.ascontiguousarray(texture.latents)
+        tensors[f"latents.{index}"] = packed_cells(texture.latents, pack.config.latent_bits)
         tensors[f"latents.{index}.scale"] = np.ascontiguousarray(texture.scale)
         tensors[f"latents.{index}.offset"] = np.ascontiguousarray(texture.offset)
         if texture.adapter is not None:
             tensors[f"adapter.{index}.scales"] = texture.adapter.scales.astype(np.float16)
             tensors[f"adapter.{index}.biases"] = texture.adapter.biases.astype(np.float16)
+            if texture.adapter.output_weight is not None and texture.adapter.output_bias is not None:
+                tensors[f"adapter.{index}.output.weight"] = texture.adapter.output_weight.astype(np.float16)
+                tensors[f"adapter.{index}.output.bias"] = texture.adapter.output_bias.astype(np.float16)
     for index, decoder in enumerate(pack.decoders):
         for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
             tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight)
@@ -89,9 +96,11 @@ def _tensor(file: Any, name: str, path: Path) -> NDArray[Any]:
     return array
 
 
-def _adapter(file: Any, index: int, path: Path) -> Adapter:
-    scales, biases = (_tensor(file, f"adapter.{index}.{part}", path) for part in ("scales", "biases"))
-    return Adapter(scales.astype(np.float32), biases.astype(np.float32))
+def _adapter(file: Any, index: int, config: CodecConfig, path: Path) -> Adapter | None:
+    if not config.adapters:
+        return None
+    parts = ("scales", "biases", "output.weight", "output.bias") if config.adapter_output else ("scales", "biases")
+    return Adapter(*(_tensor(file, f"adapter.{index}.{part}", path).astype(np.float32) for part in parts))
 
 
 def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
@@ -100,10 +109,10 @@ def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
         encoded = EncodedTexture(
             **vars(texture),
             group=group,
-            latents=_tensor(file, f"latents.{index}", path),
+            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), metadata.config.latent_bits),
             scale=_tensor(file, f"latents.{index}.scale", path),
             offset=_tensor(file, f"latents.{index}.offset", path),
-            adapter=_adapter(file, index, path) if metadata.config.adapters else None,
+            adapter=_adapter(file, index, metadata.config, path),
         )
         textures.append(encoded)
     layers = range(len(metadata.config.layer_shapes))

@@ -1,12 +1,9 @@
-"""Latents as 8-bit integers with a scale and an offset per channel."""
+"""Latents as small integers with a scale and an offset per channel."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-LARGEST_STORED = 255
-"""Stored integers run from 0 to 255."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +11,7 @@ class QuantizedLatents:
     """value = offset + scale * stored."""
 
     stored: NDArray[np.uint8]
-    """[cells, channels] uint8."""
+    """[cells, channels] uint8, one integer a byte whatever its bits."""
     scale: NDArray[np.float32]
     """[channels] float32, positive."""
     offset: NDArray[np.float32]
@@ -26,14 +23,30 @@ class QuantizedLatents:
 
 
 def quantize_latents(
-    values: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32]
+    values: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32], largest: int
 ) -> QuantizedLatents:
-    """Round `values` [cells, channels] to 256 steps from `low` to `high` [channels]; values beyond are clamped.
+    """Round `values` [cells, channels] to the integers 0 to `largest`, which stand for `low` to `high` [channels]; values
+    beyond are clamped.
 
     Raises ValueError for values that are not finite.
     """
     if not (np.isfinite(values).all() and np.isfinite(low).all() and np.isfinite(high).all()):
         raise ValueError("latents are not finite")
-    scale = (np.maximum(high - low, np.float32(1e-6)) / np.float32(LARGEST_STORED)).astype(np.float32)
-    stored = np.clip(np.rint((values - low) / scale), 0, LARGEST_STORED).astype(np.uint8)
+    scale = (np.maximum(high - low, np.float32(1e-6)) / np.float32(largest)).astype(np.float32)
+    stored = np.clip(np.rint((values - low) / scale), 0, largest).astype(np.uint8)
     return QuantizedLatents(stored, scale, low.astype(np.float32))
+
+
+def packed_cells(stored: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """[cells, channels * bits / 8] uint8: `stored` [cells, channels] as it lies in files, for 4 bits two integers a byte, the
+    first in the low half."""
+    if bits == 8:
+        return np.ascontiguousarray(stored)
+    return np.ascontiguousarray(stored[:, 0::2] | (stored[:, 1::2] << 4))
+
+
+def unpacked_cells(packed: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """[cells, channels] uint8, one integer a byte: the inverse of `packed_cells`."""
+    if bits == 8:
+        return packed
+    return np.stack([packed & 15, packed >> 4], axis=-1).reshape(len(packed), -1)

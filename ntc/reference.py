@@ -50,6 +50,9 @@ def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float, adapter: Ad
     """[N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
     values = inputs
     for index, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+        if adapter is not None and index + 1 == len(decoder.weights):
+            weight = weight if adapter.output_weight is None else adapter.output_weight
+            bias = bias if adapter.output_bias is None else adapter.output_bias
         values = values @ weight.astype(np.float64).T
         if adapter is not None and index < len(adapter.scales):
             values = values * adapter.scales[index].astype(np.float64) + adapter.biases[index].astype(np.float64)

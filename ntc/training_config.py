@@ -40,6 +40,11 @@ class TrainingConfig:
     """Where latents start: uniform at chance, or at a small copy of the texture."""
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
     """How the learning rates change over the training (`ntc.schedule.rate_scale`)."""
+    latent_clip: float | None = 2.5
+    """Latents are kept within so many standard deviations of their mean, texture by texture and channel by channel, so that
+    the steps of rounding are not spent on a few outliers. None: as they are."""
+    converged_db: float | None = 60.0
+    """A group drops out once all its textures reach this PSNR in samples: further gains would be lost in 8 bits."""
     freezing: FreezingConfig | None = None
     rounded_share: float = 0.05
     """The last share of the steps trains the decoders alone, on rounded latents; 0 when freezing has stopped them."""
@@ -66,6 +71,8 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
             schedule="constant",
             freezing=FreezingConfig(),
             rounded_share=0.0,
+            latent_clip=None,
+            converged_db=None,
         )
     return TrainingConfig()
 

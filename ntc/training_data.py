@@ -21,7 +21,7 @@ SMALLEST_LEVEL_WEIGHT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Random texels of every texture: N samples each of T textures, flattened to [T N]."""
+    """Random texels of textures: N samples each of T textures, flattened to [T N]."""
 
     texture: Tensor
     """[T N] int64."""
@@ -81,28 +81,27 @@ class TrainingData:
         shares = weights[None, :] * available
         self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
 
-    def sample(self, per_texture: int, generator: torch.Generator) -> Samples:
-        """`per_texture` random samples of each texture with targets: trilinear in linear light, as the hardware filters."""
+    def sample(self, per_texture: int, generator: torch.Generator, chosen: Tensor) -> Samples:
+        """`per_texture` random samples of each texture in `chosen` [T] int64, with targets: trilinear in linear light, as the
+        hardware filters."""
         # With one level all are texels of mip 0, as in the paper.
         centres = per_texture if self._single_level else round(CENTRE_SHARE * per_texture)
-        shape = (self.count, per_texture)
-        texture = torch.arange(self.count, device=self._device)[:, None].expand(shape)
+        shape = (len(chosen), per_texture)
+        texture, last = chosen[:, None].expand(shape), (self.cells.levels[chosen] - 1)[:, None]
         random = torch.rand(*shape, 4, generator=generator).to(self._device)
-        level = torch.searchsorted(self._level_cumulative, random[..., 0].contiguous())
-        level = torch.minimum(level, (self.cells.levels - 1)[:, None])
+        level = torch.searchsorted(self._level_cumulative[chosen], random[..., 0].contiguous())
+        level = torch.minimum(level, last)
         at, lod = random[..., 1:3].clone(), level.to(random.dtype)
         size = torch.stack([self.texels.width[texture, level], self.texels.height[texture, level]], dim=-1)
         texel = torch.minimum((at * size).long(), size - 1)[:, :centres]
         at[:, :centres] = (texel + 0.5) / size[:, :centres]
-        lod[:, centres:] = torch.minimum(lod + random[..., 3], (self.cells.levels - 1)[:, None].to(lod.dtype))[
-            :, centres:
-        ]
+        lod[:, centres:] = torch.minimum(lod + random[..., 3], last.to(lod.dtype))[:, centres:]
         row = self.texels.first[texture, level][:, :centres] + texel[..., 1] * size[:, :centres, 0] + texel[..., 0]
         targets = [self._coded.index_select(0, row.reshape(-1)).float().div_(255.0).view(*row.shape, -1)]
         if centres < per_texture:
             rest = slice(centres, None)
             between = self._targets(texture[:, rest].reshape(-1), at[:, rest].reshape(-1, 2), lod[:, rest].reshape(-1))
-            targets.append(between.view(self.count, per_texture - centres, -1))
+            targets.append(between.view(len(chosen), per_texture - centres, -1))
         return Samples(
             texture=texture.reshape(-1),
             uv=at.view(-1, 2),

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -85,8 +86,9 @@ def finished_run(
     kept = _kept(path, settings)
     if kept is not None:
         return kept
+    began = time.monotonic()
     pack = train(textures, run.grouping, run.codec, run.training, lambda report: progress(report.step, report.steps))
-    steps, seconds = int(pack.training["steps"]), float(pack.training["seconds"])
+    steps, seconds = int(pack.training["steps"]), time.monotonic() - began
     psnr = [texture.psnr_db for texture in pack.textures]
     result = RunResult(
         name=run.name,

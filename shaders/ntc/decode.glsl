@@ -39,9 +39,15 @@ int neighbour(int cell, int cells, int mode) {
     return mode == WRAP_REPEAT ? (cell + cells) % cells : clamp(cell, 0, cells - 1);
 }
 
+// Four channels of a cell as stored integers: channels 4 word to 4 word + 3.
 vec4 stored_latents(int cell, int word) {
-    uint bits = latent_words[cell * LATENT_WORDS + word];
+#if LATENT_BITS == 4
+    uint bits = latent_words[cell * CELL_WORDS + (word >> 1)] >> ((word & 1) * 16);
+    return vec4(bits & 15u, (bits >> 4) & 15u, (bits >> 8) & 15u, (bits >> 12) & 15u);
+#else
+    uint bits = latent_words[cell * CELL_WORDS + word];
     return vec4(bits & 255u, (bits >> 8) & 255u, (bits >> 16) & 255u, bits >> 24);
+#endif
 }
 
 float triangle_wave(float turns) {

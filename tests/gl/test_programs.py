@@ -74,6 +74,7 @@ def test_compute_programs_compile(programs: ProgramFactory, name: str, defines: 
         CodecConfig(latent_channels=16, hidden_width=4, output_channels=1, positional_octaves=8),
         CodecConfig(levels=1, hidden_width=12, output_channels=2, leaky_slope=0.0),
         CodecConfig(hidden_width=16, adapters=True),
+        CodecConfig(hidden_width=16, latent_channels=12, latent_bits=4, adapters=True, adapter_output=True),
     ],
 )
 def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConfig) -> None:

@@ -22,6 +22,8 @@ FP16_TOLERANCE = 2e-3
 FULL = CodecConfig()
 PAPER = CodecConfig(levels=1)
 ADAPTED = CodecConfig(adapters=True)
+NIBBLES = CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+PADDED = CodecConfig(latent_channels=12, latent_bits=4, hidden_width=16, output_channels=2)
 WIDE = CodecConfig(latent_channels=8, hidden_width=32, positional_octaves=2, output_channels=4, downscale=2)
 
 
@@ -30,10 +32,11 @@ def packed(config: CodecConfig) -> Pack:
     return random_pack(SIZES, (0, 1, 0, 1, 0), config)
 
 
-@pytest.fixture(scope="module", params=["full", "paper", "wide", "adapted"])
+@pytest.fixture(scope="module", params=["full", "paper", "wide", "adapted", "nibbles", "padded"])
 def codec(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator[tuple[Pack, GlTexelDecoder]]:
-    """Packs of four codec shapes with their GLSL decoders."""
-    pack = packed({"full": FULL, "paper": PAPER, "wide": WIDE, "adapted": ADAPTED}[request.param])
+    """Packs of six codec shapes with their GLSL decoders."""
+    shapes = {"full": FULL, "paper": PAPER, "wide": WIDE, "adapted": ADAPTED, "nibbles": NIBBLES, "padded": PADDED}
+    pack = packed(shapes[request.param])
     decoder = GlTexelDecoder(graphics, pack)
     yield pack, decoder
     decoder.release()

@@ -13,7 +13,11 @@ def random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:
     """Scales around 1 and biases around 0, exact in half precision."""
     shape = (2, config.hidden_width)
     scales, biases = random.uniform(0.5, 1.5, shape), random.normal(0.0, 0.2, shape)
-    return Adapter(scales.astype(np.float16).astype(np.float32), biases.astype(np.float16).astype(np.float32))
+    parts = [scales, biases]
+    if config.adapter_output:
+        outputs, inputs = config.layer_shapes[-1]
+        parts += [random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), random.normal(0.5, 0.1, outputs)]
+    return Adapter(*(part.astype(np.float16).astype(np.float32) for part in parts))
 
 
 def random_pack(
@@ -39,9 +43,12 @@ def random_pack(
             category=None,
             group=groups[index],
             latents=random.integers(
-                0, 256, (latent_cell_count(width, height, config), config.latent_channels), np.uint8
+                0,
+                config.largest_stored + 1,
+                (latent_cell_count(width, height, config), config.latent_channels),
+                np.uint8,
             ),
-            scale=random.uniform(0.004, 0.012, config.latent_channels).astype(np.float32),
+            scale=(random.uniform(1.0, 3.0, config.latent_channels) / config.largest_stored).astype(np.float32),
             offset=random.uniform(-1.5, -0.5, config.latent_channels).astype(np.float32),
             adapter=random_adapter(config, random) if config.adapters else None,
         )

@@ -14,8 +14,9 @@ from ntc.grouping.labels import read_labels
 from ntc.metrics import psnr_table
 from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
-from ntc.train import TrainingProgress, train
+from ntc.train import train
 from ntc.training_config import TrainingConfig, recipe_codec, recipe_config
+from ntc.training_progress import TrainingProgress
 from viewer.commandline.options import EncodeOptions
 from viewer.folders import features_cache
 from viewer.pack_files import PACK_SUFFIX

@@ -140,6 +140,11 @@ def texture_record(config: CodecConfig) -> np.dtype:
     )
 
 
+def cell_words(config: CodecConfig) -> int:
+    """32-bit words of a latent cell on the GPU; the last is padded where the channels do not fill it."""
+    return -(-config.cell_bytes // 4)
+
+
 def sampler_flags(sampler: Sampler) -> int:
     """Bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
     flags = 0 if sampler.magnify_linear else SamplerFlag.MAGNIFY_NEAREST
@@ -197,6 +202,8 @@ def codec_layout_glsl(config: CodecConfig) -> str:
         [
             "// Generated from viewer/passes/layout.py for one CodecConfig.",
             f"#define LATENT_WORDS {config.latent_channels // 4}",
+            f"#define LATENT_BITS {config.latent_bits}",
+            f"#define CELL_WORDS {cell_words(config)}",
             f"#define LATENT_CHANNELS {config.latent_channels}",
             f"#define POSITIONAL_OCTAVES {config.positional_octaves}",
             f"#define POSITIONAL_INPUTS {config.positional_inputs}",

@@ -30,7 +30,10 @@ class NetworkLayout:
         self.third = self.second_bias + self.hidden_blocks
         self.third_bias = self.third + self.outputs * self.hidden_blocks
         self.blocks = self.third_bias + 1
-        self.adapter_blocks = 4 * self.hidden_blocks if config.adapters else 0
+        self.adapter_output = 4 * self.hidden_blocks
+        self.adapter_output_bias = self.adapter_output + self.outputs * self.hidden_blocks
+        output_blocks = self.outputs * self.hidden_blocks + 1 if config.adapter_output else 0
+        self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
 
     def arrange(self, decoder: Decoder) -> NDArray[np.float32]:
         """[blocks, 4] float32: the weights of `decoder` in this order."""
@@ -47,9 +50,13 @@ class NetworkLayout:
 
 
 def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
-    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second."""
+    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
+    one, as the decoder's lies."""
     pairs = zip(adapter.scales, adapter.biases, strict=True)
-    return np.concatenate([part.reshape(-1, 4) for pair in pairs for part in pair]).astype(np.float32)
+    parts = [part for pair in pairs for part in pair]
+    if adapter.output_weight is not None and adapter.output_bias is not None:
+        parts += [adapter.output_weight, np.pad(adapter.output_bias, (0, 4 - len(adapter.output_bias)))]
+    return np.concatenate([part.reshape(-1, 4) for part in parts]).astype(np.float32)
 
 
 def weight_bytes(
@@ -89,6 +96,9 @@ def network_glsl(config: CodecConfig) -> str:
         biases = scales + layout.hidden_blocks
         return [f"        sum = weight(adapter + {scales} + k) * sum + weight(adapter + {biases} + k);"]
 
+    third, third_bias = f"base + {layout.third}", f"base + {layout.third_bias}"
+    if config.adapter_output:
+        third, third_bias = f"adapter + {layout.adapter_output}", f"adapter + {layout.adapter_output_bias}"
     lines = [
         "// Generated from viewer/passes/network.py for one CodecConfig.",
         "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
@@ -101,7 +111,7 @@ def network_glsl(config: CodecConfig) -> str:
         *finish(0),
         f"        hidden[k] = max(sum, {slope} * sum);",
         "    }",
-        f"    vec4 result = weight(base + {layout.third_bias});",
+        f"    vec4 result = weight({third_bias});",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
@@ -112,7 +122,7 @@ def network_glsl(config: CodecConfig) -> str:
         lines.append("        }")
     lines += [*finish(1), f"        sum = max(sum, {slope} * sum);"]
     lines += [
-        f"        result.{PARTS[output]} += dot(sum, weight(base + {layout.third + output * layout.hidden_blocks} + k));"
+        f"        result.{PARTS[output]} += dot(sum, weight({third} + {output * layout.hidden_blocks} + k));"
         for output in range(layout.outputs)
     ]
     lines += ["    }", "    return result;", "}", ""]

@@ -5,13 +5,22 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+from ntc.config import CodecConfig
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Pack
+from ntc.quantize import packed_cells
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.passes.layout import LEVEL_RECORD, StorageBinding, codec_layout_glsl, texture_record
+from viewer.passes.layout import LEVEL_RECORD, StorageBinding, cell_words, codec_layout_glsl, texture_record
 from viewer.passes.network import NetworkLayout, network_glsl, weight_bytes
 from viewer.view_state import Precision
+
+
+def _cell_words(stored: np.ndarray, config: CodecConfig) -> np.ndarray:
+    """[cells, words] uint32: the cells as files hold them, padded to whole words."""
+    packed = packed_cells(stored, config.latent_bits)
+    padding = 4 * cell_words(config) - packed.shape[1]
+    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
 
 
 class PackBuffers:
@@ -47,9 +56,9 @@ class PackBuffers:
             for level in pyramid:
                 sizes = (level.width, level.height, level.texel_width, level.texel_height)
                 levels.append((*sizes, first_cell + level.first_cell, 0, 0, 0))
-            latents.append(texture.latents)
+            latents.append(_cell_words(texture.latents, config))
             first_cell += len(texture.latents)
-        cells = np.concatenate(latents) if latents else np.zeros((1, config.latent_channels), np.uint8)
+        cells = np.concatenate(latents) if latents else np.zeros((1, cell_words(config)), "<u4")
         gl = context.gl
         self._buffers: dict[StorageBinding, moderngl.Buffer] = {
             StorageBinding.TEXTURES: gl.buffer(records.tobytes()),

@@ -14,7 +14,8 @@ from ntc.config import CodecConfig
         ("downscale", 0), ("downscale", 65), ("levels", 0), ("levels", 17), ("levels", -1),
         ("positional_octaves", 0), ("positional_octaves", 9), ("hidden_width", 0), ("hidden_width", 30),
         ("hidden_width", 260), ("leaky_slope", -0.1), ("leaky_slope", 1.0), ("leaky_slope", float("nan")),
-        ("output_channels", 0), ("output_channels", 5), ("latent_bits", 4), ("latent_bits", 16),
+        ("output_channels", 0), ("output_channels", 5), ("latent_bits", 5), ("latent_bits", 16),
+        ("adapter_output", True),
     ],
 )  # fmt: skip
 def test_bad_fields_are_named(field: str, value: Any) -> None:
@@ -32,3 +33,9 @@ def test_sizes_of_the_paper() -> None:
 def test_several_levels_add_the_lod_input() -> None:
     assert CodecConfig().decoder_inputs == 17
     assert CodecConfig(levels=2, latent_channels=8, positional_octaves=2).decoder_inputs == 8 + 8 + 1
+
+
+def test_eight_channels_of_four_bits_take_the_room_of_four_of_eight() -> None:
+    narrow, wide = CodecConfig(), CodecConfig(latent_channels=8, latent_bits=4)
+    assert narrow.cell_bytes == wide.cell_bytes == 4
+    assert (narrow.largest_stored, wide.largest_stored) == (255, 15)

@@ -75,6 +75,8 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
         CodecConfig(levels=1, output_channels=1),
         CodecConfig(latent_channels=16, output_channels=4),
         CodecConfig(adapters=True),
+        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4),
     ],
 )
 def test_round_trip_is_exact(tmp_path: Path, config: CodecConfig) -> None:
@@ -100,8 +102,14 @@ def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) -> None:
     path = tmp_path / "old.ntc"
-    path.write_bytes(pieces.changed(lambda old: old.metadata["codec"].pop("adapters")))
+
+    def old(pack: PackBytes) -> None:
+        for field in ("adapters", "adapter_output"):
+            pack.metadata["codec"].pop(field)
+
+    path.write_bytes(pieces.changed(old))
     assert not read_pack(path).config.adapters
+    assert not read_pack(path).config.adapter_output
 
 
 def test_a_pack_without_textures(tmp_path: Path) -> None:

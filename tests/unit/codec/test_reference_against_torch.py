@@ -186,6 +186,8 @@ def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> No
         CodecConfig(latent_channels=12, hidden_width=16, positional_octaves=1, downscale=8),
         CodecConfig(latent_channels=16, hidden_width=128, positional_octaves=8, downscale=1, leaky_slope=0.2),
         CodecConfig(adapters=True),
+        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4),
     ],
 )
 def test_other_shapes_agree_too(config: CodecConfig) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +21,9 @@ from ntc.pack import Grouping, Pack
 from ntc.pack_file import read_pack, write_pack
 from ntc.reference import decode_image
 from ntc.textures import SourceTexture, hash_pixels
-from ntc.train import TrainingCancelledError, TrainingProgress, choose_device, train
+from ntc.train import choose_device, train
 from ntc.training_config import FreezingConfig, TrainingConfig, recipe_config
+from ntc.training_progress import TrainingCancelledError, TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
 SMALL = CodecConfig(hidden_width=16)
@@ -53,7 +55,7 @@ def arrays(pack: Pack) -> list[NDArray[np.generic]]:
     for encoded in pack.textures:
         found += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
-            found += [encoded.adapter.scales, encoded.adapter.biases]
+            found += [part for part in vars(encoded.adapter).values() if part is not None]
     for decoder in pack.decoders:
         found += [*decoder.weights, *decoder.biases]
     return found
@@ -122,16 +124,16 @@ def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
 def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) -> list[list[NDArray[np.float32]]]:
     """The decoder's arrays as each step of a training on one texture finds them, and last as the pack holds them."""
     seen: list[list[NDArray[np.float32]]] = []
-    forward = DecoderStack.forward
+    layers = DecoderStack.layers
 
-    def watched(self: DecoderStack, inputs: torch.Tensor, decoder: torch.Tensor, *adapters: None) -> torch.Tensor:
+    def watched(self: DecoderStack, *arguments: Any) -> Any:
         if torch.is_grad_enabled():
             exported = self.export()[0]
             seen.append([*exported.weights, *exported.biases])
-        return forward(self, inputs, decoder, *adapters)
+        return layers(self, *arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(DecoderStack, "forward", watched)
+        patch.setattr(DecoderStack, "layers", watched)
         pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
     return [*seen, decoder_arrays(pack)]
 
@@ -285,3 +287,31 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     # The biases of hidden layers are the adapters' now.
     assert not pack.decoders[0].biases[0].any()
     assert not pack.decoders[0].biases[1].any()
+
+
+def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
+    textures = [texture(16, 16), texture(16, 16, seed=1)]
+    config = replace(SMALL, adapters=True, adapter_output=True)
+    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
+    adapters = [encoded.adapter for encoded in pack.textures]
+    for adapter in adapters:
+        assert adapter is not None
+        assert adapter.output_weight is not None
+        assert adapter.output_weight.shape == (3, 16)
+    assert not np.array_equal(adapters[0].output_weight, adapters[1].output_weight)  # type: ignore[union-attr]
+    assert not pack.decoders[0].weights[2].any()
+    for index, source in enumerate(textures):
+        assert pack.textures[index].psnr_db == pytest.approx(psnr_db(decode_image(pack, index), source.pixels), abs=0.1)
+
+
+def test_four_bit_latents_stay_below_sixteen() -> None:
+    config = replace(SMALL, latent_channels=8, latent_bits=4)
+    pack = train([texture(32, 32)], own_decoders(1), config, SHORT)
+    assert pack.textures[0].latents.max() == 15
+    assert pack.textures[0].latents.shape[1] == 8
+
+
+def test_equal_trainings_write_equal_files(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_pack(tmp_path / f"{name}.ntc", train([texture(16, 16)], own_decoders(1), SMALL, SHORT))
+    assert (tmp_path / "a.ntc").read_bytes() == (tmp_path / "b.ntc").read_bytes()

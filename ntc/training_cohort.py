@@ -1,0 +1,269 @@
+"""Textures whose decoders are trained side by side: all of them, or one group. One step at a time."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ntc.codec import codec_features, level_features
+from ntc.config import CodecConfig
+from ntc.decoder import AdapterStack, DecoderStack
+from ntc.decoder_loss import squared_error
+from ntc.optimizer_parts import optimizer_parts
+from ntc.pack import Adapter
+from ntc.quantize import QuantizedLatents, quantize_latents
+from ntc.schedule import freezing_scale, rate_scale
+from ntc.textures import SourceTexture
+from ntc.training_config import TrainingConfig
+from ntc.training_data import Samples, TrainingData
+from ntc.warm_start import chance_latents, image_latents
+
+STEPS_BETWEEN_RANGES = 50
+"""Steps between measurements of the latents' ranges, which set the quantisation noise."""
+NOISE = 0.6
+"""Width of the quantisation noise in steps of rounding. Rounding moves each of the up to eight blended cells by up to half a
+step, so the blend by less than that."""
+LOSS_MEMORY = 0.95
+"""Share of a texture's running loss that stays in a step."""
+
+
+class NotFiniteError(Exception):
+    """Loss or gradient is NaN or infinite; the step was not done."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepReport:
+    """What came of a step."""
+
+    loss: Tensor
+    """Mean square error of the samples."""
+    texels: int
+    freezing: float
+
+
+class TrainingCohort:
+    """Latents, decoders and adapters of some textures while they are trained."""
+
+    def __init__(
+        self,
+        textures: Sequence[SourceTexture],
+        groups: Sequence[int],
+        config: CodecConfig,
+        training: TrainingConfig,
+        device: torch.device,
+        generator: torch.Generator,
+    ) -> None:
+        self._config, self._training, self._generator = config, training, generator
+        self._data = TrainingData(textures, config, device)
+        self.decoder_numbers = sorted(set(groups))
+        self._decoder_of = torch.tensor([self.decoder_numbers.index(group) for group in groups], device=device)
+        self.decoders = DecoderStack(config, len(self.decoder_numbers), generator).to(device)
+        self._adapters = AdapterStack(config, len(textures)).to(device) if config.adapters else None
+        self._latents = torch.nn.Parameter(self._start(textures).to(device))
+        self._parts = optimizer_parts(self._latents, self.decoders, self._adapters, training)
+        self.per_texture = (
+            training.texels_per_texture
+            if training.texels_per_group is None
+            else max(1, math.ceil(training.texels_per_group / len(textures)))
+        )
+        if training.steps is not None:
+            self.steps = training.steps
+        else:
+            samples = (training.epochs or 0.0) * sum(self._data.texel_counts)
+            self.steps = max(1, math.ceil(samples / (self.per_texture * len(textures))))
+        self._first_rounded = self.steps - math.floor(self.steps * training.rounded_share)
+        self.step = 0
+        """Steps done."""
+        self._noise_step = torch.zeros(len(textures), config.latent_channels, device=device)
+        self._running = torch.full((len(textures),), math.nan, device=device)
+        self._trained = torch.ones(len(textures), dtype=torch.bool, device=device)
+        self._rounded: list[QuantizedLatents] | None = None
+
+    def _start(self, textures: Sequence[SourceTexture]) -> Tensor:
+        if self._training.latent_start == "image":
+            return torch.cat([image_latents(texture, self._config, self._generator) for texture in textures])
+        return chance_latents(sum(self._data.cell_counts), self._config, self._generator)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to train."""
+        return self.step >= self.steps or not bool(self._trained.any())
+
+    @property
+    def converged(self) -> int:
+        """Textures that dropped out."""
+        return int((~self._trained).sum())
+
+    def _ranges(self) -> tuple[Tensor, Tensor]:
+        """Smallest and largest latent [T, channels] of every texture, without outliers."""
+        pieces = torch.split(self._latents.detach().t().contiguous(), self._data.cell_counts, dim=1)
+        bounds = [torch.aminmax(piece, dim=1) for piece in pieces]
+        low, high = torch.stack([bound[0] for bound in bounds]), torch.stack([bound[1] for bound in bounds])
+        clip = self._training.latent_clip
+        if clip is None:
+            return low, high
+        moments = [torch.var_mean(piece, dim=1, correction=0) for piece in pieces]
+        mean = torch.stack([moment[1] for moment in moments])
+        reach = clip * torch.stack([moment[0] for moment in moments]).sqrt()
+        return torch.maximum(low, mean - reach), torch.minimum(high, mean + reach)
+
+    def _measure_ranges(self) -> None:
+        low, high = self._ranges()
+        self._noise_step = (high - low) / self._config.largest_stored
+        if self._training.latent_clip is not None:
+            with torch.no_grad():
+                first = 0
+                for texture, cells in enumerate(self._data.cell_counts):
+                    piece = self._latents[first : first + cells]
+                    torch.clamp(piece, low[texture], high[texture], out=piece)
+                    first += cells
+
+    def quantized(self) -> list[QuantizedLatents]:
+        """The latents of each texture, rounded."""
+        if self._rounded is None:
+            low, high = (bound.cpu().numpy() for bound in self._ranges())
+            pieces = torch.split(self._latents.detach().cpu(), self._data.cell_counts)
+            largest = self._config.largest_stored
+            self._rounded = [quantize_latents(p.numpy(), low[i], high[i], largest) for i, p in enumerate(pieces)]
+        return self._rounded
+
+    def adapters(self) -> tuple[Adapter, ...]:
+        """The adapter of each texture; none where the codec has none."""
+        return () if self._adapters is None else self._adapters.export(self.decoders, self._decoder_of)
+
+    def _round_for_good(self) -> None:
+        values = np.concatenate([quantized.values() for quantized in self.quantized()]).astype(np.float32)
+        with torch.no_grad():
+            self._latents.copy_(torch.from_numpy(values))
+
+    def advance(self, rate_factor: float) -> StepReport:
+        """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError, and nothing has changed then."""
+        rounded = self.step >= self._first_rounded
+        if rounded and self._rounded is None:
+            self._round_for_good()
+        if self.step % STEPS_BETWEEN_RANGES == 0 and not rounded:
+            self._measure_ranges()
+        self._latents.requires_grad_(not rounded)
+        chosen = torch.nonzero(self._trained).flatten()
+        freezing = freezing_scale(self.step / self.steps, self._training.freezing)
+        scale = rate_scale(self.step / self.steps, self._training) * rate_factor
+        losses = self._losses(chosen, None if rounded else self._noise_step)
+        used = self._data.channel_mask[chosen].sum() * self.per_texture
+        loss = losses.sum() / used
+        for part in self._parts:
+            part.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        self._check(loss)
+        held = self._held() if len(chosen) < len(self._trained) else []
+        for part in self._parts[1:] if rounded else self._parts:
+            part.step(scale * (freezing if part.freezes else 1.0))
+        for parameter, rows, values in held:
+            parameter.data[rows] = values
+        self._remember(chosen, losses.detach())
+        self.step += 1
+        if self.step % STEPS_BETWEEN_RANGES == 0:
+            self._drop_converged()
+        return StepReport(loss.detach(), self.per_texture * len(chosen), freezing)
+
+    def _check(self, loss: Tensor) -> None:
+        """A sum is NaN or infinite when one of its numbers is."""
+        sums = [loss.detach()]
+        sums += [p.grad.sum() for part in self._parts for p in part.parameters if p.grad is not None]
+        if not bool(torch.isfinite(torch.stack(sums)).all()):
+            raise NotFiniteError
+
+    def _remember(self, chosen: Tensor, losses: Tensor) -> None:
+        share = losses / (self._data.channel_mask[chosen].sum(dim=1) * self.per_texture)
+        before = self._running[chosen]
+        self._running[chosen] = torch.where(
+            torch.isnan(before), share, LOSS_MEMORY * before + (1.0 - LOSS_MEMORY) * share
+        )
+
+    def _drop_converged(self) -> None:
+        if self._training.converged_db is None:
+            return
+        # NaN, before the first step, is not below.
+        good = self._running < 10.0 ** (-self._training.converged_db / 10.0)
+        for group in range(len(self.decoder_numbers)):
+            members = self._decoder_of == group
+            if bool(good[members].all()):
+                self._trained[members] = False
+
+    def _held(self) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """(parameter, rows, values) of what dropped out: momentum would carry it on."""
+        textures = ~self._trained
+        decoders = torch.ones(len(self.decoder_numbers), dtype=torch.bool, device=textures.device)
+        decoders[self._decoder_of[self._trained]] = False
+        cells = torch.repeat_interleave(textures, torch.tensor(self._data.cell_counts, device=textures.device))
+        owners = [([self._latents], cells), (list(self.decoders.parameters()), decoders)]
+        if self._adapters is not None:
+            owners.append((list(self._adapters.parameters()), textures))
+        return [(p, rows, p.data[rows]) for parameters, rows in owners for p in parameters]
+
+    def _features(self, samples: Samples) -> tuple[Tensor, Tensor]:
+        """Latents [T, N, channels] and other inputs [T, N, rest] of the samples."""
+        found = []
+        for first, end, features in (
+            (0, samples.centres, level_features),
+            (samples.centres, samples.per_texture, codec_features),
+        ):
+            if first == end:
+                continue
+            texture, uv, lod = (samples.columns(v, first, end) for v in (samples.texture, samples.uv, samples.lod))
+            at = lod.long() if features is level_features else lod
+            made = features(self._config, self._latents, self._data.cells, self._data.texels, texture, uv, at)
+            found.append([part.view(-1, end - first, part.shape[1]) for part in made])
+        latents, known = (torch.cat(parts, dim=1) if len(parts) > 1 else parts[0] for parts in zip(*found, strict=True))
+        return latents, known
+
+    def _losses(self, chosen: Tensor, noise_step: Tensor | None) -> Tensor:
+        """[T]: summed squared errors of the samples of each texture."""
+        samples = self._data.sample(self.per_texture, self._generator, chosen)
+        latents, known = self._features(samples)
+        if noise_step is not None:
+            noise = torch.rand(latents.shape, generator=self._generator).to(latents.device) - 0.5
+            latents = latents + noise * (noise_step[chosen] * NOISE).unsqueeze(1)
+        some = chosen if len(chosen) < self._data.count else None
+        layers = self.decoders.layers(self._decoder_of[chosen], self._adapters, some)
+        targets = samples.targets.view(*latents.shape[:2], -1)
+        mask = self._data.channel_mask[chosen]
+        return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask)
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything that the next step depends on, but the random generator; not copies."""
+        found = {
+            "step": torch.tensor(self.step),
+            "noise_step": self._noise_step,
+            "running": self._running,
+            "trained": self._trained,
+        }
+        for part in self._parts:
+            found.update(part.state())
+        if self._rounded is not None:
+            found["rounded.stored"] = torch.from_numpy(np.concatenate([q.stored for q in self._rounded]))
+            found["rounded.scale"] = torch.from_numpy(np.stack([q.scale for q in self._rounded]))
+            found["rounded.offset"] = torch.from_numpy(np.stack([q.offset for q in self._rounded]))
+        return found
+
+    def load(self, state: Mapping[str, Tensor]) -> None:
+        """Take over a state, copied. Raises KeyError or ValueError for one of another training."""
+        for part in self._parts:
+            part.load(state)
+        self.step = int(state["step"])
+        for own, name in ((self._noise_step, "noise_step"), (self._running, "running"), (self._trained, "trained")):
+            if state[name].shape != own.shape:
+                raise ValueError(f"{name} is {list(state[name].shape)}, expected {list(own.shape)}")
+        self._noise_step, self._running, self._trained = (
+            state[name].clone().to(self._latents.device) for name in ("noise_step", "running", "trained")
+        )
+        self._rounded = None
+        if "rounded.stored" in state:
+            stored, scale, offset = (state[f"rounded.{part}"].cpu() for part in ("stored", "scale", "offset"))
+            pieces = torch.split(stored, self._data.cell_counts)
+            self._rounded = [
+                QuantizedLatents(piece.numpy().copy(), scale[i].numpy().copy(), offset[i].numpy().copy())
+                for i, piece in enumerate(pieces)
+            ]
