@@ -1,0 +1,119 @@
+"""How near one picture is to another, and how even a pack's quality is: SSIM, FLIP, its worst textures, its mips."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ntc.codec import TorchCodec
+from ntc.errors import InputError
+from ntc.features.pixels import LUMA, as_rgb
+from ntc.latents import latent_levels
+from ntc.metrics import psnr_db
+from ntc.mips import mip_chain
+from ntc.pack import Pack
+from ntc.textures import SourceTexture
+
+Image = NDArray[np.uint8]
+
+WINDOW_RADIUS = 5
+"""Of SSIM's window of 11x11 texels."""
+WINDOW_SIGMA = 1.5
+SSIM_C1, SSIM_C2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
+PIXELS_PER_DEGREE = 67.02
+"""FLIP's own viewing conditions: a 0.7 m wide display of 3840 pixels, seen from 0.7 m."""
+
+
+def _check_pair(a: Image, b: Image) -> None:
+    for image in (a, b):
+        if image.dtype != np.uint8 or image.ndim != 3 or not 1 <= image.shape[2] <= 4 or image.size == 0:
+            raise InputError(
+                f"image: has shape {image.shape} of {image.dtype}; needs [H, W, 1 to 4] of uint8, not empty"
+            )
+    if a.shape != b.shape:
+        raise InputError(f"images: have shapes {a.shape} and {b.shape}; resize one to the other")
+
+
+def _luma(image: Image) -> NDArray[np.float64]:
+    return as_rgb(image).astype(np.float64) @ LUMA
+
+
+def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Gaussian means of `values` [H, W] over the windows that `ssim` speaks of."""
+    means = ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS)
+    inner = (slice(WINDOW_RADIUS, -WINDOW_RADIUS) if side > 2 * WINDOW_RADIUS else slice(None) for side in values.shape)
+    return np.asarray(means[tuple(inner)])
+
+
+def ssim(a: Image, b: Image) -> float:
+    """Mean SSIM (Wang et al. 2004) of the luma of two pictures [H, W, C] uint8, sRGB, C from 1 to 4; 1 when equal.
+
+    Luma is BT.601's, as in the authors' program, but not rounded; of one or two channels the first is grey; alpha is left out.
+    Windows are 11x11 Gaussians (sigma 1.5) that lie inside the picture, as theirs. Along a side
+    shorter than 11 texels none does: there a window stands on every texel, and the picture goes on mirrored.
+    Raises InputError for pictures of two shapes, of another type, or without texels.
+    """
+    _check_pair(a, b)
+    x, y = _luma(a), _luma(b)
+    mean_x, mean_y = _windowed(x), _windowed(y)
+    variance_x, variance_y = _windowed(x * x) - mean_x**2, _windowed(y * y) - mean_y**2
+    covariance = _windowed(x * y) - mean_x * mean_y
+    luminance = (2.0 * mean_x * mean_y + SSIM_C1) / (mean_x**2 + mean_y**2 + SSIM_C1)
+    structure = (2.0 * covariance + SSIM_C2) / (variance_x + variance_y + SSIM_C2)
+    return float(np.mean(luminance * structure))
+
+
+def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> float:
+    """Mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
+
+    Of one or two channels the first is grey; alpha is left out. `pixels_per_degree` of the viewer's field of view.
+    Computed by NVIDIA's flip-evaluator. Raises InputError for pictures of two shapes, of another type or without
+    texels, for `pixels_per_degree` not above 0, and where flip-evaluator cannot be imported.
+    """
+    _check_pair(reference, test)
+    if not (math.isfinite(pixels_per_degree) and pixels_per_degree > 0.0):
+        raise InputError(f"FLIP: pixels_per_degree is {pixels_per_degree}; set it above 0")
+    try:
+        import flip_evaluator
+    except ImportError as error:
+        raise InputError(f"FLIP: flip-evaluator cannot be imported ({error}); pip install flip-evaluator") from error
+    pictures = [as_rgb(image).astype(np.float32) / np.float32(255.0) for image in (reference, test)]
+    errors, _, _ = flip_evaluator.evaluate(
+        *pictures, "LDR", applyMagma=False, computeMeanError=False, parameters={"ppd": pixels_per_degree}
+    )
+    # Its own mean is a sum in single precision.
+    return float(np.mean(errors, dtype=np.float64))
+
+
+def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
+    """Mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
+
+    Infinite when one of them is. Raises InputError for no PSNR, one that is not a number, and another `share`.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"worst PSNR: share is {share}; set it above 0 and up to 1")
+    if len(psnrs_db) == 0 or any(math.isnan(value) for value in psnrs_db):
+        raise InputError("worst PSNR: needs PSNRs in dB, one at least and all of them numbers")
+    # 0.07 of 100 is a little more than 7 in floating point, and must not become 8.
+    count = max(1, math.ceil(share * len(psnrs_db) - 1e-9))
+    return float(np.mean(np.sort(np.asarray(psnrs_db, np.float64))[:count]))
+
+
+def level_psnr(
+    pack: Pack, texture_index: int, source: SourceTexture, codec: TorchCodec | None = None
+) -> tuple[float, ...]:
+    """PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
+
+    Level l as `codec` (None: one of `pack` on the CPU) decodes it, against mip l of `source`, which `pack` encodes.
+    Raises InputError for a source of another size or with other channels.
+    """
+    encoded = pack.textures[texture_index]
+    expected = (encoded.height, encoded.width, encoded.channels)
+    if source.pixels.shape != expected:
+        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it anew")
+    codec = codec or TorchCodec(pack, "cpu")
+    levels = len(latent_levels(encoded.width, encoded.height, pack.config))
+    mips = mip_chain(source.pixels, source.color_space)[:levels]
+    return tuple(psnr_db(codec.decode_image(texture_index, level), mip) for level, mip in enumerate(mips))
