@@ -33,6 +33,8 @@ class CodecConfig:
     """Channels the decoders write, 1 to 4; a texture with fewer uses the first ones."""
     latent_bits: Literal[4, 8] = 8
     """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
+    weight_bits: Literal[16, 32] = 32
+    """Bits of a stored decoder weight: half or single precision."""
     adapters: bool = False
     """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
     adapter_output: bool = False
@@ -48,6 +50,7 @@ class CodecConfig:
             "leaky_slope": 0.0 <= self.leaky_slope < 1.0,
             "output_channels": 1 <= self.output_channels <= 4,
             "latent_bits": self.latent_bits in (4, 8),
+            "weight_bits": self.weight_bits in (16, 32),
             "adapters": isinstance(self.adapters, bool),
             "adapter_output": isinstance(self.adapter_output, bool) and (self.adapters or not self.adapter_output),
         }

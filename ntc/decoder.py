@@ -3,12 +3,15 @@
 import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ntc.config import CodecConfig
 from ntc.pack import Adapter, Decoder
 
+LARGEST_HALF = 65504.0
 Layer = tuple[Tensor, Tensor]
 """(weight [T, inputs, outputs], bias [T, 1, outputs]): row t computes x @ weight[t] + bias[t]."""
 
@@ -57,6 +60,7 @@ class DecoderStack(nn.Module):
     def __init__(self, config: CodecConfig, count: int, generator: torch.Generator) -> None:
         super().__init__()
         self.leaky_slope = config.leaky_slope
+        self._in_half = config.weight_bits == 16
         self.weights = nn.ParameterList()
         self.biases = nn.ParameterList()
         gain = math.sqrt(2.0 / (1.0 + config.leaky_slope**2))
@@ -117,9 +121,15 @@ class DecoderStack(nn.Module):
             self.biases[-1].zero_()
 
     def export(self) -> tuple[Decoder, ...]:
-        """The decoders as numpy arrays."""
-        weights = [weight.detach().cpu().numpy() for weight in self.weights]
-        biases = [bias.detach().cpu().numpy() for bias in self.biases]
+        """The decoders as numpy arrays, exact in the precision in which the codec stores them."""
+
+        def stored(values: Tensor) -> NDArray[np.float32]:
+            numbers = values.detach().cpu()
+            # Beyond the range of half precision lies infinity.
+            return (numbers.clamp(-LARGEST_HALF, LARGEST_HALF).half().float() if self._in_half else numbers).numpy()
+
+        weights = [stored(weight) for weight in self.weights]
+        biases = [stored(bias) for bias in self.biases]
         return tuple(
             Decoder(tuple(weight[index].copy() for weight in weights), tuple(bias[index].copy() for bias in biases))
             for index in range(len(weights[0]))

@@ -122,7 +122,8 @@ def psnr_table(pack: Pack) -> PsnrTable:
     )
     cell_bytes = pack.config.cell_bytes
     latent_bytes = sum(len(t.latents) * cell_bytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
-    decoder_bytes = sum(array.nbytes for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases))
+    numbers = sum(array.size for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases))
+    decoder_bytes = numbers * pack.config.weight_bits // 8
     adapter_bytes = sum(_adapter_bytes(texture.adapter) for texture in pack.textures if texture.adapter is not None)
     texels = sum(texture.width * texture.height for texture in pack.textures)
     return PsnrTable(

@@ -39,8 +39,9 @@ def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, t
 
 def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tuple[str, tuple[int, ...]]]]:
     for layer, (outputs, inputs) in enumerate(config.layer_shapes):
-        yield f"decoder.{index}.{layer}.weight", ("F32", (outputs, inputs))
-        yield f"decoder.{index}.{layer}.bias", ("F32", (outputs,))
+        kind = f"F{config.weight_bits}"
+        yield f"decoder.{index}.{layer}.weight", (kind, (outputs, inputs))
+        yield f"decoder.{index}.{layer}.bias", (kind, (outputs,))
 
 
 def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, ...]]]:
@@ -67,10 +68,11 @@ def write_pack(path: Path, pack: Pack) -> None:
             if texture.adapter.output_weight is not None and texture.adapter.output_bias is not None:
                 tensors[f"adapter.{index}.output.weight"] = texture.adapter.output_weight.astype(np.float16)
                 tensors[f"adapter.{index}.output.bias"] = texture.adapter.output_bias.astype(np.float16)
+    kind = np.float16 if pack.config.weight_bits == 16 else np.float32
     for index, decoder in enumerate(pack.decoders):
         for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-            tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight)
-            tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias)
+            tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
+            tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias, kind)
     write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
 
 
@@ -118,8 +120,10 @@ def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
     layers = range(len(metadata.config.layer_shapes))
     decoders = tuple(
         Decoder(
-            weights=tuple(_tensor(file, f"decoder.{index}.{layer}.weight", path) for layer in layers),
-            biases=tuple(_tensor(file, f"decoder.{index}.{layer}.bias", path) for layer in layers),
+            weights=tuple(
+                _tensor(file, f"decoder.{index}.{layer}.weight", path).astype(np.float32) for layer in layers
+            ),
+            biases=tuple(_tensor(file, f"decoder.{index}.{layer}.bias", path).astype(np.float32) for layer in layers),
         )
         for index in range(metadata.decoders)
     )

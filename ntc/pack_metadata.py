@@ -11,7 +11,8 @@ from ntc.pack import Grouping, Pack
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
-ADDED_FIELDS = {"adapters", "adapter_output"}
+ADDED_FIELDS = {"adapters", "adapter_output", "weight_bits"}
+SWITCHES = {"adapters", "adapter_output"}
 """Fields of the codec that the first files of this version lack: they mean the default."""
 LARGEST_SIDE = 32768
 """Texels: the largest texture side a pack may name."""
@@ -128,7 +129,7 @@ def _codec(document: Any) -> CodecConfig:
     if not known - ADDED_FIELDS <= set(codec) <= known:
         _fail(f"codec has fields {sorted(codec)[:12]}, expected {sorted(known)}")
     for name, value in codec.items():
-        if name in ADDED_FIELDS:
+        if name in SWITCHES:
             if not isinstance(value, bool):
                 _fail(f"codec.{name} is {str(value)[:60]!r}, expected true or false")
             continue

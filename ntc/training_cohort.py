@@ -88,6 +88,11 @@ class TrainingCohort:
         return chance_latents(sum(self._data.cell_counts), self._config, self._generator)
 
     @property
+    def _clip(self) -> float | None:
+        # 256 steps are fine enough for outliers too.
+        return self._training.latent_clip if self._config.latent_bits < 8 else None
+
+    @property
     def done(self) -> bool:
         """Whether nothing is left to train."""
         return self.step >= self.steps or not bool(self._trained.any())
@@ -102,7 +107,7 @@ class TrainingCohort:
         pieces = torch.split(self._latents.detach().t().contiguous(), self._data.cell_counts, dim=1)
         bounds = [torch.aminmax(piece, dim=1) for piece in pieces]
         low, high = torch.stack([bound[0] for bound in bounds]), torch.stack([bound[1] for bound in bounds])
-        clip = self._training.latent_clip
+        clip = self._clip
         if clip is None:
             return low, high
         moments = [torch.var_mean(piece, dim=1, correction=0) for piece in pieces]
@@ -113,7 +118,7 @@ class TrainingCohort:
     def _measure_ranges(self) -> None:
         low, high = self._ranges()
         self._noise_step = (high - low) / self._config.largest_stored
-        if self._training.latent_clip is not None:
+        if self._clip is not None:
             with torch.no_grad():
                 first = 0
                 for texture, cells in enumerate(self._data.cell_counts):
@@ -152,7 +157,7 @@ class TrainingCohort:
         scale = rate_scale(self.step / self.steps, self._training) * rate_factor
         losses = self._losses(chosen, None if rounded else self._noise_step)
         used = self._data.channel_mask[chosen].sum() * self.per_texture
-        loss = losses.sum() / used
+        loss = (losses * self._weights(chosen)).sum() / used
         for part in self._parts:
             part.optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -174,6 +179,14 @@ class TrainingCohort:
         sums += [p.grad.sum() for part in self._parts for p in part.parameters if p.grad is not None]
         if not bool(torch.isfinite(torch.stack(sums)).all()):
             raise NotFiniteError
+
+    def _weights(self, chosen: Tensor) -> Tensor:
+        """[T]: how much each texture's loss counts, 1 on average."""
+        running = self._running[chosen]
+        if self._training.balance == 0.0 or bool(torch.isnan(running).any()):
+            return torch.ones_like(running)
+        weights = (running.mean() / running.clamp(min=1e-9)) ** self._training.balance
+        return weights / weights.mean()
 
     def _remember(self, chosen: Tensor, losses: Tensor) -> None:
         share = losses / (self._data.channel_mask[chosen].sum(dim=1) * self.per_texture)

@@ -41,8 +41,11 @@ class TrainingConfig:
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
     """How the learning rates change over the training (`ntc.schedule.rate_scale`)."""
     latent_clip: float | None = 2.5
-    """Latents are kept within so many standard deviations of their mean, texture by texture and channel by channel, so that
-    the steps of rounding are not spent on a few outliers. None: as they are."""
+    """Latents of 4 bits are kept within so many standard deviations of their mean, texture by texture and channel by channel,
+    so that the steps of rounding are not spent on a few outliers. None: as they are."""
+    balance: float = 0.0
+    """Exponent b of the weight (mean loss / own loss)^b of a texture's loss: with 0.5 good textures count nearly as much as
+    bad ones, with 0 each sample counts alike."""
     converged_db: float | None = 60.0
     """A group drops out once all its textures reach this PSNR in samples: further gains would be lost in 8 bits."""
     freezing: FreezingConfig | None = None
@@ -78,5 +81,15 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
 
 
 def recipe_codec(name: RecipeName, output_channels: int, levels: int | None) -> CodecConfig:
-    """The codec of a recipe: `best` has adapters, `paper` has none."""
-    return CodecConfig(levels=levels, output_channels=output_channels, adapters=name == "best")
+    """The codec of a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels, and adapters."""
+    if name == "paper":
+        return CodecConfig(levels=levels, output_channels=output_channels)
+    return CodecConfig(
+        latent_channels=8,
+        latent_bits=4,
+        levels=levels,
+        output_channels=output_channels,
+        weight_bits=16,
+        adapters=True,
+        adapter_output=True,
+    )

@@ -13,7 +13,12 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
-from viewer.commandline.study_options import AblationStudyOptions, ClusterStudyOptions
+from viewer.commandline.study_options import (
+    ClusterStudyOptions,
+    PaperScenesOptions,
+    PaperStudyOptions,
+    TrainingStudyOptions,
+)
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -46,10 +51,18 @@ def run(options: Options) -> int:
             from viewer.commandline.study_clusters import study_clusters
 
             return study_clusters(options)
-        case AblationStudyOptions():
-            from viewer.commandline.study_ablation import study_ablation
+        case PaperScenesOptions():
+            from viewer.commandline.study_paper import study_paper_scenes
 
-            return study_ablation(options)
+            return study_paper_scenes(options)
+        case PaperStudyOptions():
+            from viewer.commandline.study_paper import study_paper_textures
+
+            return study_paper_textures(options)
+        case TrainingStudyOptions():
+            from viewer.commandline.study_recipe import study_recipe
+
+            return study_recipe(options)
         case DoctorOptions():
             from viewer.commandline.doctor import doctor
 

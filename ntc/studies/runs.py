@@ -5,20 +5,28 @@ import json
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ntc.block_compression import BlockFormat, compress
+from ntc.codec import TorchCodec
 from ntc.config import CodecConfig
 from ntc.files import write_text
-from ntc.metrics import psnr_table
-from ntc.pack import Grouping
+from ntc.image_quality import flip, level_psnr, ssim
+from ntc.metrics import psnr_db, psnr_table
+from ntc.mips import mip_chain
+from ntc.pack import Grouping, Pack
+from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
-from ntc.train import train
+from ntc.train import choose_device, train
 from ntc.training_config import TrainingConfig
+from ntc.training_progress import TrainingProgress
 
-LARGEST_FILE = 1 << 24
+LARGEST_FILE = 1 << 26
 """Bytes of a kept run."""
+Report = Callable[[int, int], None]
+"""Called with (steps done, steps in all)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +38,12 @@ class Run:
     grouping: Grouping
     codec: CodecConfig
     training: TrainingConfig
+    level: int = 0
+    """The textures' mip that is taken for the whole texture."""
+    pictures: bool = False
+    """Whether SSIM and FLIP are measured too, which takes longer than PSNR."""
+    every_level: bool = False
+    """Whether the PSNR of every latent level is measured."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +57,21 @@ class RunResult:
     psnr_db: tuple[float | None, ...]
     """Of each texture, mip 0, 8-bit sRGB; None where it is exact."""
     bits_per_texel: float
-    """Latents, decoders and adapters."""
+    """Latents, decoders and adapters, per texel of mip 0."""
     seconds: float
     texels: int
     """Samples in all."""
+    ssim: tuple[float, ...] = ()
+    """Of each texture, or nothing."""
+    flip: tuple[float, ...] = ()
+    """Of each texture, or nothing."""
+    level_psnr_db: tuple[tuple[float | None, ...], ...] = ()
+    """Of each texture and level, or nothing."""
+    curve: tuple[tuple[int, float], ...] = ()
+    """(step, running PSNR of the samples in dB), a few times a second."""
+    latent_bits: int = 8
+    multiply_adds: int = 0
+    """Of one decode."""
 
 
 def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
@@ -55,6 +80,9 @@ def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
         "grouping": {"name": run.grouping.name, "groups": list(run.grouping.groups)},
         "codec": asdict(run.codec),
         "training": asdict(run.training),
+        "level": run.level,
+        "pictures": run.pictures,
+        "every_level": run.every_level,
         "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
     }
 
@@ -67,38 +95,135 @@ def _kept(path: Path, settings: dict[str, Any]) -> RunResult | None:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["settings"] != json.loads(json.dumps(settings)):
             return None
-        result = dict(content["result"])
-        return RunResult(**{**result, "psnr_db": tuple(result["psnr_db"])})
-    except (OSError, ValueError, KeyError, TypeError):
+        result: dict[str, Any] = {
+            key: tuple(tuple(entry) if isinstance(entry, list) else entry for entry in value)
+            if isinstance(value, list)
+            else value
+            for key, value in content["result"].items()
+        }
+        return RunResult(**result)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
+def _path(folder: Path, settings: dict[str, Any]) -> Path:
+    key = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
+    return folder / f"{key}.json"
+
+
+def _keep(path: Path, settings: dict[str, Any], result: RunResult) -> None:
+    content = {"settings": settings, "result": asdict(result)}
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _at_level(textures: Sequence[SourceTexture], level: int) -> list[SourceTexture]:
+    if level == 0:
+        return list(textures)
+    chains = [mip_chain(texture.pixels, texture.color_space) for texture in textures]
+    return [
+        replace(texture, pixels=chain[min(level, len(chain) - 1)])
+        for texture, chain in zip(textures, chains, strict=True)
+    ]
+
+
+def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[SourceTexture]) -> RunResult:
+    if not (run.pictures or run.every_level):
+        return result
+    codec = TorchCodec(pack, choose_device(run.training.device))
+    if run.every_level:
+        levels = [level_psnr(pack, index, texture, codec) for index, texture in enumerate(textures)]
+        result = replace(result, level_psnr_db=tuple(tuple(_finite(value) for value in row) for row in levels))
+    if run.pictures:
+        pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]
+        result = replace(result, ssim=tuple(ssim(a, b) for a, b in pairs), flip=tuple(flip(a, b) for a, b in pairs))
+    return result
+
+
 def finished_run(
-    run: Run, textures: Sequence[SourceTexture], folder: Path, progress: Callable[[int, int], None]
+    run: Run, textures: Sequence[SourceTexture], folder: Path, report: Report, pack_file: Path | None = None
 ) -> RunResult:
     """The result of a run: from `folder` if it was done before with the same settings, else trained now and kept there.
 
-    `progress` is called with (steps done, steps in all). Raises InputError where the folder cannot be written.
+    With `pack_file` the pack is kept too. Raises InputError where a folder cannot be written.
     """
     settings = _settings(run, textures)
-    key = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
-    path = folder / f"{key}.json"
+    path = _path(folder, settings)
     kept = _kept(path, settings)
-    if kept is not None:
+    if kept is not None and (pack_file is None or pack_file.exists()):
         return kept
+    sources = _at_level(textures, run.level)
+    curve: list[tuple[int, float]] = []
+
+    def listen(progress: TrainingProgress) -> None:
+        curve.append((progress.step, progress.psnr_db))
+        report(progress.step, progress.steps)
+
+    state = path.with_suffix(".state")
     began = time.monotonic()
-    pack = train(textures, run.grouping, run.codec, run.training, lambda report: progress(report.step, report.steps))
-    steps, seconds = int(pack.training["steps"]), time.monotonic() - began
-    psnr = [texture.psnr_db for texture in pack.textures]
+    pack = train(sources, run.grouping, run.codec, run.training, listen, state=state)
+    seconds = time.monotonic() - began
+    steps = int(pack.training["steps"])
     result = RunResult(
         name=run.name,
         grouping=run.grouping.name,
         groups=run.grouping.group_count,
         seed=run.training.seed,
-        psnr_db=tuple(value if value is not None and math.isfinite(value) else None for value in psnr),
+        psnr_db=tuple(_finite(texture.psnr_db) for texture in pack.textures),
         bits_per_texel=psnr_table(pack).bits_per_texel,
         seconds=seconds,
         texels=steps * run.training.texels_per_texture * len(textures),
+        curve=tuple(curve),
+        latent_bits=run.codec.latent_bits,
+        multiply_adds=run.codec.multiply_adds,
     )
-    write_text(path, json.dumps({"settings": settings, "result": asdict(result)}, indent=1, allow_nan=False) + "\n")
+    if pack_file is not None:
+        write_pack(pack_file, pack)
+    measured = _measured(result, run, pack, sources)
+    _keep(path, settings, measured)
+    return measured
+
+
+def block_compressed(
+    block_format: BlockFormat, textures: Sequence[SourceTexture], folder: Path, report: Report
+) -> RunResult:
+    """The textures in a block format of graphics hardware, as a yardstick, kept in `folder` like a run.
+
+    Raises InputError where its encoder is not installed.
+    """
+    settings: dict[str, Any] = {
+        "name": block_format,
+        "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
+    }
+    path = _path(folder, settings)
+    kept = _kept(path, settings)
+    if kept is not None:
+        return kept
+    began = time.monotonic()
+    decibels, similar, differences, bits = [], [], [], 0.0
+    for number, texture in enumerate(textures):
+        compressed = compress(texture.pixels, block_format)
+        channels = min(compressed.decoded.shape[2], texture.pixels.shape[2])
+        truth, decoded = texture.pixels[..., :channels], compressed.decoded[..., :channels]
+        decibels.append(_finite(psnr_db(truth, decoded)))
+        similar.append(ssim(truth, decoded))
+        differences.append(flip(truth, decoded))
+        bits += compressed.bits_per_texel * texture.size[0] * texture.size[1]
+        report(number + 1, len(textures))
+    result = RunResult(
+        name=block_format.upper(),
+        grouping="-",
+        groups=0,
+        seed=0,
+        psnr_db=tuple(decibels),
+        bits_per_texel=bits / sum(texture.size[0] * texture.size[1] for texture in textures),
+        seconds=time.monotonic() - began,
+        texels=0,
+        ssim=tuple(similar),
+        flip=tuple(differences),
+    )
+    _keep(path, settings, result)
     return result

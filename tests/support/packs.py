@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.config import CodecConfig, WrapMode
 from ntc.latents import latent_cell_count
@@ -18,6 +19,10 @@ def random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:
         outputs, inputs = config.layer_shapes[-1]
         parts += [random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), random.normal(0.5, 0.1, outputs)]
     return Adapter(*(part.astype(np.float16).astype(np.float32) for part in parts))
+
+
+def _stored(values: NDArray[np.float64], config: CodecConfig) -> NDArray[np.float32]:
+    return values.astype(np.float16 if config.weight_bits == 16 else np.float32).astype(np.float32)
 
 
 def random_pack(
@@ -57,11 +62,11 @@ def random_pack(
     decoders = tuple(
         Decoder(
             weights=tuple(
-                random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)).astype(np.float32)
+                _stored(random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), config)
                 for outputs, inputs in config.layer_shapes
             ),
             biases=tuple(
-                (random.normal(0.0, 0.1, outputs) + (0.5 if layer == 2 else 0.0)).astype(np.float32)
+                _stored(random.normal(0.0, 0.1, outputs) + (0.5 if layer == 2 else 0.0), config)
                 for layer, (outputs, _) in enumerate(config.layer_shapes)
             ),
         )

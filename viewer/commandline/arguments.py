@@ -19,10 +19,19 @@ from viewer.commandline.options import (
     RenderOptions,
     ViewOptions,
 )
-from viewer.commandline.study_options import AblationStudyOptions, ClusterStudyOptions
+from viewer.commandline.study_options import (
+    AblationStudyOptions,
+    ClusterStudyOptions,
+    FreezingStudyOptions,
+    MipStudyOptions,
+    MlpSizeStudyOptions,
+    PaperScenesOptions,
+    PaperStudyOptions,
+    RecipeStudyOptions,
+)
 from viewer.pack_files import PACK_SUFFIX
 
-StudyOptions = ClusterStudyOptions | AblationStudyOptions
+StudyOptions = ClusterStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
 Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions | StudyOptions
 
 _Subcommands = (
@@ -34,7 +43,15 @@ _Subcommands = (
     | Annotated[DoctorOptions, tyro.conf.subcommand("doctor", prefix_name=False)]
 )
 SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "doctor")
-STUDIES: dict[str, type[StudyOptions]] = {"clusters": ClusterStudyOptions, "ablation": AblationStudyOptions}
+STUDIES: dict[str, type[StudyOptions]] = {
+    "clusters": ClusterStudyOptions,
+    "paper-textures": PaperStudyOptions,
+    "paper-scenes": PaperScenesOptions,
+    "freezing": FreezingStudyOptions,
+    "mlp-size": MlpSizeStudyOptions,
+    "mips": MipStudyOptions,
+    "ablation": AblationStudyOptions,
+}
 """Options by the name of the study: each has settings of its own."""
 DESCRIPTION = (
     "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "
@@ -105,7 +122,7 @@ def _study(words: list[str]) -> type[StudyOptions]:
     """Options of the study that is named. Raises InputError for none and for one that there is not."""
     name = words[1] if len(words) > 1 else ""
     if name in ("-h", "--help"):
-        summaries = (f"  {study:12} {(options.__doc__ or '').strip()}" for study, options in STUDIES.items())
+        summaries = (f"  {study:15} {(options.__doc__ or '').strip()}" for study, options in STUDIES.items())
         sys.stdout.write("\n".join(["usage: ntc-viewer study NAME ...; each has --help", *summaries]) + "\n")
         raise SystemExit(0)
     if name not in STUDIES:

@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-from ntc.config import FeatureName, GroupingConfig
-from ntc.studies.ablation_config import AblationConfig
-from viewer.commandline.options import OptionalScene, Packs
+from ntc.config import FeatureName, GroupingConfig, GroupingName
+from ntc.errors import InputError
+from ntc.studies.settings import ScaleName, StudySettings
+from viewer.commandline.options import OptionalScene, Packs, Size
 
 
 @dataclass(frozen=True)
@@ -42,24 +43,84 @@ class ClusterStudyOptions:
 
 
 @dataclass(frozen=True)
-class AblationStudyOptions:
-    """What each part of the recipe is worth, at equal samples: table, CSV, JSON and plot. Stopped, it goes on where it was."""
+class TrainingStudyOptions:
+    """What studies that train have in common."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
     """glTF scene, or a folder of images."""
     out: Path
-    """Folder for ablation.md, .csv, .json and .png, and for the finished runs."""
+    """Folder for tables (.md, .csv), figures as JSON, plots (.png), and for the finished runs: stopped, a study goes on."""
     clusters: int | None = None
-    """Decoders, by k-means over low-level features. None: 10, or one for each texture where there are fewer."""
-    steps: int = AblationConfig.steps
-    """Optimisation steps of each run."""
-    texels_per_texture: int = AblationConfig.texels_per_texture
-    """Samples of each texture in a step."""
-    texture_size: int = 256
-    """Textures are reduced to at most this many texels a side."""
-    levels: int | None = AblationConfig.levels
+    """Decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    scale: ScaleName = StudySettings.scale
+    """small: minutes on two cores. paper: 350 epochs at 1024 texels, for a GPU."""
+    steps: int = StudySettings.steps
+    """Optimisation steps of each run at the small scale."""
+    texels_per_texture: int = StudySettings.texels_per_texture
+    """Samples of each texture in a step at the small scale."""
+    texture_size: int | None = None
+    """Textures are reduced to at most this many texels a side. None: 256 at the small scale, else 1024."""
+    levels: int | None = StudySettings.levels
     """Latent levels; 1: mip 0 alone as in the paper, None: all mips."""
-    seeds: tuple[int, ...] = AblationConfig.seeds
+    seeds: tuple[int, ...] = StudySettings.seeds
     """Seeds; figures are means over them."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train."""
+
+    def settings(self) -> StudySettings:
+        """What the options say about the trainings. Raises InputError for what cannot be."""
+        if self.texture_size is not None and self.texture_size < 1:
+            raise InputError(f"--texture-size {self.texture_size}: must be positive")
+        return StudySettings(self.scale, self.steps, self.texels_per_texture, self.seeds, self.levels, self.device)
+
+    def side(self) -> int:
+        """Texels a side at most."""
+        return self.texture_size or (256 if self.scale == "small" else 1024)
+
+
+@dataclass(frozen=True)
+class AblationStudyOptions(TrainingStudyOptions):
+    """What each part of the recipe is worth, at equal samples."""
+
+
+@dataclass(frozen=True)
+class FreezingStudyOptions(TrainingStudyOptions):
+    """Whether freezing the decoder helps, when, and gradually or at once."""
+
+
+@dataclass(frozen=True)
+class MlpSizeStudyOptions(TrainingStudyOptions):
+    """How wide the decoder must be, shared and not."""
+
+
+@dataclass(frozen=True)
+class MipStudyOptions(TrainingStudyOptions):
+    """Each mip level against a codec that is trained on that level alone."""
+
+
+RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions | MipStudyOptions
+Blocks = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class PaperStudyOptions(TrainingStudyOptions):
+    """The paper's Table 2 again: PSNR of textures by grouping, for its recipe and for best, beside BC1 and BC7."""
+
+    groupings: tuple[GroupingName, ...] = ()
+    """Which groupings. None named: those of the paper."""
+    blocks: Blocks = False
+    """Compress the same images as BC1 and BC7 too (needs the extra `blocks`)."""
+
+
+@dataclass(frozen=True)
+class PaperScenesOptions(PaperStudyOptions):
+    """The paper's Tables 3 and 4 again: textures of a scene, rendered pictures and divergence by grouping."""
+
+    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of cameras. None: the scene's own."""
+    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    more_clusters: tuple[int, ...] = ()
+    """Further numbers of decoders for clustered and covisible under best."""
+    size: Size = (640, 360)
+    """Pixels of the rendered pictures."""

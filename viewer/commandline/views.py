@@ -63,9 +63,14 @@ class SceneViews:
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in self.sampled)
 
 
+def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
+    """The named cameras: of the file, else the scene's own. Raises InputError for a file that cannot be read."""
+    return read_cameras(source.file) if source.file is not None else scene.cameras
+
+
 def scene_views(scene: Scene, source: ViewSource) -> SceneViews:
     """The cameras that `source` asks for. Raises InputError for a file that cannot be read and where nothing is seen."""
-    cameras = read_cameras(source.file) if source.file is not None else scene.cameras
+    cameras = cameras_of(scene, source)
     wanted = source.sampled
     if wanted is None:
         wanted = 0 if cameras else SAMPLED_WITHOUT_CAMERAS

@@ -15,7 +15,7 @@ from ntc.config import CodecConfig
         ("positional_octaves", 0), ("positional_octaves", 9), ("hidden_width", 0), ("hidden_width", 30),
         ("hidden_width", 260), ("leaky_slope", -0.1), ("leaky_slope", 1.0), ("leaky_slope", float("nan")),
         ("output_channels", 0), ("output_channels", 5), ("latent_bits", 5), ("latent_bits", 16),
-        ("adapter_output", True),
+        ("adapter_output", True), ("weight_bits", 8),
     ],
 )  # fmt: skip
 def test_bad_fields_are_named(field: str, value: Any) -> None:

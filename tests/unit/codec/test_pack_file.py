@@ -76,7 +76,7 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
         CodecConfig(latent_channels=16, output_channels=4),
         CodecConfig(adapters=True),
         CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4),
+        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
     ],
 )
 def test_round_trip_is_exact(tmp_path: Path, config: CodecConfig) -> None:
@@ -104,7 +104,7 @@ def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) 
     path = tmp_path / "old.ntc"
 
     def old(pack: PackBytes) -> None:
-        for field in ("adapters", "adapter_output"):
+        for field in ("adapters", "adapter_output", "weight_bits"):
             pack.metadata["codec"].pop(field)
 
     path.write_bytes(pieces.changed(old))

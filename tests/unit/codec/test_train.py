@@ -315,3 +315,11 @@ def test_equal_trainings_write_equal_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_pack(tmp_path / f"{name}.ntc", train([texture(16, 16)], own_decoders(1), SMALL, SHORT))
     assert (tmp_path / "a.ntc").read_bytes() == (tmp_path / "b.ntc").read_bytes()
+
+
+def test_half_precision_decoders_are_measured_as_they_are_stored(tmp_path: Path) -> None:
+    pack = train([texture(16, 16)], own_decoders(1), replace(SMALL, weight_bits=16), SHORT)
+    for values in decoder_arrays(pack):
+        np.testing.assert_array_equal(values, values.astype(np.float16).astype(np.float32))
+    write_pack(tmp_path / "a.ntc", pack)
+    assert same(pack, read_pack(tmp_path / "a.ntc"))

@@ -20,7 +20,9 @@ def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> Source
 def sampled(textures: list[SourceTexture], config: CodecConfig, count: int = 20_000) -> Samples:
     """Samples of these textures."""
     everything = torch.arange(len(textures))
-    return TrainingData(textures, config, torch.device("cpu")).sample(count, torch.Generator().manual_seed(0), everything)
+    return TrainingData(textures, config, torch.device("cpu")).sample(
+        count, torch.Generator().manual_seed(0), everything
+    )
 
 
 def at_centres(samples: Samples, width: int, height: int, level: int) -> torch.Tensor:
