@@ -14,8 +14,6 @@ from ntc.pack import EncodedTexture, Pack
 from ntc.reference import image_of_texels
 from ntc.sampling import (
     PyramidTable,
-    bilinear_corners,
-    level_waves,
     positional_encoding,
     trilinear_corners,
     weighted_rows,
@@ -46,21 +44,6 @@ def codec_features(
 
 def _with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
     return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
-
-
-def level_features(
-    config: CodecConfig,
-    latents: Tensor,
-    cells: PyramidTable,
-    texels: PyramidTable,
-    texture: Tensor,
-    uv: Tensor,
-    level: Tensor,
-) -> tuple[Tensor, Tensor]:
-    """`codec_features` at whole `level` [N] int64: half the cells are read, for there is nothing to blend between levels."""
-    index, weights = bilinear_corners(cells, texture, level, uv)
-    waves = level_waves(texels, texture, uv, level, config.positional_octaves)
-    return weighted_rows(latents, index, weights), _with_lod(waves, level, config)
 
 
 def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:

@@ -40,6 +40,7 @@ class _SquaredError(torch.autograd.Function):
         into_latents = torch.empty_like(latents)
         channels = latents.shape[2]
         losses = latents.new_zeros(len(latents))
+
         most = ROWS_AT_ONCE_CUDA if latents.is_cuda else ROWS_AT_ONCE_CPU
         for textures, rows in _pieces(latents.shape[0], latents.shape[1], most):
             values = [torch.cat([latents[textures, rows], known[textures, rows]], dim=2)]
@@ -51,13 +52,15 @@ class _SquaredError(torch.autograd.Function):
             back.mul_(2.0)
             for number in reversed(range(len(layers))):
                 weight = layers[number][0][textures]
-                gradients[2 * number][textures].baddbmm_(values[number].transpose(1, 2), back)
+                # The few columns first: several times faster than the other way round for three outputs.
+                gradients[2 * number][textures] += torch.bmm(back.transpose(1, 2), values[number]).transpose(1, 2)
                 gradients[2 * number + 1][textures] += back.sum(dim=1, keepdim=True)
                 if number == 0:
                     torch.bmm(back, weight[:, :channels].transpose(1, 2), out=into_latents[textures, rows])
                     break
                 back = torch.bmm(back, weight.transpose(1, 2))
                 torch.ops.aten.leaky_relu_backward.grad_input(back, values[number], slope, True, grad_input=back)
+
         context.save_for_backward(into_latents, *gradients)
         return losses
 
@@ -71,7 +74,12 @@ class _SquaredError(torch.autograd.Function):
 
 
 def squared_error(
-    layers: Sequence[Layer], slope: float, latents: Tensor, known: Tensor, targets: Tensor, mask: Tensor
+    layers: Sequence[Layer],
+    slope: float,
+    latents: Tensor,
+    known: Tensor,
+    targets: Tensor,
+    mask: Tensor,
 ) -> Tensor:
     """[T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs].
 

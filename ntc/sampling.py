@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -80,31 +79,9 @@ def trilinear_corners(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Ten
     return torch.cat([index_lower, index_upper], dim=-1), weights
 
 
-class _WeightedRows(torch.autograd.Function):
-    """Gathers and blends rows. Torch's own ways back (a sort for each step, or an addition for each row) take longer
-    than the rest of a training step."""
-
-    @staticmethod
-    def forward(context: Any, rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
-        context.save_for_backward(index, weights)
-        context.shape = rows.shape
-        gathered = rows.index_select(0, index.reshape(-1)).view(*index.shape, rows.shape[1])
-        return torch.bmm(weights.unsqueeze(1), gathered).squeeze(1)
-
-    @staticmethod
-    def backward(context: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
-        index, weights = context.saved_tensors
-        count, channels = context.shape
-        spread = (weights.unsqueeze(2) * gradients[0].unsqueeze(1)).reshape(-1)
-        places = (index.unsqueeze(2) * channels + torch.arange(channels, device=index.device)).reshape(-1)
-        flat = torch.zeros(count * channels, dtype=spread.dtype, device=spread.device)
-        return flat.scatter_add_(0, places, spread).view(count, channels), None, None
-
-
 def weighted_rows(rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
-    """[N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]; differentiable in `rows` alone."""
-    blended: Tensor = _WeightedRows.apply(rows, index, weights)
-    return blended
+    """[N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]."""
+    return torch.nn.functional.embedding_bag(index, rows, per_sample_weights=weights, mode="sum")
 
 
 def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:

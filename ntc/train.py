@@ -224,11 +224,13 @@ def train(
     progress: ProgressListener | None = None,
     cancelled: CancelQuestion | None = None,
     state: Path | None = None,
+    rescue: Path | None = None,
 ) -> Pack:
     """Train a pack for `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
 
     With `state` a training that was stopped goes on where it was, and ends as if it had never been stopped: the file is
-    written every minute, when `cancelled` says so and when numbers blow up, and removed at the end.
+    written every minute, when `cancelled` says so and when numbers blow up, and removed at the end. Without it, the state
+    of a training whose numbers blow up is written to `rescue`.
 
     Raises InputError for a device that is not there, for textures or groups that do not fit and for a state of another
     training, TrainingFailedError when numbers blow up for good, TrainingCancelledError when `cancelled` says so.
@@ -240,10 +242,16 @@ def train(
         run.load(state)
     try:
         run.run(TrainingClock(run.steps, progress, cancelled), state)
-    except (TrainingCancelledError, TrainingFailedError):
+    except TrainingCancelledError:
         if state is not None:
             run.save(state)
         raise
+    except TrainingFailedError as error:
+        kept = state or rescue
+        if kept is None:
+            raise
+        run.save(kept)
+        raise TrainingFailedError(f"{error}; the last good state is in {kept}") from error
     pack = replace(_pack(textures, grouping, codec, run), training=_record(training, device, run))
     measured = with_psnr(pack, textures, device)
     if state is not None:

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ntc.codec import codec_features, level_features
 from ntc.config import CodecConfig
 from ntc.decoder import AdapterStack, DecoderStack
 from ntc.decoder_loss import squared_error
+from ntc.latent_table import LatentTable
 from ntc.optimizer_parts import optimizer_parts
 from ntc.pack import Adapter
 from ntc.quantize import QuantizedLatents, quantize_latents
@@ -44,6 +44,12 @@ class StepReport:
     freezing: float
 
 
+def _side_by_side(flat: Sequence[Tensor], textures: int) -> Tensor:
+    """[T, N, ...] of all parts, each [T n, ...]."""
+    rows = [values.view(textures, -1, values.shape[1]) for values in flat]
+    return torch.cat(rows, dim=1) if len(rows) > 1 else rows[0]
+
+
 class TrainingCohort:
     """Latents, decoders and adapters of some textures while they are trained."""
 
@@ -62,8 +68,8 @@ class TrainingCohort:
         self._decoder_of = torch.tensor([self.decoder_numbers.index(group) for group in groups], device=device)
         self.decoders = DecoderStack(config, len(self.decoder_numbers), generator).to(device)
         self._adapters = AdapterStack(config, len(textures)).to(device) if config.adapters else None
-        self._latents = torch.nn.Parameter(self._start(textures).to(device))
-        self._parts = optimizer_parts(self._latents, self.decoders, self._adapters, training)
+        self._table = LatentTable(self._start(textures).to(device))
+        self._parts = optimizer_parts(self._table.values, self.decoders, self._adapters, training)
         self.per_texture = (
             training.texels_per_texture
             if training.texels_per_group is None
@@ -104,7 +110,7 @@ class TrainingCohort:
 
     def _ranges(self) -> tuple[Tensor, Tensor]:
         """Smallest and largest latent [T, channels] of every texture, without outliers."""
-        pieces = torch.split(self._latents.detach().t().contiguous(), self._data.cell_counts, dim=1)
+        pieces = torch.split(self._table.values.detach().t().contiguous(), self._data.cell_counts, dim=1)
         bounds = [torch.aminmax(piece, dim=1) for piece in pieces]
         low, high = torch.stack([bound[0] for bound in bounds]), torch.stack([bound[1] for bound in bounds])
         clip = self._clip
@@ -122,7 +128,7 @@ class TrainingCohort:
             with torch.no_grad():
                 first = 0
                 for texture, cells in enumerate(self._data.cell_counts):
-                    piece = self._latents[first : first + cells]
+                    piece = self._table.values[first : first + cells]
                     torch.clamp(piece, low[texture], high[texture], out=piece)
                     first += cells
 
@@ -130,7 +136,7 @@ class TrainingCohort:
         """The latents of each texture, rounded."""
         if self._rounded is None:
             low, high = (bound.cpu().numpy() for bound in self._ranges())
-            pieces = torch.split(self._latents.detach().cpu(), self._data.cell_counts)
+            pieces = torch.split(self._table.values.detach().cpu(), self._data.cell_counts)
             largest = self._config.largest_stored
             self._rounded = [quantize_latents(p.numpy(), low[i], high[i], largest) for i, p in enumerate(pieces)]
         return self._rounded
@@ -142,7 +148,7 @@ class TrainingCohort:
     def _round_for_good(self) -> None:
         values = np.concatenate([quantized.values() for quantized in self.quantized()]).astype(np.float32)
         with torch.no_grad():
-            self._latents.copy_(torch.from_numpy(values))
+            self._table.values.copy_(torch.from_numpy(values))
 
     def advance(self, rate_factor: float) -> StepReport:
         """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError, and nothing has changed then."""
@@ -151,16 +157,23 @@ class TrainingCohort:
             self._round_for_good()
         if self.step % STEPS_BETWEEN_RANGES == 0 and not rounded:
             self._measure_ranges()
-        self._latents.requires_grad_(not rounded)
         chosen = torch.nonzero(self._trained).flatten()
         freezing = freezing_scale(self.step / self.steps, self._training.freezing)
         scale = rate_scale(self.step / self.steps, self._training) * rate_factor
-        losses = self._losses(chosen, None if rounded else self._noise_step)
-        used = self._data.channel_mask[chosen].sum() * self.per_texture
-        loss = (losses * self._weights(chosen)).sum() / used
         for part in self._parts:
             part.optimizer.zero_grad(set_to_none=True)
+        parts = self._data.sample(self.per_texture, self._generator, chosen)
+        read = _side_by_side([self._table.read(part.index, part.weights) for part in parts], len(chosen))
+        read.requires_grad_(not rounded)
+        losses = self._losses(chosen, parts, read, None if rounded else self._noise_step)
+        used = self._data.channel_mask[chosen].sum() * self.per_texture
+        loss = (losses * self._weights(chosen)).sum() / used
         loss.backward()
+        if read.grad is not None:
+            pieces = torch.split(read.grad, [len(part.lod) // len(chosen) for part in parts], dim=1)
+            self._table.set_gradient(
+                (part.index, part.weights, piece.flatten(0, 1)) for part, piece in zip(parts, pieces, strict=True)
+            )
         self._check(loss)
         held = self._held() if len(chosen) < len(self._trained) else []
         for part in self._parts[1:] if rounded else self._parts:
@@ -211,37 +224,20 @@ class TrainingCohort:
         decoders = torch.ones(len(self.decoder_numbers), dtype=torch.bool, device=textures.device)
         decoders[self._decoder_of[self._trained]] = False
         cells = torch.repeat_interleave(textures, torch.tensor(self._data.cell_counts, device=textures.device))
-        owners = [([self._latents], cells), (list(self.decoders.parameters()), decoders)]
+        owners = [([self._table.values], cells), (list(self.decoders.parameters()), decoders)]
         if self._adapters is not None:
             owners.append((list(self._adapters.parameters()), textures))
         return [(p, rows, p.data[rows]) for parameters, rows in owners for p in parameters]
 
-    def _features(self, samples: Samples) -> tuple[Tensor, Tensor]:
-        """Latents [T, N, channels] and other inputs [T, N, rest] of the samples."""
-        found = []
-        for first, end, features in (
-            (0, samples.centres, level_features),
-            (samples.centres, samples.per_texture, codec_features),
-        ):
-            if first == end:
-                continue
-            texture, uv, lod = (samples.columns(v, first, end) for v in (samples.texture, samples.uv, samples.lod))
-            at = lod.long() if features is level_features else lod
-            made = features(self._config, self._latents, self._data.cells, self._data.texels, texture, uv, at)
-            found.append([part.view(-1, end - first, part.shape[1]) for part in made])
-        latents, known = (torch.cat(parts, dim=1) if len(parts) > 1 else parts[0] for parts in zip(*found, strict=True))
-        return latents, known
-
-    def _losses(self, chosen: Tensor, noise_step: Tensor | None) -> Tensor:
-        """[T]: summed squared errors of the samples of each texture."""
-        samples = self._data.sample(self.per_texture, self._generator, chosen)
-        latents, known = self._features(samples)
+    def _losses(self, chosen: Tensor, parts: Sequence[Samples], latents: Tensor, noise_step: Tensor | None) -> Tensor:
+        """[T]: summed squared errors of the samples of each texture, decoded from blended `latents` [T, N, channels]."""
+        known = _side_by_side([part.known for part in parts], len(chosen))
+        targets = _side_by_side([part.targets for part in parts], len(chosen))
         if noise_step is not None:
-            noise = torch.rand(latents.shape, generator=self._generator).to(latents.device) - 0.5
+            noise = torch.empty(latents.shape).uniform_(-0.5, 0.5, generator=self._generator).to(latents.device)
             latents = latents + noise * (noise_step[chosen] * NOISE).unsqueeze(1)
         some = chosen if len(chosen) < self._data.count else None
         layers = self.decoders.layers(self._decoder_of[chosen], self._adapters, some)
-        targets = samples.targets.view(*latents.shape[:2], -1)
         mask = self._data.channel_mask[chosen]
         return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask)
 
@@ -270,7 +266,7 @@ class TrainingCohort:
             if state[name].shape != own.shape:
                 raise ValueError(f"{name} is {list(state[name].shape)}, expected {list(own.shape)}")
         self._noise_step, self._running, self._trained = (
-            state[name].clone().to(self._latents.device) for name in ("noise_step", "running", "trained")
+            state[name].clone().to(self._table.values.device) for name in ("noise_step", "running", "trained")
         )
         self._rounded = None
         if "rounded.stored" in state:

@@ -1,9 +1,11 @@
 """`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
 
 import sys
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
@@ -12,11 +14,13 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.labels import read_labels
 from ntc.metrics import psnr_table
+from ntc.pack import Pack
 from ntc.pack_file import write_pack
 from ntc.textures import SourceTexture
-from ntc.train import train
+from ntc.train import peak_memory_bytes, train
 from ntc.training_config import TrainingConfig, recipe_codec, recipe_config
-from ntc.training_progress import TrainingProgress
+from ntc.training_progress import TrainingCancelledError, TrainingProgress
+from viewer.commandline.interrupts import interrupt_as_question
 from viewer.commandline.options import EncodeOptions
 from viewer.folders import features_cache
 from viewer.pack_files import PACK_SUFFIX
@@ -133,6 +137,10 @@ class _ProgressReport:
         )
         if self._console.is_terminal:
             self._bar.update(self._task, completed=share, status=status)
+            if progress.note:
+                self._console.print(progress.note, highlight=False)
+        elif progress.note:
+            self._console.print(progress.note, highlight=False)
         elif int(share * LINES_PER_RUN) > self._last_line:
             self._last_line = int(share * LINES_PER_RUN)
             self._console.print(f"{share:4.0%}  {status}", highlight=False)
@@ -151,7 +159,30 @@ def encode(options: EncodeOptions) -> int:
         highlight=False,
     )
     with _ProgressReport(console) as report:
-        pack = train(textures, grouping, codec, training_config(options), progress=report)
+        began = time.monotonic()
+        training = training_config(options)
+        with interrupt_as_question() as interrupted:
+            try:
+                pack = train(
+                    textures, grouping, codec, training, report, interrupted, options.state, _rescue(options.out)
+                )
+            except TrainingCancelledError:
+                # What a shell expects of Ctrl-C.
+                raise KeyboardInterrupt from None
+    seconds = time.monotonic() - began
     write_pack(options.out, pack)
-    sys.stdout.write("\n".join([*psnr_table(pack).lines(), f"wrote {options.out}"]) + "\n")
+    lines = [*psnr_table(pack).lines(), _effort(pack, seconds), f"wrote {options.out}"]
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _rescue(out: Path) -> Path:
+    """Where the state of a training goes whose numbers blow up."""
+    return out.with_name(f"{out.name}.state")
+
+
+def _effort(pack: Pack, seconds: float) -> str:
+    device = str(pack.training["device"])
+    peak = peak_memory_bytes(torch.device(device))
+    memory = f", at most {peak / 1e9:.2f} GB of memory" if peak is not None else ""
+    return f"training: {pack.training['steps']} steps in {seconds:.0f} s on {device}{memory}"

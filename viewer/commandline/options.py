@@ -157,6 +157,8 @@ class EncodeOptions:
     """Seed of initialisation, sampling and grouping."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto takes CUDA when torch has it."""
+    state: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Keep the training's state here: stopped (Ctrl-C), the same command goes on where it was. Removed at the end."""
 
     def grouping_config(self) -> GroupingConfig:
         """What the options say about groups."""

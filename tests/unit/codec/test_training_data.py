@@ -1,14 +1,19 @@
 """Samples of textures and their targets."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 import torch
 
+from ntc.codec import codec_features
 from ntc.color import linear_to_srgb, srgb_to_linear
 from ntc.config import CodecConfig
+from ntc.latents import latent_levels
 from ntc.mips import mip_chain
+from ntc.sampling import PyramidTable, weighted_rows
 from ntc.textures import SourceTexture, hash_pixels
-from ntc.training_data import Samples, TrainingData
+from ntc.training_data import TrainingData
 
 
 def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:
@@ -17,15 +22,24 @@ def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> Source
     return SourceTexture("noise", pixels, hash_pixels(pixels), "linear" if seed % 2 else "srgb", ("repeat", "clamp"))
 
 
-def sampled(textures: list[SourceTexture], config: CodecConfig, count: int = 20_000) -> Samples:
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Samples of all parts."""
+
+    uv: torch.Tensor
+    lod: torch.Tensor
+    targets: torch.Tensor
+
+
+def sampled(textures: list[SourceTexture], config: CodecConfig, count: int = 20_000) -> Drawn:
     """Samples of these textures."""
     everything = torch.arange(len(textures))
-    return TrainingData(textures, config, torch.device("cpu")).sample(
-        count, torch.Generator().manual_seed(0), everything
-    )
+    data = TrainingData(textures, config, torch.device("cpu"))
+    parts = data.sample(count, torch.Generator().manual_seed(0), everything)
+    return Drawn(*(torch.cat([getattr(part, name) for part in parts]) for name in ("uv", "lod", "targets")))
 
 
-def at_centres(samples: Samples, width: int, height: int, level: int) -> torch.Tensor:
+def at_centres(samples: Drawn, width: int, height: int, level: int) -> torch.Tensor:
     """Which samples lie at texel centres of a level, and on it."""
     size = torch.tensor([max(1, width >> level), max(1, height >> level)])
     texels = samples.uv * size - 0.5
@@ -93,3 +107,28 @@ def test_targets_between_levels_are_blended_in_linear_light() -> None:
 def test_channels_that_a_texture_lacks_do_not_count() -> None:
     data = TrainingData([texture(4, 4, 1), texture(4, 4, 4)], CodecConfig(output_channels=4), torch.device("cpu"))
     assert data.channel_mask.tolist() == [[1, 0, 0, 0], [1, 1, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    "config", [CodecConfig(), CodecConfig(levels=1), CodecConfig(downscale=3, positional_octaves=5)]
+)
+def test_samples_bring_what_the_codec_reads_there(config: CodecConfig) -> None:
+    textures = [texture(64, 64), texture(17, 33, seed=1), texture(1, 1, seed=2), texture(5, 200, seed=3)]
+    chosen = torch.tensor([3, 1, 0, 2])
+    cpu = torch.device("cpu")
+    data = TrainingData(textures, config, cpu)
+    parts = data.sample(300, torch.Generator().manual_seed(1), chosen)
+    assert len(parts) == (1 if config.levels == 1 else 2)
+    latents = torch.randn(sum(data.cell_counts), 4, generator=torch.Generator().manual_seed(2))
+    pyramids = [latent_levels(*source.size, config) for source in textures]
+    repeats = [(True, False)] * 4
+    cells = PyramidTable.of([[(lv.width, lv.height) for lv in levels] for levels in pyramids], repeats, cpu)
+    texels = PyramidTable.of(
+        [[(lv.texel_width, lv.texel_height) for lv in levels] for levels in pyramids], repeats, cpu
+    )
+    for part in parts:
+        which = chosen.repeat_interleave(len(part.lod) // 4)
+        read, known = codec_features(config, latents, cells, texels, which, part.uv, part.lod)
+        # Texture coordinates of centres are rounded, texel numbers are not.
+        torch.testing.assert_close(weighted_rows(latents, part.index, part.weights), read, atol=2e-4, rtol=0.0)
+        torch.testing.assert_close(part.known, known, atol=2e-4, rtol=0.0)
