@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from viewer import cli
+from viewer.commandline.sources import builtin_scene_path
 from viewer.scene.images import read_image, write_png
 
 
@@ -27,7 +29,7 @@ def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFix
     ("arguments", "words"),
     [
         (["study"], "no such study"),
-        (["study", "nothing"], "study nothing: no such study (there are: clusters, ablation"),
+        (["study", "nothing"], "study nothing: no such study (there are: clusters, paper-textures"),
         (["study", "clusters", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
         (["study", "clusters", "--out", "o", "--features", "shape"], "shape"),
         (["study", "clusters", "nowhere.glb", "--out", "o"], "nowhere.glb"),
@@ -56,23 +58,46 @@ def test_help_lists_the_studies(capsys: pytest.CaptureFixture[str]) -> None:
     assert "clusters" in capsys.readouterr().out
 
 
-def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    """A folder of three small images in two categories."""
     random = np.random.default_rng(0)
-    for number in range(3):
-        write_png(tmp_path / "in" / f"{number}.png", random.integers(0, 256, (16, 16, 3), np.uint8))
+    for number, category in enumerate(("stone", "wood", "wood")):
+        write_png(tmp_path / "in" / category / f"{number}.png", random.integers(0, 256, (16, 16, 3), np.uint8))
+    return tmp_path / "in"
+
+
+def study(name: str, source: Path, out: Path, *more: str) -> list[str]:
+    """Arguments of a study of very short trainings."""
+    return [
+        *("study", name, str(source), "--out", str(out), "--clusters", "2", "--steps", "6"),
+        *("--texels-per-texture", "32", "--device", "cpu", *more),
+    ]
+
+
+def record(out: Path, name: str) -> dict[str, Any]:
+    """The JSON that a study wrote, after a look at its other files."""
+    found: dict[str, Any] = json.loads((out / f"{name}.json").read_text())
+    assert (out / f"{name}.csv").read_text().count("\n") == len(found["rows"]) + 1
+    assert (out / f"{name}.md").read_text().count("\n|") == len(found["rows"]) + 2
+    assert read_image(out / f"{name}.png").shape[1] > 500
+    assert found["machine"]["torch"]
+    assert found["settings"]["steps"] == 6
+    return found
+
+
+def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
+    tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "o"
-    arguments = ["study", "ablation", str(tmp_path / "in"), "--out", str(out), "--clusters", "2", "--steps", "6"]
-    arguments += ["--texels-per-texture", "32", "--device", "cpu"]
+    arguments = study("ablation", images, out)
     assert cli.main(arguments) == 0
-    record = json.loads((out / "ablation.json").read_text())
-    variants = [row["variant"] for row in record["rows"]]
+    first = record(out, "ablation")
+    variants = [row["variant"] for row in first["rows"]]
     assert variants[0] == "best"
     assert variants[-1] == "paper"
-    assert {"without adapters", "hidden layers by Adam"} <= set(variants)
-    assert all(row["mean_db"] > 3.0 for row in record["rows"])
-    assert read_image(out / "ablation.png").shape[1] > 500
+    assert {"without adapters", "hidden layers by Adam", "4 channels of 8 bits"} <= set(variants)
+    assert all(row["mean_db"] > 3.0 for row in first["rows"])
     runs = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
     assert len(runs) == len(variants)
     gone, broken = list(runs)[:2]
@@ -82,8 +107,56 @@ def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
     again = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
     assert again.keys() == runs.keys()
     assert {path for path in runs if again[path] != runs[path]} == {gone, broken}
-    figures = [[row["mean_db"] for row in json.loads((out / "ablation.json").read_text())["rows"]]]
-    assert figures == [[row["mean_db"] for row in record["rows"]]]
+    assert [row["mean_db"] for row in record(out, "ablation")["rows"]] == [row["mean_db"] for row in first["rows"]]
     capsys.readouterr()
     assert cli.main([*arguments[:-2], "--steps", "0"]) == 2
     assert "--steps 0: must be at least 1" in capsys.readouterr().err
+
+
+def test_the_papers_table_of_textures(tmp_path: Path, images: Path) -> None:
+    out = tmp_path / "o"
+    assert cli.main(study("paper-textures", images, out, "--seeds", "0", "1", "--blocks")) == 0
+    rows = {(row["variant"], row["grouping"]): row for row in record(out, "paper-textures")["rows"]}
+    assert {grouping for _, grouping in rows} == {"baseline", "clustered", "random", "category", "single", "-"}
+    assert {variant for variant, _ in rows} == {"paper", "best", "best, 4 channels of 8 bits", "BC1", "BC7"}
+    assert rows["BC1", "-"]["bits_per_texel"] == 4.0
+    assert rows["BC7", "-"]["bits_per_texel"] == 8.0
+    assert rows["BC7", "-"]["mean_db"] > rows["BC1", "-"]["mean_db"]
+    assert rows["best", "single"]["seeds"] == 2
+    for row in rows.values():
+        assert 0.0 <= row["flip"] <= 1.0
+        assert -1.0 <= row["ssim"] <= 1.0
+    gaps = {(row["variant"], row["grouping"]): row for row in record(out, "paper-textures-gaps")["rows"]}
+    assert gaps["best", "baseline"]["to_own_baseline_db"] == 0.0
+    gained = rows["best", "single"]["mean_db"] - rows["paper", "single"]["mean_db"]
+    assert gaps["best", "single"]["to_paper_db"] == pytest.approx(gained)
+
+
+def test_the_papers_tables_of_scenes(tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    arguments = study("paper-scenes", builtin_scene_path(), out, "--size", "64x36", "--texture-size", "16")
+    arguments += ["--groupings", "baseline", "covisible", "--more-clusters", "3"]
+    assert cli.main(arguments) == 0
+    rows = {(row["variant"], row["grouping"], row["groups"]) for row in record(out, "paper-scenes")["rows"]}
+    assert ("best", "covisible", 3) in rows
+    assert ("paper", "covisible", 2) in rows
+    rendered = {(row["recipe"], row["grouping"]): row for row in record(out, "paper-scenes-rendered")["rows"]}
+    assert rendered["best", "baseline"]["excess"] > rendered["best", "covisible"]["excess"]
+    assert rendered["best", "covisible"]["cut_percent"] > 50.0
+    assert rendered["best", "baseline"]["views"] == 8
+    assert {path.name for path in (out / "packs").iterdir()} == {
+        f"{recipe}.{grouping}.ntc" for recipe in ("paper", "best") for grouping in ("baseline", "covisible")
+    }
+
+
+@pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16), ("mips", 1)])
+def test_other_studies(tmp_path: Path, images: Path, name: str, rows: int) -> None:
+    out = tmp_path / "o"
+    assert cli.main(study(name, images, out)) == 0
+    assert len(record(out, name)["rows"]) == rows
+
+
+def test_a_folder_is_no_scene(tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(study("paper-scenes", images, tmp_path / "o")) == 2
+    assert "is no scene; use study paper-textures" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()

@@ -17,6 +17,8 @@ from ntc.errors import InputError
 from ntc.files import atomic_path
 from ntc.textures import SourceTexture, hash_pixels
 
+LARGEST_EXCESS = 1e-3
+"""Floating-point values may lie this far above 1, by rounding."""
 _SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
 IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
 """What `folder_textures` looks for."""
@@ -84,6 +86,11 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     pixels = np.asarray(pixels).reshape(height, width, -1)
     if linear:
         colors = pixels.shape[2] - (pixels.shape[2] % 2 == 0)
+        largest = float(np.nan_to_num(pixels, nan=0.0, posinf=np.inf).max())
+        if largest > 1.0 + LARGEST_EXCESS:
+            raise InputError(
+                f"{name}: holds values up to {largest:.4g}; textures are colours from 0 to 1: scale or tone-map it first"
+            )
         in_range = np.clip(np.nan_to_num(pixels, nan=0.0), 0.0, 1.0)
         pixels = np.concatenate([linear_to_srgb(in_range[..., :colors]), in_range[..., colors:]], axis=2)
         pixels = (pixels * 255 + 0.5).astype(np.uint8)

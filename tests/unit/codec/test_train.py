@@ -22,7 +22,7 @@ from ntc.pack_file import read_pack, write_pack
 from ntc.reference import decode_image
 from ntc.textures import SourceTexture, hash_pixels
 from ntc.train import choose_device, train
-from ntc.training_config import FreezingConfig, TrainingConfig, recipe_config
+from ntc.training_config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
 from ntc.training_progress import TrainingCancelledError, TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
@@ -323,3 +323,45 @@ def test_half_precision_decoders_are_measured_as_they_are_stored(tmp_path: Path)
         np.testing.assert_array_equal(values, values.astype(np.float16).astype(np.float32))
     write_pack(tmp_path / "a.ntc", pack)
     assert same(pack, read_pack(tmp_path / "a.ntc"))
+
+
+@pytest.mark.parametrize("levels", [None, 1])
+def test_odd_textures_train_together(levels: int | None) -> None:
+    random = np.random.default_rng(0)
+    images = [
+        np.zeros((16, 16, 3), np.uint8),
+        np.full((16, 16, 3), 255, np.uint8),
+        np.full((1, 1, 3), 90, np.uint8),
+        random.integers(0, 256, (1, 4096, 3), np.uint8),
+        random.integers(0, 256, (4096, 1, 3), np.uint8),
+    ]
+    sources = [SourceTexture(str(i), pixels, hash_pixels(pixels)) for i, pixels in enumerate(images)]
+    training = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
+    pack = train(sources, Grouping("clustered", (0, 0, 1, 1, 0)), recipe_codec("best", 3, levels), training)
+    assert all(np.isfinite(array).all() for array in arrays(pack))
+    for index, source in enumerate(sources):
+        decoded = decode_image(pack, index)
+        assert decoded.shape == source.pixels.shape
+        # Black and white are far apart, though they share a decoder.
+        if index < 2:
+            assert np.abs(decoded.astype(int) - source.pixels).mean() < 60
+
+
+def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
+    flat, waves = np.full((16, 16, 3), 128, np.uint8), texture(16, 16, seed=4)
+    sources = [SourceTexture("flat", flat, hash_pixels(flat)), waves]
+    training = TrainingConfig(steps=400, texels_per_texture=64, device="cpu", converged_db=50.0)
+    pack = train(sources, own_decoders(2), SMALL, training)
+    assert pack.training["converged_textures"] >= 1
+    assert np.abs(decode_image(pack, 0).astype(int) - 128).max() <= 2
+    assert (
+        train(sources, own_decoders(2), SMALL, replace(training, converged_db=None)).training["converged_textures"] == 0
+    )
+
+
+@pytest.mark.parametrize(
+    "pixels", [np.zeros((4, 4, 3), np.float32), np.zeros((0, 4, 3), np.uint8), np.zeros((4, 4), np.uint8)]
+)
+def test_what_is_no_8_bit_image_is_bad_input(pixels: NDArray[Any]) -> None:
+    with pytest.raises(InputError, match="textures are 8-bit"):
+        train([SourceTexture("odd", pixels, "0")], own_decoders(1), SMALL, SHORT)

@@ -141,3 +141,19 @@ def test_source_textures_follow_the_texture_ids() -> None:
     assert [source.wrap for source in sources] == [("repeat", "repeat"), ("clamp", "mirror")]
     np.testing.assert_array_equal(sources[0].pixels, scene.textures[0].pixels)
     assert [source.size for source in source_textures(scene, 4)] == [(4, 4), (4, 4)]
+
+
+@pytest.mark.parametrize(("largest", "refused"), [(1.0, False), (1.0005, False), (4.0, True), (np.inf, True)])
+def test_values_above_one_are_refused(tmp_path: Path, largest: float, refused: bool) -> None:
+    values = np.full((8, 8, 3), 0.5, np.float32)
+    values[3, 4, 1] = largest
+    path = str(tmp_path / "a.exr")
+    output = OpenImageIO.ImageOutput.create(path)
+    output.open(path, OpenImageIO.ImageSpec(8, 8, 3, "float"))
+    output.write_image(values)
+    output.close()
+    if refused:
+        with pytest.raises(InputError, match=r"a\.exr: holds values up to (4|inf); textures are colours from 0 to 1"):
+            read_image(tmp_path / "a.exr")
+    else:
+        assert read_image(tmp_path / "a.exr")[3, 4, 1] == 255
