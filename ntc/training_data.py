@@ -16,8 +16,11 @@ from ntc.textures import SourceTexture
 
 CENTRE_SHARE = 0.5
 """Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+LEVEL_FALL = 2.0
+"""A level is sampled this many times less often than the one above it. Each has a quarter of the texels, but a scene seen from
+near and far shows about as much of one as of another."""
 SMALLEST_LEVEL_WEIGHT = 0.02
-"""Levels are sampled by their texels, but never less often than this, relative to mip 0."""
+"""No level is sampled less often than this, relative to mip 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,7 @@ class TrainingData:
         )
         self._srgb_coded = coded.to(device)
         weights = torch.clamp(
-            4.0 ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
+            LEVEL_FALL ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
         )
         available = torch.arange(self._cells.width.shape[1])[None, :] < self._cells.levels.cpu()[:, None]
         shares = weights[None, :] * available
