@@ -1,7 +1,6 @@
 """How near one picture is to another, and how even a pack's quality is: SSIM, FLIP, its worst textures, its mips."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,20 +84,6 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
     )
     # Its own mean is a sum in single precision.
     return float(np.mean(errors, dtype=np.float64))
-
-
-def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
-    """Mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
-
-    Infinite when one of them is. Raises InputError for no PSNR, one that is not a number, and another `share`.
-    """
-    if not 0.0 < share <= 1.0:
-        raise InputError(f"worst PSNR: share is {share}; set it above 0 and up to 1")
-    if len(psnrs_db) == 0 or any(math.isnan(value) for value in psnrs_db):
-        raise InputError("worst PSNR: needs PSNRs in dB, one at least and all of them numbers")
-    # 0.07 of 100 is a little more than 7 in floating point, and must not become 8.
-    count = max(1, math.ceil(share * len(psnrs_db) - 1e-9))
-    return float(np.mean(np.sort(np.asarray(psnrs_db, np.float64))[:count]))
 
 
 def level_psnr(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.errors import InputError
 from ntc.pack import Adapter, Pack
 
 
@@ -31,13 +32,29 @@ def psnr_db(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     return psnr_of_mse(mean_square_error(a, b))
 
 
+def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
+    """Mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
+
+    Infinite when one of them is. Raises InputError for no PSNR, one that is not a number, and another `share`.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"worst PSNR: share is {share}; set it above 0 and up to 1")
+    if len(psnrs_db) == 0 or any(math.isnan(value) for value in psnrs_db):
+        raise InputError("worst PSNR: needs PSNRs in dB, one at least and all of them numbers")
+    # 0.07 of 100 is a little more than 7 in floating point, and must not become 8.
+    count = max(1, math.ceil(share * len(psnrs_db) - 1e-9))
+    return float(np.mean(np.sort(np.asarray(psnrs_db, np.float64))[:count]))
+
+
 @dataclass(frozen=True)
 class PsnrSummary:
-    """Per-texture PSNR in four numbers: a mean of dB alone hides bad textures behind easy ones."""
+    """Per-texture PSNR in five numbers: a mean of dB alone hides bad textures behind easy ones."""
 
     mean_db: float
     median_db: float
     minimum_db: float
+    worst_share_db: float
+    """Mean of the worst 5 % of the textures."""
     of_mean_mse_db: float
     """PSNR of the mean over textures of their mean square errors."""
 
@@ -48,7 +65,13 @@ class PsnrSummary:
             return None
         values = np.asarray(values_db, np.float64)
         mean_square = float(np.mean(255.0**2 * 10.0 ** (-values / 10.0)))
-        return cls(float(values.mean()), float(np.median(values)), float(values.min()), psnr_of_mse(mean_square))
+        return cls(
+            mean_db=float(values.mean()),
+            median_db=float(np.median(values)),
+            minimum_db=float(values.min()),
+            worst_share_db=worst_share_db(values_db),
+            of_mean_mse_db=psnr_of_mse(mean_square),
+        )
 
 
 @dataclass(frozen=True)
@@ -90,7 +113,8 @@ class PsnrTable:
         if self.summary is not None:
             lines.append(
                 f"PSNR: mean {self.summary.mean_db:.2f} dB, median {self.summary.median_db:.2f} dB, "
-                f"min {self.summary.minimum_db:.2f} dB, of the mean MSE {self.summary.of_mean_mse_db:.2f} dB"
+                f"worst 5 % {self.summary.worst_share_db:.2f} dB, min {self.summary.minimum_db:.2f} dB, "
+                f"of the mean MSE {self.summary.of_mean_mse_db:.2f} dB"
             )
         parts = {"latents": self.latent_bytes, "decoders": self.decoder_bytes, "adapters": self.adapter_bytes}
         sizes = ", ".join(f"{size / 1e6:.2f} MB {name}" for name, size in parts.items() if size or name != "adapters")

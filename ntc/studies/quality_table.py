@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ntc.image_quality import worst_share_db
 from ntc.metrics import PsnrSummary
 from ntc.studies.runs import RunResult
 from ntc.studies.table import Cell, Column, Table
@@ -65,7 +64,7 @@ def quality_row(key: Key, results: Sequence[RunResult]) -> dict[str, Cell]:
         "mean_db": _mean(means),
         "of_mean_mse_db": _mean([summary.of_mean_mse_db for summary in summaries]),
         "median_db": _mean([summary.median_db for summary in summaries]),
-        "worst_share_db": _mean([worst_share_db(values) for values in known if values]),
+        "worst_share_db": _mean([summary.worst_share_db for summary in summaries]),
         "minimum_db": _mean([summary.minimum_db for summary in summaries]),
         "deviation_db": float(np.std(means, ddof=1)) if len(means) > 1 else None,
         "ssim": _mean([float(np.mean(result.ssim)) for result in results if result.ssim]),
