@@ -20,8 +20,10 @@ from viewer.pack_files import match_scene
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, Look
 from viewer.passes.culling import Culling, DrawList
+from viewer.passes.decode_binned import DecodeBinnedPass
 from viewer.passes.decode_deferred import DecodeDeferredPass
 from viewer.passes.decode_forward import DecodeForwardPass
+from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.divergence import Stage
 from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import PackBuffers, codec_programs
@@ -78,10 +80,34 @@ class _Targets:
 class _DecodePasses:
     """A pack on the GPU in one precision, with the paths that read it; forward compiles only when it is used."""
 
+    pack: Pack
+    decoders: tuple[int, ...]
+    """Decoder of every texture of the scene; -1 where nothing is decoded."""
     buffers: PackBuffers
+    ranges: DecoderRanges
     programs: ProgramFactory
     deferred: DecodeDeferredPass | None = None
     forward: DecodeForwardPass | None = None
+    binned: DecodeBinnedPass | None = None
+
+    @property
+    def shared_decoder(self) -> int | None:
+        """The decoder that all textures of the scene have, if it is one."""
+        used = {decoder for decoder in self.decoders if decoder >= 0}
+        return used.pop() if len(used) == 1 else None
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """All buffers."""
+        binned = self.binned.bytes_on_gpu if self.binned is not None else 0
+        return self.buffers.bytes_on_gpu + self.ranges.bytes_on_gpu + binned
+
+    def release(self) -> None:
+        """Free all buffers."""
+        self.buffers.release()
+        self.ranges.release()
+        if self.binned is not None:
+            self.binned.release()
 
 
 def _distinct(slot: Slot) -> Slot:
@@ -134,7 +160,7 @@ class Renderer:
         """The packs that slots may name. Those that are gone or replaced are freed."""
         for name in [name for name, pack in self._packs.items() if packs.get(name) is not pack]:
             for key in [key for key in self._decode if key[0] == name]:
-                self._decode.pop(key).buffers.release()
+                self._decode.pop(key).release()
         for name, pack in packs.items():
             if self._packs.get(name) is not pack:
                 self._version += 1
@@ -146,7 +172,7 @@ class Renderer:
     def gpu_bytes(self, slot: Slot) -> int | None:
         """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
         passes = self._decode.get((slot.source, slot.precision))
-        return passes.buffers.bytes_on_gpu if passes is not None else None
+        return passes.bytes_on_gpu if passes is not None else None
 
     def render(self, view: ViewState) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted."""
@@ -224,6 +250,9 @@ class Renderer:
             with self._timer.measure(f"decode_{slot.path}"):
                 if slot.path == "forward" and passes.forward is not None:
                     passes.forward.run(targets.visibility, self._scene_buffers, target, self._matrix)
+                elif slot.path == "binned" and passes.binned is not None:
+                    seen = self._decoders_in(draw_list, passes.decoders)
+                    passes.binned.run(targets.visibility, self._scene_buffers, target, seen)
                 elif passes.deferred is not None:
                     passes.deferred.run(targets.visibility, self._scene_buffers, target)
         targets.slot_ms[slot] = self._timer.last_ms
@@ -233,11 +262,14 @@ class Renderer:
         key = (slot.source, slot.precision)
         if key not in self._decode:
             pack = self._packs[slot.source]
-            buffers = PackBuffers(self._context, pack, self._matches[slot.source].texture_index, slot.precision)
+            match = self._matches[slot.source]
+            buffers = PackBuffers(self._context, pack, match.texture_index, slot.precision)
+            ranges = DecoderRanges(self._context, pack, slot.precision)
             # Packs of one codec share their programs: those take seconds to compile.
             if pack.config not in self._codec_programs:
                 self._codec_programs[pack.config] = codec_programs(self._programs, pack)
-            self._decode[key] = _DecodePasses(buffers, self._codec_programs[pack.config])
+            programs = self._codec_programs[pack.config]
+            self._decode[key] = _DecodePasses(pack, tuple(match.decoders(pack)), buffers, ranges, programs)
         passes = self._decode[key]
         if slot.path == "forward" and passes.forward is None:
             passes.forward = DecodeForwardPass(
@@ -245,9 +277,28 @@ class Renderer:
             )
         if slot.path == "deferred" and passes.deferred is None:
             passes.deferred = DecodeDeferredPass(
-                self._context, passes.programs, passes.buffers, self._scene_buffers.has_colors
+                self._context,
+                passes.programs,
+                passes.buffers,
+                passes.ranges,
+                self._scene_buffers.has_colors,
+                passes.shared_decoder,
+            )
+        if slot.path == "binned" and passes.binned is None:
+            passes.binned = DecodeBinnedPass(
+                self._context,
+                passes.programs,
+                passes.buffers,
+                passes.ranges,
+                passes.pack,
+                self._scene_buffers.has_colors,
             )
         return passes
+
+    def _decoders_in(self, draw_list: DrawList, decoders: tuple[int, ...]) -> list[int]:
+        """Decoders of the textures whose materials are drawn."""
+        textures = {self._scene.materials[index].texture_id for index in np.nonzero(draw_list.materials)[0]}
+        return sorted({decoders[texture] for texture in textures if texture >= 0} - {-1})
 
     def _forget_unused(self, view: ViewState, targets: _Targets) -> None:
         """Keep the pictures of slots A and B and of the reference; free those of slots that nobody looks at."""
@@ -340,7 +391,7 @@ class Renderer:
             self._targets.release()
             self._targets = None
         for passes in self._decode.values():
-            passes.buffers.release()
+            passes.release()
         self._decode.clear()
         self._composite.release()
         self._divergence.release()

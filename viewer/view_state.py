@@ -7,7 +7,7 @@ from viewer.palettes import PaletteName
 from viewer.scene.model import Camera
 from viewer.zoom import WHOLE, Zoom
 
-DecodePath = Literal["forward", "deferred"]
+DecodePath = Literal["forward", "deferred", "binned"]
 Precision = Literal["fp32", "fp16"]
 CompareMode = Literal["a", "b", "wipe"]
 OverlayKind = Literal["none", "divergence"]

@@ -1,8 +1,16 @@
-// Linear albedo of a surface, decoded.
+// Linear albedo of a surface: what is to be decoded for it, and what is shown once it is.
 #include "common/color.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
 #include "ntc/decode.glsl"
+
+struct WantedTexel {
+    vec3 factor;       // linear: what the texture's colour is multiplied by, or shown without one
+    int texture_id;    // -1: nothing is decoded
+    vec2 uv;
+    float lod;
+    ivec2 wrap;        // WRAP_ codes
+};
 
 // Moves `uv` and `lod` to where a filter that is not trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
 void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int last_level) {
@@ -15,21 +23,38 @@ void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int las
     if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
 }
 
-// Materials without a texture, and those whose texture the pack does not hold, show their factor.
-vec3 decoded_albedo(Surface surface) {
+// Decoder of a surface; -1 for the background, and for materials without a texture or with one that the pack does not hold.
+int surface_decoder(Surface surface) {
+    return surface.material >= 0 && surface.texture_id >= 0 ? textures[surface.texture_id].decoder : -1;
+}
+
+WantedTexel wanted_texel(Surface surface) {
     MaterialRecord material = materials[max(surface.material, 0)];
-    vec3 albedo = material.factor.rgb * surface.color;
-    TextureRecord record = textures[max(surface.texture_id, 0)];
-    bool wanted = surface.material >= 0 && surface.texture_id >= 0 && record.decoder >= 0;
-    if (wanted) {
-        LevelRecord finest = levels[record.first_level];
+    WantedTexel wanted;
+    wanted.factor = surface.material >= 0 ? material.factor.rgb * surface.color : vec3(0.0);
+    wanted.texture_id = surface_decoder(surface) >= 0 ? surface.texture_id : -1;
+    wanted.uv = surface.uv;
+    wanted.lod = 0.0;
+    wanted.wrap = ivec2(material.wrap_u, material.wrap_v);
+    if (wanted.texture_id >= 0) {
+        LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
-        vec2 uv = surface.uv;
-        float lod = surface_lod(surface, size.x);
-        apply_sampler(uv, lod, material.sampler_flags, size, record.levels - 1);
-        vec4 decoded = decode_texture(record, uv, lod, ivec2(material.wrap_u, material.wrap_v), wanted);
-        vec3 rgb = record.channels < 3 ? decoded.rrr : decoded.rgb;
-        albedo *= record.srgb != 0 ? srgb_to_linear(rgb) : rgb;
+        wanted.lod = surface_lod(surface, size.x);
+        apply_sampler(wanted.uv, wanted.lod, material.sampler_flags, size, textures[wanted.texture_id].levels - 1);
     }
-    return surface.material >= 0 ? albedo : vec3(0.0);
+    return wanted;
+}
+
+vec3 shown_albedo(WantedTexel wanted, vec4 decoded) {
+    if (wanted.texture_id < 0) return wanted.factor;
+    vec3 rgb = textures[wanted.texture_id].channels < 3 ? decoded.rrr : decoded.rgb;
+    return wanted.factor * (textures[wanted.texture_id].srgb != 0 ? srgb_to_linear(rgb) : rgb);
+}
+
+vec3 decoded_albedo(Surface surface) {
+    WantedTexel wanted = wanted_texel(surface);
+    vec4 decoded = vec4(0.0);
+    if (wanted.texture_id >= 0)
+        decoded = decode_texture(textures[wanted.texture_id], wanted.uv, wanted.lod, wanted.wrap, true);
+    return shown_albedo(wanted, decoded);
 }

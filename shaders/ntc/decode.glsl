@@ -85,21 +85,26 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     }
 }
 
-// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space. `wrap` holds WRAP_ codes.
-// Where `wanted` is false nothing is decoded and the result means nothing.
-vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
+// What the decoder reads for `record` at `uv` and `lod`. `wrap` holds WRAP_ codes.
+void decoder_input(TextureRecord record, vec2 uv, float lod, ivec2 wrap, out float x[DECODER_INPUTS]) {
     vec2 wrapped = vec2(wrap_coordinate(uv.x, wrap.x), wrap_coordinate(uv.y, wrap.y));
     if (isnan(lod) || isinf(lod)) lod = 0.0;
     lod = clamp(lod, 0.0, float(record.levels - 1));
     int lower = int(floor(lod));
     int upper = min(lower + 1, record.levels - 1);
     float share = lod - float(lower);
-    float x[DECODER_INPUTS];
     for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = 0.0;
     add_level(x, record, levels[record.first_level + lower], wrapped, wrap, 1.0 - share);
     add_level(x, record, levels[record.first_level + upper], wrapped, wrap, share);
 #if LOD_INPUTS
     x[DECODER_INPUTS - 1] = lod * LOD_INPUT_SCALE;
 #endif
+}
+
+// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
+// Where `wanted` is false nothing is decoded and the result means nothing.
+vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
+    float x[DECODER_INPUTS];
+    decoder_input(record, uv, lod, wrap, x);
     return clamp(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0), 0.0, 1.0);
 }

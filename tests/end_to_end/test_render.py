@@ -18,7 +18,7 @@ def rendered(scene: Path, out: Path, *arguments: str) -> dict:
     return json.loads((out / "stats.json").read_text())
 
 
-@pytest.mark.parametrize("path", ["deferred", "forward"])
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
 @pytest.mark.parametrize("grouping", ["single", "baseline"])
 def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, grouping: str) -> None:
     stats = rendered(encoded_scene, tmp_path, "--grouping", grouping, "--path", path, "--overlay", "divergence")

@@ -97,13 +97,13 @@ def expected(pack: Pack, name: str, lod_offset: float = 0.0) -> NDArray[np.float
     return reference.decode_texels(pack, case.texture, uv, np.full(len(uv), lod), case.wrap)
 
 
-@pytest.mark.parametrize("path", ["deferred", "forward"])
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
 @pytest.mark.parametrize("name", CASES)
 def test_frames_agree_with_float64(renderer: Renderer, pack: Pack, name: str, path: DecodePath) -> None:
     assert np.abs(shown(renderer, name, path) - expected(pack, name)).max() <= TOLERANCE
 
 
-@pytest.mark.parametrize("path", ["deferred", "forward"])
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
 def test_half_float_weights_stay_close_in_a_frame(renderer: Renderer, pack: Pack, path: DecodePath) -> None:
     error = np.abs(shown(renderer, "odd sides", path, "fp16") - expected(pack, "odd sides")).max()
     assert 1e-5 < error <= 2e-3

@@ -3,22 +3,37 @@
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import GROUP_SIDE, ImageUnit
+from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import SceneBuffers
 from viewer.passes.visibility import VisibilityTarget
 
 
 class DecodeDeferredPass:
-    """Inputs: visibility buffer, materials, a pack. Output: linear albedo."""
+    """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, pack: PackBuffers, colors: bool) -> None:
+    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
+    """
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        pack: PackBuffers,
+        ranges: DecoderRanges,
+        colors: bool,
+        shared_decoder: int | None,
+    ) -> None:
         self._gl = context.gl
-        self._pack = pack
-        self._program = programs.compute(
-            "passes/decode_deferred/decode.comp",
-            {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")},
-        )
+        self._pack, self._ranges, self._shared_decoder = pack, ranges, shared_decoder
+        defines = {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")}
+        if shared_decoder is None:
+            self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
+        else:
+            shared = {**defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+            self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
     def run(self, visibility: VisibilityTarget, scene_buffers: SceneBuffers, target: AlbedoTarget) -> None:
         """Decode the whole picture."""
@@ -27,5 +42,9 @@ class DecodeDeferredPass:
         self._pack.bind()
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
         set_uniforms(self._program, {"network_blocks": self._pack.hidden_blocks})
-        self._program.run(*(-(-side // GROUP_SIDE) for side in target.size))
+        rows = GROUP_SIDE
+        if self._shared_decoder is not None:
+            self._ranges.bind(self._shared_decoder)
+            rows = GROUP_SIDE * PIXELS
+        self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()

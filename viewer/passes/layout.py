@@ -20,6 +20,15 @@ class StorageBinding(IntEnum):
     RESULTS = 6
     DECODERS = 7
     HISTOGRAM = 8
+    BINS = 9
+    BIN_PIXELS = 10
+    DECODER = 11
+
+
+class UniformBinding(IntEnum):
+    """Binding points of uniform buffers."""
+
+    DECODER = 0
 
 
 class TextureUnit(IntEnum):
@@ -78,6 +87,10 @@ GROUP_SIDE = 8
 """Side of a compute work group in pixels: the block of the divergence map."""
 TEXEL_GROUP = 64
 """Work group size of the texel decoder."""
+BIN_GROUP = 64
+"""Work group size of the binned decode; each of its invocations decodes several pixels."""
+SCAN_GROUP = 256
+"""Work group size of the scan over bins; there is one group."""
 PALETTE_STEPS = 32
 """Entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
@@ -118,6 +131,22 @@ LEVEL_RECORD = np.dtype(
 
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
+
+
+BIN_RECORD = np.dtype(
+    [
+        ("groups_x", "<u4"),
+        ("groups_y", "<u4"),
+        ("groups_z", "<u4"),
+        ("pixels", "<u4"),
+        ("first", "<u4"),
+        ("counted", "<u4"),
+        ("placed", "<u4"),
+        ("padding_0", "<u4"),
+    ]
+)
+"""The pixels of one decoder: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
+`first` on are its own. `counted` and `placed` are at work while a frame is binned, and 0 between frames."""
 
 
 def texture_record(config: CodecConfig) -> np.dtype:
@@ -176,6 +205,7 @@ def scene_layout_glsl() -> str:
     lines = ["// Generated from viewer/passes/layout.py."]
     for enumeration, prefix in (
         (StorageBinding, "BINDING_"),
+        (UniformBinding, "UNIFORM_"),
         (TextureUnit, "UNIT_"),
         (ImageUnit, "IMAGE_"),
         (WrapCode, "WRAP_"),
@@ -186,12 +216,15 @@ def scene_layout_glsl() -> str:
     lines += [
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
+        f"#define BIN_GROUP {BIN_GROUP}",
+        f"#define SCAN_GROUP {SCAN_GROUP}",
         f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
         glsl_struct("MaterialRecord", MATERIAL_RECORD),
         glsl_struct("LevelRecord", LEVEL_RECORD),
         glsl_struct("RequestRecord", REQUEST_RECORD),
+        glsl_struct("BinRecord", BIN_RECORD),
     ]
     return "\n".join(lines) + "\n"
 

@@ -127,3 +127,77 @@ def network_glsl(config: CodecConfig) -> str:
     ]
     lines += ["    }", "    return result;", "}", ""]
     return "\n".join(lines)
+
+
+PIXELS = 4
+"""Pixels that one invocation decodes with the same decoder: each weight is fetched once for all of them."""
+
+
+def shared_network_glsl(config: CodecConfig) -> str:
+    """The include `generated/shared_network.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
+    alone, so that their addresses do not depend on the pixel.
+
+    `void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS])`;
+    `blocks` as in `network_glsl`.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+    pixels = range(PIXELS)
+
+    def start(bias: int) -> list[str]:
+        first = "vec4(0.0)" if config.adapters else f"decoder_weight({bias} + k)"
+        return [f"        vec4 first = {first};", *(f"        vec4 sum{p} = first;" for p in pixels)]
+
+    def add(row: str, values: Sequence[str]) -> str:
+        sums = " ".join(f"sum{p} += w * {value};" for p, value in enumerate(values))
+        return f"        {{ vec4 w = decoder_weight({row}); {sums} }}"
+
+    def finish(hidden_layer: int) -> list[str]:
+        lines = []
+        for p in pixels:
+            if config.adapters:
+                scales = 2 * hidden_layer * layout.hidden_blocks
+                biases = scales + layout.hidden_blocks
+                own = f"adapters[{p}]"
+                lines.append(f"        sum{p} = weight({own} + {scales} + k) * sum{p} + weight({own} + {biases} + k);")
+            lines.append(f"        sum{p} = max(sum{p}, {slope} * sum{p});")
+        return lines
+
+    lines = [
+        "// Generated from viewer/passes/network.py for one CodecConfig.",
+        f"#define DECODER_BLOCKS {layout.blocks}",
+        f"#define PIXELS {PIXELS}",
+        '#include "ntc/decoder_weights.glsl"',
+        "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
+        *(f"    vec4 hidden{p}[{layout.hidden_blocks}];" for p in pixels),
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = k * {layout.inputs};",
+        *start(layout.first_bias),
+        *(add(f"row + {i}", [f"x[{p}][{i}]" for p in pixels]) for i in range(layout.inputs)),
+        *finish(0),
+        *(f"        hidden{p}[k] = sum{p};" for p in pixels),
+        "    }",
+    ]
+    for p in pixels:
+        bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
+        lines.append(f"    results[{p}] = {bias if config.adapter_output else f'decoder_weight({layout.third_bias})'};")
+    lines += [
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = {layout.second} + k * {layout.hidden};",
+        *start(layout.second_bias),
+    ]
+    for block in range(layout.hidden_blocks):
+        lines += [
+            add(f"row + {4 * block + part}", [f"hidden{p}[{block}].{PARTS[part]}" for p in pixels]) for part in range(4)
+        ]
+    lines += finish(1)
+    for output in range(layout.outputs):
+        offset = output * layout.hidden_blocks
+        if not config.adapter_output:
+            lines.append(f"        vec4 out{output} = decoder_weight({layout.third + offset} + k);")
+        for p in pixels:
+            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
+            weight = own if config.adapter_output else f"out{output}"
+            lines.append(f"        results[{p}].{PARTS[output]} += dot(sum{p}, {weight});")
+    lines += ["    }", "}", ""]
+    return "\n".join(lines)

@@ -12,7 +12,7 @@ from ntc.quantize import packed_cells
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.layout import LEVEL_RECORD, StorageBinding, cell_words, codec_layout_glsl, texture_record
-from viewer.passes.network import NetworkLayout, network_glsl, weight_bytes
+from viewer.passes.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
 from viewer.view_state import Precision
 
 
@@ -82,5 +82,9 @@ class PackBuffers:
 def codec_programs(factory: ProgramFactory, pack: Pack) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
-        {"generated/codec.glsl": codec_layout_glsl(pack.config), "generated/network.glsl": network_glsl(pack.config)}
+        {
+            "generated/codec.glsl": codec_layout_glsl(pack.config),
+            "generated/network.glsl": network_glsl(pack.config),
+            "generated/shared_network.glsl": shared_network_glsl(pack.config),
+        }
     )

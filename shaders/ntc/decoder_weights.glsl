@@ -1,0 +1,34 @@
+// The weights of one decoder, bound alone: a range of the buffer of all decoders.
+// Defined to 1 where a decoder is larger than a uniform buffer may be.
+#ifndef DECODER_IN_STORAGE
+#define DECODER_IN_STORAGE 0
+#endif
+
+#if PRECISION_FP16
+// Two blocks of four halves in each element, for uniform arrays are padded to 16 bytes.
+#define DECODER_ELEMENT uvec4
+#define DECODER_ELEMENTS ((DECODER_BLOCKS + 1) / 2)
+#else
+#define DECODER_ELEMENT vec4
+#define DECODER_ELEMENTS DECODER_BLOCKS
+#endif
+
+#if DECODER_IN_STORAGE
+layout(std430, binding = BINDING_DECODER) readonly buffer Decoder {
+    DECODER_ELEMENT decoder_elements[DECODER_ELEMENTS];
+};
+#else
+layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
+    DECODER_ELEMENT decoder_elements[DECODER_ELEMENTS];
+};
+#endif
+
+vec4 decoder_weight(int block) {
+#if PRECISION_FP16
+    uvec4 pair = decoder_elements[block >> 1];
+    uvec2 halves = (block & 1) == 0 ? pair.xy : pair.zw;
+    return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+#else
+    return decoder_elements[block];
+#endif
+}

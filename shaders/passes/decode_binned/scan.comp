@@ -1,0 +1,33 @@
+#version 430
+// Where the pixels of each decoder lie in the list: a sum over the counts before it. One work group for all bins.
+#include "passes/decode_binned/bins.glsl"
+layout(local_size_x = SCAN_GROUP) in;
+
+uniform int bin_count;
+uniform int pixels_per_group;
+
+shared uint sums[SCAN_GROUP];
+
+void main() {
+    int lane = int(gl_LocalInvocationID.x);
+    int each = (bin_count + SCAN_GROUP - 1) / SCAN_GROUP;
+    int begin = min(lane * each, bin_count);
+    int end = min(begin + each, bin_count);
+    uint own = 0u;
+    for (int bin = begin; bin < end; ++bin) own += bins[bin].counted;
+    sums[lane] = own;
+    barrier();
+    uint first = 0u;
+    for (int other = 0; other < lane; ++other) first += sums[other];
+    for (int bin = begin; bin < end; ++bin) {
+        uint count = bins[bin].counted;
+        bins[bin].groups_x = (count + uint(pixels_per_group) - 1u) / uint(pixels_per_group);
+        bins[bin].groups_y = 1u;
+        bins[bin].groups_z = 1u;
+        bins[bin].pixels = count;
+        bins[bin].first = first;
+        bins[bin].counted = 0u;
+        bins[bin].placed = 0u;
+        first += count;
+    }
+}
