@@ -15,7 +15,7 @@ from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
-from viewer.passes.scene_buffers import SceneBuffers
+from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
 
 FOLDER = "passes/decode_binned"
@@ -51,7 +51,7 @@ class DecodeBinnedPass:
     def run(
         self,
         visibility: VisibilityTarget,
-        scene_buffers: SceneBuffers,
+        scene_buffers: MaterialsSource,
         target: AlbedoTarget,
         decoders: Iterable[int],
     ) -> None:
@@ -79,6 +79,11 @@ class DecodeBinnedPass:
             set_uniforms(self._decode, {"bin": decoder})
             self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
         self._gl.memory_barrier()
+
+    def bins(self) -> bytes:
+        """BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
+        content: bytes = self._bins.read()
+        return content
 
     @property
     def bytes_on_gpu(self) -> int:

@@ -7,7 +7,7 @@ from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import GROUP_SIDE, ImageUnit
 from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
-from viewer.passes.scene_buffers import SceneBuffers
+from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
 
 
@@ -35,7 +35,7 @@ class DecodeDeferredPass:
             shared = {**defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
-    def run(self, visibility: VisibilityTarget, scene_buffers: SceneBuffers, target: AlbedoTarget) -> None:
+    def run(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
         """Decode the whole picture."""
         visibility.bind()
         scene_buffers.bind_materials()

@@ -1,5 +1,7 @@
 """A scene's geometry, instances and materials on the GPU."""
 
+from typing import Protocol
+
 import moderngl
 import numpy as np
 
@@ -35,6 +37,13 @@ def material_records(scene: Scene) -> np.ndarray:
         record["alpha_mode"] = ALPHA_CODES[material.alpha_mode]
         record["image_array"] = -1
     return records
+
+
+class MaterialsSource(Protocol):
+    """What knows the materials of what is seen."""
+
+    def bind_materials(self) -> None:
+        """Bind the materials to their storage binding."""
 
 
 class SceneBuffers:

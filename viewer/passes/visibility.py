@@ -57,6 +57,10 @@ class VisibilityTarget:
         zero = (ctypes.c_uint * 4)()
         self._functions("glClearBufferuiv", names.GL_COLOR, 0, ctypes.addressof(zero))
 
+    def write(self, words: NDArray[np.uint32]) -> None:
+        """Replace what is seen by `words` [H, W, 4] (docs/decode-paths.md), row 0 at the bottom: for benchmarks and tests."""
+        self._words.write(np.ascontiguousarray(words, np.uint32).tobytes())
+
     def bind(self) -> None:
         """Bind for reading by `common/visibility.glsl`."""
         for unit, texture in self._textures.items():

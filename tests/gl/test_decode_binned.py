@@ -1,0 +1,101 @@
+"""The binned path: every pixel is put into the list once, at its decoder's place, and decoded as the deferred path decodes it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.config import CodecConfig
+from viewer.bench.random_pack import random_pack
+from viewer.bench.worst_case import OneMaterial, interleaved_words
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.decode_binned import DecodeBinnedPass
+from viewer.passes.decode_deferred import DecodeDeferredPass
+from viewer.passes.decoder_ranges import DecoderRanges
+from viewer.passes.layout import BIN_RECORD, scene_layout_glsl
+from viewer.passes.pack_buffers import PackBuffers, codec_programs
+from viewer.passes.visibility import SurfaceContent, VisibilityTarget
+from viewer.resources import shaders_folder
+from viewer.view_state import Precision
+
+SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
+FULL = CodecConfig(
+    hidden_width=12, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, output_channels=4, levels=2
+)
+Words = NDArray[np.uint32]
+
+
+def with_background(words: Words) -> Words:
+    """Every seventh pixel sees nothing, every fifth a material without a texture."""
+    number = np.arange(words.shape[0] * words.shape[1]).reshape(words.shape[:2])
+    words[..., 0] = np.where(number % 5 == 0, words[..., 0] & np.uint32(0xFFFF0000), words[..., 0])
+    words[..., 0] = np.where(number % 7 == 0, np.uint32(0), words[..., 0])
+    return words
+
+
+def same_texture(words: Words) -> Words:
+    """All see texture 0."""
+    words[..., 0] = (words[..., 0] & np.uint32(0xFFFF0000)) | np.uint32(1)
+    return words
+
+
+def hostile(words: Words) -> Words:
+    """Coordinates and footprints that are no sensible numbers."""
+    values = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-45, 0.0, -7.25], np.float32).view(np.uint32)
+    random = np.random.default_rng(1)
+    words[..., 1:] = values[random.integers(0, len(values), words[..., 1:].shape)]
+    return words
+
+
+@pytest.mark.parametrize("change", [with_background, same_texture, hostile, np.zeros_like], ids=lambda f: f.__name__)
+@pytest.mark.parametrize(("decoders", "size"), [(1, (64, 64)), (3, (37, 23)), (64, (130, 9)), (700, (61, 40))])
+@pytest.mark.parametrize(("codec", "precision"), [(SMALL, "fp32"), (FULL, "fp16")])
+def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
+    graphics: GraphicsContext,
+    codec: CodecConfig,
+    precision: Precision,
+    decoders: int,
+    size: tuple[int, int],
+    change: Callable[[Words], Words],
+) -> None:
+    pack = random_pack(decoders, decoders, 16, codec)
+    words = change(interleaved_words(size, decoders))
+    visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
+    visibility.write(words)
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
+    buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
+    material, targets = OneMaterial(graphics.gl), [AlbedoTarget(graphics, size) for _ in range(2)]
+    deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, False, None)
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
+    deferred.run(visibility, material, targets[0])
+    texture = (words[..., 0] & 0xFFFF).astype(int) - 1
+    expected = np.bincount(texture[texture >= 0], minlength=decoders)
+    for _ in range(2):
+        # A second frame finds the bins empty again.
+        binned.run(visibility, material, targets[1], range(decoders))
+        bins = np.frombuffer(binned.bins(), BIN_RECORD)
+        np.testing.assert_array_equal(bins["pixels"], expected)
+        np.testing.assert_array_equal(bins["first"], np.cumsum(expected) - expected)
+        np.testing.assert_allclose(targets[1].read(), targets[0].read(), atol=2e-5, rtol=0.0)
+    for made in (*targets, material, binned, ranges, buffers, programs):
+        made.release()
+
+
+def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> None:
+    pack = random_pack(4, 4, 16, SMALL)
+    visibility = VisibilityTarget(graphics, (64, 64), SurfaceContent(False, False))
+    visibility.write(same_texture(interleaved_words((64, 64), 4)))
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
+    buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
+    material, target = OneMaterial(graphics.gl), AlbedoTarget(graphics, (64, 64))
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
+    binned.run(visibility, material, target, range(4))
+    groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]
+    assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]
+    for made in (target, material, binned, ranges, buffers, programs):
+        made.release()

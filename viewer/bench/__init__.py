@@ -1,0 +1,1 @@
+"""Benchmarks that `ntc-viewer bench` runs."""
