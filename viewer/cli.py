@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from ntc.errors import InputError
 from viewer.commandline.arguments import Options, parse_arguments
+from viewer.commandline.bench_options import BenchOptions
 from viewer.commandline.options import (
     DecodeOptions,
     DoctorOptions,
@@ -47,6 +48,10 @@ def run(options: Options) -> int:
             from viewer.commandline.info import info
 
             return info(options)
+        case BenchOptions():
+            from viewer.commandline.bench import bench
+
+            return bench(options)
         case ClusterStudyOptions():
             from viewer.commandline.study_clusters import study_clusters
 

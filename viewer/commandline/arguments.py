@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from ntc.errors import InputError
+from viewer.commandline.bench_options import BenchOptions
 from viewer.commandline.options import (
     DecodeOptions,
     DoctorOptions,
@@ -32,7 +33,16 @@ from viewer.commandline.study_options import (
 from viewer.pack_files import PACK_SUFFIX
 
 StudyOptions = ClusterStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
-Options = ViewOptions | RenderOptions | EncodeOptions | DecodeOptions | InfoOptions | DoctorOptions | StudyOptions
+Options = (
+    ViewOptions
+    | RenderOptions
+    | EncodeOptions
+    | DecodeOptions
+    | InfoOptions
+    | BenchOptions
+    | DoctorOptions
+    | StudyOptions
+)
 
 _Subcommands = (
     Annotated[ViewOptions, tyro.conf.subcommand("view", prefix_name=False)]
@@ -40,9 +50,10 @@ _Subcommands = (
     | Annotated[EncodeOptions, tyro.conf.subcommand("encode", prefix_name=False)]
     | Annotated[DecodeOptions, tyro.conf.subcommand("decode", prefix_name=False)]
     | Annotated[InfoOptions, tyro.conf.subcommand("info", prefix_name=False)]
+    | Annotated[BenchOptions, tyro.conf.subcommand("bench", prefix_name=False)]
     | Annotated[DoctorOptions, tyro.conf.subcommand("doctor", prefix_name=False)]
 )
-SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "doctor")
+SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "bench", "doctor")
 STUDIES: dict[str, type[StudyOptions]] = {
     "clusters": ClusterStudyOptions,
     "paper-textures": PaperStudyOptions,
@@ -132,7 +143,10 @@ def _study(words: list[str]) -> type[StudyOptions]:
 
 def _with_scene_found(options: Options) -> Options:
     """A scene written behind `--pack F ...` was read as a pack: take it back."""
-    if not isinstance(options, ViewOptions | RenderOptions | ClusterStudyOptions) or options.scene is not None:
+    if (
+        not isinstance(options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions)
+        or options.scene is not None
+    ):
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX]
     if len(scenes) != 1:
