@@ -20,7 +20,7 @@ from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
 
-PATHS: tuple[DecodePath, ...] = ("deferred", "forward")
+PATHS: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
 PRECISIONS: tuple[Precision, ...] = ("fp32", "fp16")
 WARM_UP_FRAMES = 1
 

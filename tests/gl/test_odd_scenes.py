@@ -21,9 +21,9 @@ from viewer.renderer import Renderer
 from viewer.scene.model import Material, Scene
 from viewer.view_state import DecodePath, Slot, ViewState
 
-PATHS: tuple[DecodePath, ...] = ("deferred", "forward")
+PATHS: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
 MAP = PixelMap((0.0, 1.0), (1 / 16, 0.0), (0.0, -1 / 16))
-SLOTS = (Slot(), Slot("p", "deferred"), Slot("p", "forward"))
+SLOTS = (Slot(), Slot("p", "deferred"), Slot("p", "forward"), Slot("p", "binned"))
 
 
 def drawn(graphics: GraphicsContext, scene: Scene, size: tuple[int, int], slots: tuple[Slot, ...] = (Slot(),)) -> list:

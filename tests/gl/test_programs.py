@@ -43,6 +43,16 @@ COMPUTED = [
     for name in ("passes/decode_deferred/decode.comp", "passes/decode_texels/decode.comp")
     for precision in PRECISIONS
 ]
+COMPUTED += [
+    (name, {**precision, "DECODER_IN_STORAGE": storage})
+    for name in ("passes/decode_deferred/decode_shared.comp", "passes/decode_binned/decode.comp")
+    for precision in PRECISIONS
+    for storage in (0, 1)
+]
+COMPUTED += [
+    (f"passes/decode_binned/{name}.comp", {"PRECISION_FP16": 0, "VERTEX_COLORS": 1})
+    for name in ("count", "scan", "scatter")
+]
 COMPUTED += [("passes/divergence/divergence.comp", {"BLOCK_WIDTH": 8, "BLOCK_HEIGHT": 8})]
 ALL_GLSL = sorted(
     path.relative_to(shaders_folder()).as_posix() for path in shaders_folder().rglob("*") if path.is_file()
@@ -87,6 +97,7 @@ def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConf
 def assembled(name: str) -> ShaderSource:
     """A shader of the folder with stand-ins for the generated codec."""
     generated = {"generated/layout.glsl": "", "generated/codec.glsl": "", "generated/network.glsl": ""}
+    generated["generated/shared_network.glsl"] = ""
     return ShaderLibrary(shaders_folder(), generated).assemble(name)
 
 
