@@ -20,6 +20,7 @@ SLOTS = (
     Slot(REFERENCE),
     Slot("clustered", "deferred"),
     Slot("clustered", "forward"),
+    Slot("clustered", "binned"),
     Slot("baseline", "deferred"),
 )
 
