@@ -9,7 +9,7 @@ from ntc.config import CodecConfig
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
-from viewer.passes.layout import ImageUnit, StorageBinding, TextureUnit, scene_layout_glsl
+from viewer.passes.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
 from viewer.passes.pack_buffers import codec_programs
 from viewer.resources import shaders_folder
 
@@ -97,7 +97,7 @@ def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConf
 def assembled(name: str) -> ShaderSource:
     """A shader of the folder with stand-ins for the generated codec."""
     generated = {"generated/layout.glsl": "", "generated/codec.glsl": "", "generated/network.glsl": ""}
-    generated["generated/shared_network.glsl"] = ""
+    generated["generated/shared_network.glsl"] = '#include "ntc/decoder_weights.glsl"'
     return ShaderLibrary(shaders_folder(), generated).assemble(name)
 
 
@@ -113,6 +113,7 @@ def test_bindings_come_from_the_layout() -> None:
         {f"BINDING_{b.name}" for b in StorageBinding}
         | {f"UNIT_{u.name}" for u in TextureUnit}
         | {f"IMAGE_{i.name}" for i in ImageUnit}
+        | {f"UNIFORM_{u.name}" for u in UniformBinding}
     )
     used = set()
     for name in ALL_GLSL:
