@@ -96,10 +96,11 @@ def quality_figure(table: Table, title: str) -> Figure:
         axes.bar_label(bars, [f"{value:.2f}" for value in values], padding=3, fontsize=8)
     axes.set_yticks(places, [_label(row) for row in table.rows])
     axes.invert_yaxis()
+    axes.margins(y=0.01)
     lowest = min(float(row.get("of_mean_mse_db") or 0.0) for row in table.rows)
     axes.set_xlim(left=max(0.0, lowest - 3.0))
     axes.set_xlabel("PSNR, dB")
-    axes.legend(loc="lower right")
+    figure.legend(loc="outside lower right", ncols=2)
     return figure
 
 

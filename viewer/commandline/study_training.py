@@ -87,6 +87,10 @@ def machine() -> dict[str, Any]:
     }
 
 
+def _all_runs(results: Sequence[RunResult]) -> dict[str, Any]:
+    return {"runs": [{key: value for key, value in asdict(result).items() if key != "curve"} for result in results]}
+
+
 def write_pages(
     out: Path,
     title: str,
@@ -96,7 +100,7 @@ def write_pages(
     began: float,
     more: dict[str, Any] | None = None,
 ) -> None:
-    """Files of every page; the record holds every setting and figure."""
+    """Files of every page; its record holds every setting, that of the first page every run too."""
     for page in pages:
         record = {
             "study": page.name,
@@ -105,7 +109,7 @@ def write_pages(
             "machine": machine(),
             "seconds": time.monotonic() - began,
             "rows": [dict(row) for row in page.table.rows],
-            "runs": [{key: value for key, value in asdict(result).items() if key != "curve"} for result in results],
+            **(_all_runs(results) if page is pages[0] else {}),
             **(more or {}),
         }
         write_study(out, page.name, title, page.table, page.figure, record)
