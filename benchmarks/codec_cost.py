@@ -9,12 +9,13 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from benchmarks.measuring import arguments, chosen_cameras, median, nudged, report
+from benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.pack import Grouping, Pack
 from ntc.train import train
 from ntc.training_config import TrainingConfig
+from viewer.bench.scene import nudged
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.renderer import Renderer
 from viewer.scene.load import load_scene

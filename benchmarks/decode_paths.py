@@ -10,9 +10,10 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measuring import arguments, chosen_cameras, median, nudged, report
+from benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.errors import InputError
 from ntc.pack import Pack
+from viewer.bench.scene import nudged
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.pack_files import open_packs
 from viewer.renderer import Renderer

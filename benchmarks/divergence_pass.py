@@ -8,8 +8,9 @@ Groupings: a decoder for each texture, ten groups, and both at once; each by com
 import sys
 from collections import defaultdict
 
-from benchmarks.measuring import arguments, chosen_cameras, median, nudged, report
+from benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.errors import InputError
+from viewer.bench.scene import nudged
 from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer

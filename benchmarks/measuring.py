@@ -4,7 +4,6 @@ import argparse
 import json
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,6 @@ from viewer.camera import frame_all
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.model import Camera, Scene
 
-NUDGE = 1e-4
-"""A camera moves by this share of its distance to the target each frame, so that no pass can be skipped."""
 LOG_COLUMNS = 160
 """Width of a table that goes to a file."""
 
@@ -44,14 +41,6 @@ def chosen_cameras(scene: Scene, file: Path | None, names: Sequence[str] | None)
     """The cameras to measure. Raises InputError for a bad file."""
     cameras = read_cameras(file) if file is not None else scene.cameras or (frame_all(scene.bounds),)
     return tuple(camera for camera in cameras if not names or camera.name in names)
-
-
-def nudged(camera: Camera, frame: int) -> Camera:
-    """`camera` moved sideways a little, differently for each frame."""
-    x, y, z = camera.eye
-    tx, ty, tz = camera.target
-    step = NUDGE * (frame % 7 + 1)
-    return replace(camera, eye=(x + step * (tz - z), y, z - step * (tx - x)), target=(tx, ty, tz))
 
 
 def median(values: Sequence[float]) -> float:

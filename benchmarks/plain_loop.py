@@ -17,8 +17,9 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from benchmarks.measuring import arguments, chosen_cameras, median, nudged, report
+from benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.errors import InputError
+from viewer.bench.scene import nudged
 from viewer.camera import view_projection
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.renderer import Renderer

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.features.pixels import as_rgb
+from ntc.features.pixels import as_rgb, check_image
 
 BlockFormat = Literal["bc1", "bc7"]
 
@@ -87,8 +87,7 @@ def compress(pixels: NDArray[np.uint8], block_format: BlockFormat) -> BlockCompr
     fourth one are alpha: kept by BC7, left out of BC1. Sides that are no multiple of 4 are filled up by their last
     texels. Raises InputError for another shape, type or format, and where the encoders are not installed.
     """
-    if pixels.dtype != np.uint8 or pixels.ndim != 3 or not 1 <= pixels.shape[2] <= 4 or pixels.size == 0:
-        raise InputError(f"image: has shape {pixels.shape} of {pixels.dtype}; needs [H, W, 1 to 4] of uint8, not empty")
+    check_image(pixels)
     height, width, channels = pixels.shape
     colors = [1] if channels <= 2 else [0, 1, 2]
     if block_format == "bc1":

@@ -7,17 +7,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.config import CodecConfig, WrapMode
 from ntc.decoder import AdapterStack, DecoderStack
 from ntc.latents import latent_levels
 from ntc.pack import EncodedTexture, Pack
 from ntc.reference import image_of_texels
-from ntc.sampling import (
-    PyramidTable,
-    positional_encoding,
-    trilinear_corners,
-    weighted_rows,
-)
+from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows, with_lod
 
 TEXELS_AT_ONCE = 1 << 17
 """Texels decoded together, to bound memory."""
@@ -39,11 +34,7 @@ def codec_features(
     """
     index, weights = trilinear_corners(cells, texture, uv, lod)
     waves = positional_encoding(texels, texture, uv, lod, config.positional_octaves)
-    return weighted_rows(latents, index, weights), _with_lod(waves, lod, config)
-
-
-def _with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
-    return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
+    return weighted_rows(latents, index, weights), with_lod(waves, lod, config)
 
 
 def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:

@@ -1,4 +1,4 @@
-"""How near one picture is to another, and how even a pack's quality is: SSIM, FLIP, its worst textures, its mips."""
+"""How near one picture is to another: SSIM and FLIP."""
 
 import math
 
@@ -6,14 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ntc.codec import TorchCodec
 from ntc.errors import InputError
-from ntc.features.pixels import LUMA, as_rgb
-from ntc.latents import latent_levels
-from ntc.metrics import psnr_db
-from ntc.mips import mip_chain
-from ntc.pack import Pack
-from ntc.textures import SourceTexture
+from ntc.features.pixels import LUMA, as_rgb, check_image
 
 Image = NDArray[np.uint8]
 
@@ -27,10 +21,7 @@ PIXELS_PER_DEGREE = 67.02
 
 def _check_pair(a: Image, b: Image) -> None:
     for image in (a, b):
-        if image.dtype != np.uint8 or image.ndim != 3 or not 1 <= image.shape[2] <= 4 or image.size == 0:
-            raise InputError(
-                f"image: has shape {image.shape} of {image.dtype}; needs [H, W, 1 to 4] of uint8, not empty"
-            )
+        check_image(image)
     if a.shape != b.shape:
         raise InputError(f"images: have shapes {a.shape} and {b.shape}; resize one to the other")
 
@@ -84,21 +75,3 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
     )
     # Its own mean is a sum in single precision.
     return float(np.mean(errors, dtype=np.float64))
-
-
-def level_psnr(
-    pack: Pack, texture_index: int, source: SourceTexture, codec: TorchCodec | None = None
-) -> tuple[float, ...]:
-    """PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
-
-    Level l as `codec` (None: one of `pack` on the CPU) decodes it, against mip l of `source`, which `pack` encodes.
-    Raises InputError for a source of another size or with other channels.
-    """
-    encoded = pack.textures[texture_index]
-    expected = (encoded.height, encoded.width, encoded.channels)
-    if source.pixels.shape != expected:
-        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it anew")
-    codec = codec or TorchCodec(pack, "cpu")
-    levels = len(latent_levels(encoded.width, encoded.height, pack.config))
-    mips = mip_chain(source.pixels, source.color_space)[:levels]
-    return tuple(psnr_db(codec.decode_image(texture_index, level), mip) for level, mip in enumerate(mips))

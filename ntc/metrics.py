@@ -12,7 +12,8 @@ from ntc.errors import InputError
 from ntc.pack import Adapter, Pack
 
 
-def _finite_or_none(value: float | None) -> float | None:
+def finite_or_none(value: float | None) -> float | None:
+    """`value`, or None for what JSON cannot say: the PSNR of equal images is infinite."""
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -90,14 +91,14 @@ class PsnrTable:
         """Everything as JSON values; an infinite PSNR becomes null."""
         summary = None
         if self.summary is not None:
-            summary = {name: _finite_or_none(value) for name, value in vars(self.summary).items()}
+            summary = {name: finite_or_none(value) for name, value in vars(self.summary).items()}
         return {
             "psnr_db": summary,
             "bits_per_texel": self.bits_per_texel,
             "latent_bytes": self.latent_bytes,
             "decoder_bytes": self.decoder_bytes,
             "adapter_bytes": self.adapter_bytes,
-            "textures": [{**row, "psnr_db": _finite_or_none(row["psnr_db"])} for row in self.rows],
+            "textures": [{**row, "psnr_db": finite_or_none(row["psnr_db"])} for row in self.rows],
         }
 
     def lines(self) -> list[str]:

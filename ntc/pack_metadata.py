@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, NoReturn
 
 from ntc.config import CodecConfig
+from ntc.metrics import finite_or_none
 from ntc.pack import Grouping, Pack
 
 FORMAT_VERSION = 1
@@ -53,10 +54,6 @@ class PackMetadata:
     training: Mapping[str, Any]
 
 
-def _finite_or_none(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def metadata_json(pack: Pack) -> str:
     """The metadata of `pack`; the same pack gives the same text."""
     return json.dumps(
@@ -79,7 +76,7 @@ def metadata_json(pack: Pack) -> str:
                     "color_space": texture.color_space,
                     "wrap": list(texture.wrap),
                     "category": texture.category,
-                    "psnr_db": _finite_or_none(texture.psnr_db),
+                    "psnr_db": finite_or_none(texture.psnr_db),
                 }
                 for texture in pack.textures
             ],

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ntc.config import LOD_INPUT_SCALE, CodecConfig
+
 
 @dataclass(frozen=True, eq=False)
 class PyramidTable:
@@ -101,3 +103,8 @@ def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: T
     share = (lod - lower)[:, None]
     waves = [level_waves(table, texture, uv, level, octaves) for level in (lower, upper)]
     return waves[0] * (1.0 - share) + waves[1] * share
+
+
+def with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
+    """[N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
+    return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves

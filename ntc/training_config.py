@@ -1,6 +1,6 @@
 """The settings of training, and the recipes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ntc.config import CodecConfig, RecipeName
@@ -78,6 +78,19 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
             converged_db=None,
         )
     return TrainingConfig()
+
+
+def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConfig:
+    """Everything of a recipe but length, samples, seed and device, which are those of `training`: all groups side by side."""
+    return replace(
+        recipe_config(name),
+        steps=training.steps,
+        epochs=training.epochs,
+        texels_per_texture=training.texels_per_texture,
+        texels_per_group=None,
+        seed=training.seed,
+        device=training.device,
+    )
 
 
 def recipe_codec(name: RecipeName, output_channels: int, levels: int | None) -> CodecConfig:

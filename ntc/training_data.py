@@ -7,10 +7,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ntc.config import LOD_INPUT_SCALE, CodecConfig
+from ntc.config import CodecConfig
 from ntc.latents import latent_levels
 from ntc.mips import mip_chain, to_linear
-from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners
+from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, with_lod
 from ntc.texel_tables import TexelTables
 from ntc.textures import SourceTexture
 
@@ -125,7 +125,7 @@ class TrainingData:
             lod=lod,
             index=found.index,
             weights=found.weights,
-            known=self._with_lod(found.waves, lod),
+            known=with_lod(found.waves, lod, self._config),
             targets=self._coded.index_select(0, row).float().div_(255.0),
         )
 
@@ -138,10 +138,7 @@ class TrainingData:
         index, weights = trilinear_corners(self._cells, texture, uv, lod)
         waves = positional_encoding(self._texels, texture, uv, lod, self._config.positional_octaves)
         targets = self._filtered(texture, uv, lod)
-        return Samples(uv, lod, index, weights, self._with_lod(waves, lod), targets)
-
-    def _with_lod(self, waves: Tensor, lod: Tensor) -> Tensor:
-        return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if self._config.lod_inputs else waves
+        return Samples(uv, lod, index, weights, with_lod(waves, lod, self._config), targets)
 
     def _filtered(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
         if self._linear is None:

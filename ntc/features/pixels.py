@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.errors import InputError
 from ntc.mips import mip_chain
 from ntc.textures import SourceTexture
 
@@ -27,3 +28,9 @@ def small_mips(texture: SourceTexture) -> list[NDArray[np.float64]]:
     """
     chain = mip_chain(texture.pixels, texture.color_space)
     return [as_rgb(mip).astype(np.float64) / 255.0 for mip in chain if max(mip.shape[:2]) <= LARGEST_SIDE]
+
+
+def check_image(image: NDArray[np.uint8]) -> None:
+    """Raises InputError unless `image` is [H, W, 1 to 4] uint8 and holds a texel."""
+    if image.dtype != np.uint8 or image.ndim != 3 or not 1 <= image.shape[2] <= 4 or image.size == 0:
+        raise InputError(f"image: has shape {image.shape} of {image.dtype}; needs [H, W, 1 to 4] of uint8, not empty")

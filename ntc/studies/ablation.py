@@ -9,9 +9,9 @@ from ntc.config import CodecConfig
 from ntc.pack import Grouping
 from ntc.studies.quality_table import COLUMNS, by_key, quality_row, textures_db
 from ntc.studies.runs import Run, RunResult
-from ntc.studies.settings import PAPER_SETTINGS, StudySettings
+from ntc.studies.settings import StudySettings
 from ntc.studies.table import Cell, Column, Table
-from ntc.training_config import FreezingConfig, TrainingConfig
+from ntc.training_config import FreezingConfig, TrainingConfig, in_the_manner_of, recipe_codec
 
 BEST = "best"
 PAPER = "paper"
@@ -41,8 +41,8 @@ CHANGES: Mapping[str, Change] = {
     "with the paper's freezing": _training(freezing=FreezingConfig()),
     "with balanced losses": _training(balance=0.5),
     PAPER: lambda codec, training: (
-        replace(codec, adapters=False, adapter_output=False, latent_channels=4, latent_bits=8, weight_bits=32),
-        replace(training, **PAPER_SETTINGS),
+        recipe_codec("paper", codec.output_channels, codec.levels),
+        in_the_manner_of("paper", training),
     ),
 }
 """Each variant by its name."""

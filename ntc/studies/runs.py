@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,8 +12,9 @@ from ntc.block_compression import BlockFormat, compress
 from ntc.codec import TorchCodec
 from ntc.config import CodecConfig
 from ntc.files import write_text
-from ntc.image_quality import flip, level_psnr, ssim
-from ntc.metrics import psnr_db, psnr_table
+from ntc.image_quality import flip, ssim
+from ntc.level_quality import level_psnr
+from ntc.metrics import finite_or_none, psnr_db, psnr_table
 from ntc.mips import mip_chain
 from ntc.pack import Grouping, Pack
 from ntc.pack_file import write_pack
@@ -116,10 +116,6 @@ def _keep(path: Path, settings: dict[str, Any], result: RunResult) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def _at_level(textures: Sequence[SourceTexture], level: int) -> list[SourceTexture]:
     if level == 0:
         return list(textures)
@@ -136,7 +132,7 @@ def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[Source
     codec = TorchCodec(pack, choose_device(run.training.device))
     if run.every_level:
         levels = [level_psnr(pack, index, texture, codec) for index, texture in enumerate(textures)]
-        result = replace(result, level_psnr_db=tuple(tuple(_finite(value) for value in row) for row in levels))
+        result = replace(result, level_psnr_db=tuple(tuple(finite_or_none(value) for value in row) for row in levels))
     if run.pictures:
         pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]
         result = replace(result, ssim=tuple(ssim(a, b) for a, b in pairs), flip=tuple(flip(a, b) for a, b in pairs))
@@ -172,7 +168,7 @@ def finished_run(
         grouping=run.grouping.name,
         groups=run.grouping.group_count,
         seed=run.training.seed,
-        psnr_db=tuple(_finite(texture.psnr_db) for texture in pack.textures),
+        psnr_db=tuple(finite_or_none(texture.psnr_db) for texture in pack.textures),
         bits_per_texel=psnr_table(pack).bits_per_texel,
         seconds=seconds,
         texels=steps * run.training.texels_per_texture * len(textures),
@@ -208,7 +204,7 @@ def block_compressed(
         compressed = compress(texture.pixels, block_format)
         channels = min(compressed.decoded.shape[2], texture.pixels.shape[2])
         truth, decoded = texture.pixels[..., :channels], compressed.decoded[..., :channels]
-        decibels.append(_finite(psnr_db(truth, decoded)))
+        decibels.append(finite_or_none(psnr_db(truth, decoded)))
         similar.append(ssim(truth, decoded))
         differences.append(flip(truth, decoded))
         bits += compressed.bits_per_texel * texture.size[0] * texture.size[1]

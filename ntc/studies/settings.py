@@ -1,27 +1,13 @@
 """How large the trainings of a study are."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 from ntc.config import CodecConfig, RecipeName
 from ntc.errors import InputError
-from ntc.training_config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
+from ntc.training_config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
 
 ScaleName = Literal["small", "paper"]
-
-PAPER_SETTINGS: dict[str, Any] = {
-    "recipe": "paper",
-    "latent_rate": 4e-3,
-    "decoder_rate": 4e-4,
-    "latent_start": "chance",
-    "hidden_optimizer": "adam",
-    "schedule": "constant",
-    "freezing": FreezingConfig(),
-    "rounded_share": 0.0,
-    "latent_clip": None,
-    "converged_db": None,
-}
-"""Rates, start, optimiser and freezing of the paper, for trainings whose length and samples the study sets."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +43,10 @@ class StudySettings:
                 else TrainingConfig(steps=None, epochs=350.0, texels_per_texture=8192)
             )
             return replace(length, seed=seed, device=self.device)
-        training = TrainingConfig(
+        same = TrainingConfig(
             steps=self.steps, texels_per_texture=self.texels_per_texture, seed=seed, device=self.device
         )
-        return replace(training, **PAPER_SETTINGS) if recipe == "paper" else training
+        return in_the_manner_of(recipe, same)
 
     def codec(self, recipe: RecipeName, output_channels: int) -> CodecConfig:
         """The codec of `recipe`."""

@@ -57,7 +57,8 @@ class SceneBenchRow:
     """Most 8-bit steps that a channel of a pixel is away from the same pack by `deferred` in fp32."""
 
 
-def _nudged(camera: Camera, frame: int) -> Camera:
+def nudged(camera: Camera, frame: int) -> Camera:
+    """`camera` moved sideways a little, differently for each frame."""
     x, y, z = camera.eye
     tx, _, tz = camera.target
     step = NUDGE * (frame % 7 + 1)
@@ -87,7 +88,7 @@ def bench_scene(
         times: dict[Slot, list[Mapping[str, float]]] = defaultdict(list)
         for repeat in range(-1, config.repeats):
             for turn, slot in enumerate(slots):
-                moved = _nudged(camera, repeat * len(slots) + turn)
+                moved = nudged(camera, repeat * len(slots) + turn)
                 timings = renderer.render(ViewState(moved, config.size, slot)).timings_ms
                 if repeat >= 0:
                     times[slot].append(timings)

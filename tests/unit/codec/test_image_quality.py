@@ -14,8 +14,9 @@ from ntc.codec import TorchCodec
 from ntc.color import srgb_to_linear
 from ntc.config import CodecConfig
 from ntc.errors import InputError
-from ntc.image_quality import flip, level_psnr, ssim
+from ntc.image_quality import flip, ssim
 from ntc.latents import latent_levels
+from ntc.level_quality import level_psnr
 from ntc.metrics import psnr_db, worst_share_db
 from ntc.mips import mip_chain
 from ntc.pack import Pack
