@@ -8,7 +8,7 @@ from viewer.navigation import frame
 from viewer.palettes import PALETTES
 from viewer.session import Session
 from viewer.settings import CameraMode
-from viewer.view_state import BLOCKS, REFERENCE, CompareMode, DecodePath, OverlayKind
+from viewer.view_state import BLOCKS, REFERENCE, CompareMode, OverlayKind, PathChoice
 from viewer.zoom import WHOLE
 
 
@@ -24,7 +24,13 @@ class Command:
 
 
 NEXT_MODE: dict[CompareMode, CompareMode] = {"a": "b", "b": "wipe", "wipe": "a"}
-NEXT_PATH: dict[DecodePath, DecodePath] = {"deferred": "binned", "binned": "forward", "forward": "deferred"}
+NEXT_PATH: dict[PathChoice, PathChoice] = {
+    "auto": "deferred",
+    "deferred": "binned",
+    "binned": "cached",
+    "cached": "forward",
+    "forward": "deferred",
+}
 PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),
     ("right or middle drag", "pan"),
@@ -137,7 +143,7 @@ def _close(session: Session) -> None:
 COMMANDS = (
     Command("next mode", "Tab", "show A, B, or both with a divider", _next_mode),
     Command("next source", "N", "show the next open pack in slot A", _next_source),
-    Command("decode path", "P", "switch slot A to the next decode path: deferred, binned, forward", _next_path),
+    Command("decode path", "P", "switch slot A to the next decode path: deferred, binned, cached, forward", _next_path),
     Command("divergence", "O", "lay the heatmap of decoders per block over the picture", _toggle_overlay),
     Command("block shape", "B", "count decoders in blocks of another shape: 8x8, 8x4, 16x4, 4x4", _next_block),
     Command("palette", "L", "colour the heatmap green to red, or fit for the colour-blind", _next_palette),

@@ -17,23 +17,22 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.pack_files import match_scene
+from viewer.pack_on_gpu import Drawing, PackOnGpu, SeenSurfaces
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, Look
 from viewer.passes.culling import Culling, DrawList
-from viewer.passes.decode_binned import DecodeBinnedPass
-from viewer.passes.decode_deferred import DecodeDeferredPass
-from viewer.passes.decode_forward import DecodeForwardPass
-from viewer.passes.decoder_ranges import DecoderRanges
+from viewer.passes.decode_cached import TileCacheConfig, TileCounts
 from viewer.passes.divergence import Stage
 from viewer.passes.layout import scene_layout_glsl
-from viewer.passes.pack_buffers import PackBuffers, codec_programs
+from viewer.passes.pack_buffers import codec_programs
 from viewer.passes.reference import ReferencePass
 from viewer.passes.scene_buffers import SceneBuffers, material_records
 from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
+from viewer.path_choice import PathTimes, time_paths
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.shown_divergence import CountedGrouping, ShownDivergence
-from viewer.view_state import REFERENCE, Precision, Slot, ViewState
+from viewer.view_state import REFERENCE, Overlay, Precision, Slot, ViewState
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +53,23 @@ class FrameResult:
     """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
     drawn: Mapping[str, int]
     """Triangles and draw commands of the visibility buffer."""
+    tiles: Mapping[Slot, TileCounts]
+    """The tile caches of the shown slots that have one."""
+
+    @property
+    def waiting(self) -> int:
+        """Tiles that are still to come: the same view drawn again shows more."""
+        return sum(counts.waiting for counts in self.tiles.values())
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What an albedo was made from."""
+
+    key: object
+    """Equal means that it is still good."""
+    number: int
+    """Of the drawing: differs whenever the albedo may."""
 
 
 @dataclass
@@ -63,8 +79,8 @@ class _Targets:
     visibility: VisibilityTarget
     composite: CompositeTarget
     albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
-    drawn: dict[Slot, object] = field(default_factory=dict)
-    """For each slot what its albedo was made from; equal means it is still good."""
+    drawn: dict[Slot, _Drawn] = field(default_factory=dict)
+    """For each slot what its albedo was made from."""
     slot_ms: dict[Slot, float] = field(default_factory=dict)
     visibility_key: object = None
     composite_key: object = None
@@ -76,49 +92,16 @@ class _Targets:
             target.release()
 
 
-@dataclass
-class _DecodePasses:
-    """A pack on the GPU in one precision, with the paths that read it; forward compiles only when it is used."""
-
-    pack: Pack
-    decoders: tuple[int, ...]
-    """Decoder of every texture of the scene; -1 where nothing is decoded."""
-    buffers: PackBuffers
-    ranges: DecoderRanges
-    programs: ProgramFactory
-    deferred: DecodeDeferredPass | None = None
-    forward: DecodeForwardPass | None = None
-    binned: DecodeBinnedPass | None = None
-
-    @property
-    def shared_decoder(self) -> int | None:
-        """The decoder that all textures of the scene have, if it is one."""
-        used = {decoder for decoder in self.decoders if decoder >= 0}
-        return used.pop() if len(used) == 1 else None
-
-    @property
-    def bytes_on_gpu(self) -> int:
-        """All buffers."""
-        binned = self.binned.bytes_on_gpu if self.binned is not None else 0
-        return self.buffers.bytes_on_gpu + self.ranges.bytes_on_gpu + binned
-
-    def release(self) -> None:
-        """Free all buffers."""
-        self.buffers.release()
-        self.ranges.release()
-        if self.binned is not None:
-            self.binned.release()
-
-
-def _distinct(slot: Slot) -> Slot:
-    """`slot` without the fields that are of no effect for it, so that equal pictures have equal slots."""
-    return Slot(REFERENCE) if slot.source == REFERENCE else slot
-
-
 class Renderer:
     """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
 
-    def __init__(self, context: GraphicsContext, scene: Scene, divergence_stage: Stage = "compute") -> None:
+    def __init__(
+        self,
+        context: GraphicsContext,
+        scene: Scene,
+        divergence_stage: Stage = "compute",
+        tile_cache: TileCacheConfig | None = None,
+    ) -> None:
         self._context, self._scene = context, scene
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         self._programs = ProgramFactory(context.gl, library)
@@ -129,12 +112,14 @@ class Renderer:
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._composite = CompositePass(context, self._programs)
         self._timer = PassTimer(context)
+        self._drawing = Drawing(context, scene, self._scene_buffers, self._timer, tile_cache or TileCacheConfig())
         self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
-        self._version = 0
+        self._version = self._draws = 0
         self._matches: dict[str, PackMatch] = {}
-        self._decode: dict[tuple[str, Precision], _DecodePasses] = {}
+        self._decode: dict[tuple[str, Precision], PackOnGpu] = {}
+        self._path_times: dict[tuple[str, Precision], PathTimes] = {}
         self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
         self._targets: _Targets | None = None
         self._draw_list: DrawList | None = None
@@ -158,32 +143,39 @@ class Renderer:
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
         """The packs that slots may name. Those that are gone or replaced are freed."""
-        for name in [name for name, pack in self._packs.items() if packs.get(name) is not pack]:
-            for key in [key for key in self._decode if key[0] == name]:
-                self._decode.pop(key).release()
         for name, pack in packs.items():
             if self._packs.get(name) is not pack:
                 self._version += 1
                 self._pack_versions[name] = self._version
                 self._matches[name] = match_scene(pack, self._scene)
+        for key, on_gpu in list(self._decode.items()):
+            replaced = packs.get(key[0])
+            if replaced is None or replaced.config != on_gpu.pack.config:
+                self._decode.pop(key).release()
+            elif replaced is not on_gpu.pack:
+                self._decode[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
         self._matches = {name: match for name, match in self._matches.items() if name in packs}
         self._packs = dict(packs)
 
     def gpu_bytes(self, slot: Slot) -> int | None:
         """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
-        passes = self._decode.get((slot.source, slot.precision))
-        return passes.bytes_on_gpu if passes is not None else None
+        on_gpu = self._decode.get((slot.source, slot.precision))
+        return on_gpu.bytes_on_gpu if on_gpu is not None else None
 
-    def render(self, view: ViewState) -> FrameResult:
-        """Draw `view`; passes whose inputs are as before are skipped and counted."""
+    def render(self, view: ViewState, whole: bool = False) -> FrameResult:
+        """Draw `view`; passes whose inputs are as before are skipped and counted.
+
+        With `whole` path `cached` decodes all that is missing, whatever time the renderer's TileCacheConfig gives it.
+        """
         skipped: dict[str, int] = defaultdict(int)
-        view = replace(view, slot_a=_distinct(view.slot_a), slot_b=_distinct(view.slot_b))
+        asked = (view.slot_a, view.slot_b)
+        view = replace(view, slot_a=self._chosen(view.slot_a, view), slot_b=self._chosen(view.slot_b, view))
         self._view = view
         targets = self._targets_for(view)
         draw_list = self._update_visibility(view, targets, skipped)
         slots = {"a": (view.slot_a,), "b": (view.slot_b,), "wipe": (view.slot_a, view.slot_b)}[view.compare]
         for slot in dict.fromkeys(slots):
-            self._update_albedo(view, slot, targets, draw_list, skipped)
+            self._update_albedo(view, slot, targets, draw_list, skipped, whole)
         self._forget_unused(view, targets)
         divergence = self._update_divergence(view, slots, targets, skipped)
         self._update_composite(view, targets, skipped)
@@ -191,16 +183,46 @@ class Renderer:
         skipped["images_not_uploaded"] = self._reference.images_not_uploaded
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
+        tiles = {slot: counts for slot in slots if (counts := self._tiles(slot)) is not None}
+        skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
+        slot_ms = dict(targets.slot_ms)
+        for slot, chosen in zip(asked, (view.slot_a, view.slot_b), strict=True):
+            if chosen in slot_ms:
+                slot_ms[slot] = slot_ms[chosen]
         drawn = {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)}
         return FrameResult(
             targets.composite.texture,
             timings,
-            dict(targets.slot_ms),
+            slot_ms,
             self._timer.kind,
             dict(skipped),
             divergence,
             drawn,
+            tiles,
         )
+
+    def path_times(self, slot: Slot) -> PathTimes | None:
+        """What `auto` found for this pack and precision; None before a view with that path has been drawn."""
+        return self._path_times.get((slot.source, slot.precision))
+
+    def _chosen(self, slot: Slot, view: ViewState) -> Slot:
+        """`slot` with a path in place of `auto`, and without fields that are of no effect: equal pictures have equal slots."""
+        if slot.source == REFERENCE:
+            return Slot(REFERENCE)
+        if slot.path != "auto":
+            return slot
+        key = (slot.source, slot.precision)
+        if key not in self._path_times:
+
+            def slot_ms(small: ViewState) -> float:
+                return self.render(small, whole=True).slot_ms[small.slot_a]
+
+            self._path_times[key] = time_paths(slot_ms, replace(view, overlay=Overlay()), slot)
+        return replace(slot, path=self._path_times[key].fastest)
+
+    def _tiles(self, slot: Slot) -> TileCounts | None:
+        on_gpu = self._decode.get((slot.source, slot.precision))
+        return on_gpu.tiles if on_gpu is not None and slot.path == "cached" else None
 
     def _targets_for(self, view: ViewState) -> _Targets:
         shows_reference = REFERENCE in (view.slot_a.source, view.slot_b.source)
@@ -228,77 +250,49 @@ class Renderer:
         return self._draw_list
 
     def _update_albedo(
-        self, view: ViewState, slot: Slot, targets: _Targets, draw_list: DrawList, skipped: dict[str, int]
+        self,
+        view: ViewState,
+        slot: Slot,
+        targets: _Targets,
+        draw_list: DrawList,
+        skipped: dict[str, int],
+        whole: bool,
     ) -> None:
         is_reference = slot.source == REFERENCE
         version = view.anisotropy if is_reference else self._pack_versions[slot.source]
+        on_gpu = None if is_reference else self._on_gpu(slot)
         key = (view.camera, version)
-        if targets.drawn.get(slot) == key:
+        drawn = targets.drawn.get(slot)
+        if drawn is not None and drawn.key == key and not (on_gpu is not None and on_gpu.is_waiting(slot.path)):
             skipped["passes"] += 1
             return
         if slot not in targets.albedo:
-            targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
+            # Images and tiles are 8-bit.
+            targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference or slot.path == "cached")
         target = targets.albedo[slot]
-        if is_reference:
+        if on_gpu is None:
             visible = np.nonzero(draw_list.materials)[0].tolist()
             with self._timer.measure("upload"):
                 self._reference.upload(visible)
             with self._timer.measure("reference"):
                 self._reference.run(targets.visibility, self._scene_buffers, target, visible, view.anisotropy)
+            targets.slot_ms[slot] = self._timer.last_ms
         else:
-            passes = self._decode_passes(slot)
-            with self._timer.measure(f"decode_{slot.path}"):
-                if slot.path == "forward" and passes.forward is not None:
-                    passes.forward.run(targets.visibility, self._scene_buffers, target, self._matrix)
-                elif slot.path == "binned" and passes.binned is not None:
-                    seen = self._decoders_in(draw_list, passes.decoders)
-                    passes.binned.run(targets.visibility, self._scene_buffers, target, seen)
-                elif passes.deferred is not None:
-                    passes.deferred.run(targets.visibility, self._scene_buffers, target)
-        targets.slot_ms[slot] = self._timer.last_ms
-        targets.drawn[slot] = key
+            seen = SeenSurfaces(targets.visibility, draw_list, self._matrix, (view.camera, view.size))
+            targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
+        self._draws += 1
+        targets.drawn[slot] = _Drawn(key, self._draws)
 
-    def _decode_passes(self, slot: Slot) -> _DecodePasses:
+    def _on_gpu(self, slot: Slot) -> PackOnGpu:
         key = (slot.source, slot.precision)
         if key not in self._decode:
             pack = self._packs[slot.source]
-            match = self._matches[slot.source]
-            buffers = PackBuffers(self._context, pack, match.texture_index, slot.precision)
-            ranges = DecoderRanges(self._context, pack, slot.precision)
             # Packs of one codec share their programs: those take seconds to compile.
             if pack.config not in self._codec_programs:
                 self._codec_programs[pack.config] = codec_programs(self._programs, pack)
             programs = self._codec_programs[pack.config]
-            self._decode[key] = _DecodePasses(pack, tuple(match.decoders(pack)), buffers, ranges, programs)
-        passes = self._decode[key]
-        if slot.path == "forward" and passes.forward is None:
-            passes.forward = DecodeForwardPass(
-                self._context, passes.programs, passes.buffers, self._scene_buffers.has_colors
-            )
-        if slot.path == "deferred" and passes.deferred is None:
-            passes.deferred = DecodeDeferredPass(
-                self._context,
-                passes.programs,
-                passes.buffers,
-                passes.ranges,
-                self._scene_buffers.has_colors,
-                passes.shared_decoder,
-            )
-        if slot.path == "binned" and passes.binned is None:
-            passes.binned = DecodeBinnedPass(
-                self._context,
-                passes.programs,
-                passes.buffers,
-                passes.ranges,
-                passes.pack,
-                self._scene_buffers.has_colors,
-            )
-        return passes
-
-    def _decoders_in(self, draw_list: DrawList, decoders: tuple[int, ...]) -> list[int]:
-        """Decoders of the textures whose materials are drawn."""
-        textures = {self._scene.materials[index].texture_id for index in np.nonzero(draw_list.materials)[0]}
-        return sorted({decoders[texture] for texture in textures if texture >= 0} - {-1})
+            self._decode[key] = PackOnGpu(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
+        return self._decode[key]
 
     def _forget_unused(self, view: ViewState, targets: _Targets) -> None:
         """Keep the pictures of slots A and B and of the reference; free those of slots that nobody looks at."""
@@ -350,8 +344,8 @@ class Renderer:
         """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
         if self._targets is None or self._view is None or self._draw_list is None:
             raise RuntimeError("render a view first")
-        slot = _distinct(slot)
-        self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int))
+        slot = self._chosen(slot, self._view)
+        self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int), whole=True)
         self._timer.take()
         return self._targets.albedo[slot].read()
 

@@ -30,7 +30,7 @@ from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
-from viewer.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
+from viewer.view_state import REFERENCE, PathChoice, Precision, Slot, ViewState
 
 TOAST_SECONDS = 6.0
 LONGEST_PATH = 10_000
@@ -53,7 +53,7 @@ class FirstLook:
 
     grouping: str | None = None
     """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
-    path: DecodePath = "deferred"
+    path: PathChoice = "deferred"
     precision: Precision = "fp32"
 
 

@@ -7,7 +7,8 @@ from viewer.palettes import PaletteName
 from viewer.scene.model import Camera
 from viewer.zoom import WHOLE, Zoom
 
-DecodePath = Literal["forward", "deferred", "binned"]
+DecodePath = Literal["forward", "deferred", "binned", "cached"]
+PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
 Precision = Literal["fp32", "fp16"]
 CompareMode = Literal["a", "b", "wipe"]
 OverlayKind = Literal["none", "divergence"]
@@ -26,8 +27,8 @@ class Slot:
 
     source: str = REFERENCE
     """REFERENCE, or the name under which a pack is open."""
-    path: DecodePath = "deferred"
-    """Decode path; of no effect for the reference."""
+    path: PathChoice = "deferred"
+    """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for the reference."""
     precision: Precision = "fp32"
     """Storage of decoder weights on the GPU; of no effect for the reference."""
 

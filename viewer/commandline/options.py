@@ -9,7 +9,7 @@ import tyro
 
 from ntc.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from viewer.palettes import PaletteName
-from viewer.view_state import BlockName, DecodePath, Overlay, Precision
+from viewer.view_state import BlockName, Overlay, PathChoice, Precision
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -69,8 +69,8 @@ class ViewOptions:
     """Packs to open besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
     """What slot A shows first: "reference", or the grouping of an open pack."""
-    path: DecodePath = "deferred"
-    """Decode path of slot A."""
+    path: PathChoice = "deferred"
+    """Decode path of slot A; `auto` times all of them first."""
     precision: Precision = "fp32"
     """Storage of the decoder weights on the GPU."""
 
@@ -87,8 +87,8 @@ class RenderOptions:
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
     """"reference" (original images), or the grouping of a pack. None: clustered, else the first pack, else reference."""
-    path: DecodePath = "deferred"
-    """Decode path."""
+    path: PathChoice = "deferred"
+    """Decode path; `auto` times all of them first."""
     precision: Precision = "fp32"
     """Storage of the decoder weights on the GPU."""
     size: Size = (1280, 720)

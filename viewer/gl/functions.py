@@ -1,4 +1,4 @@
-"""OpenGL functions that moderngl does not offer, called through their addresses: arrays of sRGB textures, integer clears."""
+"""OpenGL functions that moderngl does not offer, called by their addresses: arrays of sRGB textures, views of them, integer clears."""
 
 import ctypes
 import ctypes.util
@@ -7,6 +7,14 @@ from typing import Any
 
 GL_TEXTURE_2D_ARRAY = 0x8C1A
 GL_SRGB8_ALPHA8 = 0x8C43
+GL_RGBA8 = 0x8058
+GL_WRITE_ONLY = 0x88B9
+GL_TEXTURE_MIN_FILTER = 0x2801
+GL_TEXTURE_MAG_FILTER = 0x2800
+GL_TEXTURE_WRAP_S = 0x2802
+GL_TEXTURE_WRAP_T = 0x2803
+GL_LINEAR = 0x2601
+GL_CLAMP_TO_EDGE = 0x812F
 GL_RGB = 0x1907
 GL_UNSIGNED_BYTE = 0x1401
 GL_UNPACK_ALIGNMENT = 0x0CF5
@@ -37,6 +45,25 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glTexSubImage3D": (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER),
     "glTexParameteri": (_UINT, _UINT, _INT),
     "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
+    "glTextureView": (_UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT),
+    "glBindImageTexture": (_UINT, _UINT, _INT, ctypes.c_ubyte, _INT, _UINT, _UINT),
+    "glCopyImageSubData": (
+        _UINT,
+        _UINT,
+        _INT,
+        _INT,
+        _INT,
+        _INT,
+        _UINT,
+        _UINT,
+        _INT,
+        _INT,
+        _INT,
+        _INT,
+        _INT,
+        _INT,
+        _INT,
+    ),
     "glPixelStorei": (_UINT, _INT),
     "glClearBufferuiv": (_UINT, _INT, _POINTER),
 }

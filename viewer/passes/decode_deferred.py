@@ -14,7 +14,7 @@ from viewer.passes.visibility import VisibilityTarget
 class DecodeDeferredPass:
     """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
 
-    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
+    Where the scene's textures have one decoder between them (`shared_decoder`, in `ranges`), an invocation decodes several pixels.
     """
 
     def __init__(
@@ -22,17 +22,18 @@ class DecodeDeferredPass:
         context: GraphicsContext,
         programs: ProgramFactory,
         pack: PackBuffers,
-        ranges: DecoderRanges,
+        ranges: DecoderRanges | None,
         colors: bool,
         shared_decoder: int | None,
     ) -> None:
         self._gl = context.gl
-        self._pack, self._ranges, self._shared_decoder = pack, ranges, shared_decoder
+        self._pack, self._shared_decoder = pack, shared_decoder
+        self._ranges = ranges if shared_decoder is not None else None
         defines = {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")}
-        if shared_decoder is None:
+        if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
-            shared = {**defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+            shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
     def run(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
@@ -43,7 +44,7 @@ class DecodeDeferredPass:
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
         set_uniforms(self._program, {"network_blocks": self._pack.hidden_blocks})
         rows = GROUP_SIDE
-        if self._shared_decoder is not None:
+        if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
             rows = GROUP_SIDE * PIXELS
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))

@@ -23,6 +23,10 @@ class StorageBinding(IntEnum):
     BINS = 9
     BIN_PIXELS = 10
     DECODER = 11
+    MATERIAL_TILES = 12
+    TILE_LEVELS = 13
+    TILE_ENTRIES = 14
+    PAGE_USED = 15
 
 
 class UniformBinding(IntEnum):
@@ -42,6 +46,7 @@ class TextureUnit(IntEnum):
     ALBEDO_A = 5
     ALBEDO_B = 6
     DIVERGENCE = 7
+    ATLAS = 8
 
 
 class ImageUnit(IntEnum):
@@ -49,6 +54,7 @@ class ImageUnit(IntEnum):
 
     ALBEDO = 0
     DIVERGENCE = 1
+    ATLAS = 2
 
 
 class WrapCode(IntEnum):
@@ -91,6 +97,18 @@ BIN_GROUP = 64
 """Work group size of the binned decode; each of its invocations decodes several pixels."""
 SCAN_GROUP = 256
 """Work group size of the scan over bins; there is one group."""
+TILE_SIDE = 32
+"""Side in texels of a tile of a decoded mip."""
+TILE_BORDER = 1
+"""Texels around a tile that are kept with it, so that the hardware can filter at its edges."""
+PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
+"""Side in texels of a page of the tile atlas: a tile and its border."""
+PAGES_ACROSS = 30
+"""Pages along a side of a layer of the tile atlas."""
+TILE_ASKED_FOR = 0xFFFFFFFF
+"""Entry of a tile that is not there and has been asked for. 0: not there; else its page + 1."""
+MOST_TILES_ASKED_FOR = 1 << 16
+"""Tiles that one frame can ask for; the others ask again."""
 PALETTE_STEPS = 32
 """Entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
@@ -132,6 +150,22 @@ LEVEL_RECORD = np.dtype(
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
 
+TILE_LEVEL_RECORD = np.dtype([("first_entry", "<i4"), ("across", "<i4")])
+"""Tiles of one mip of a texture under one pair of wrap modes: std430, 8 bytes. Tile (x, y) has entry first_entry + y * across + x."""
+
+TILE_RECORD = np.dtype(
+    [
+        ("texture_id", "<i4"),
+        ("level", "<i4"),
+        ("tile_x", "<i4"),
+        ("tile_y", "<i4"),
+        ("wrap_u", "<i4"),
+        ("wrap_v", "<i4"),
+        ("page", "<i4"),
+        ("entry", "<i4"),
+    ]
+)
+"""A tile to decode: std430, 32 bytes."""
 
 BIN_RECORD = np.dtype(
     [
@@ -218,6 +252,12 @@ def scene_layout_glsl() -> str:
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
         f"#define BIN_GROUP {BIN_GROUP}",
         f"#define SCAN_GROUP {SCAN_GROUP}",
+        f"#define TILE_SIDE {TILE_SIDE}",
+        f"#define TILE_BORDER {TILE_BORDER}",
+        f"#define PAGE_SIDE {PAGE_SIDE}",
+        f"#define PAGES_ACROSS {PAGES_ACROSS}",
+        f"#define TILE_ASKED_FOR {TILE_ASKED_FOR}u",
+        f"#define MOST_TILES_ASKED_FOR {MOST_TILES_ASKED_FOR}u",
         f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
@@ -225,6 +265,8 @@ def scene_layout_glsl() -> str:
         glsl_struct("LevelRecord", LEVEL_RECORD),
         glsl_struct("RequestRecord", REQUEST_RECORD),
         glsl_struct("BinRecord", BIN_RECORD),
+        glsl_struct("TileLevelRecord", TILE_LEVEL_RECORD),
+        glsl_struct("TileRecord", TILE_RECORD),
     ]
     return "\n".join(lines) + "\n"
 

@@ -21,7 +21,7 @@ from viewer.settings import ANISOTROPIES
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import combo
-from viewer.view_state import REFERENCE, CompareMode, DecodePath, Precision, Slot
+from viewer.view_state import REFERENCE, CompareMode, PathChoice, Precision, Slot
 
 MODES: tuple[tuple[CompareMode, str], ...] = (("a", "A"), ("b", "B"), ("wipe", "Wipe"))
 RESOLUTIONS = (1.0, 0.5, 0.25)
@@ -38,13 +38,13 @@ def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlace
     if slot.source != REFERENCE:
         imgui.same_line()
         imgui.set_next_item_width(90)
-        path = combo(f"{letter} path", slot.path, get_args(DecodePath), items)
+        path = combo(f"{letter} path", slot.path, get_args(PathChoice), items)
         imgui.same_line()
         imgui.set_next_item_width(64)
         precision = combo(f"{letter} precision", slot.precision, get_args(Precision), items)
         changed = replace(
             changed,
-            path=next(value for value in get_args(DecodePath) if value == path),
+            path=next(value for value in get_args(PathChoice) if value == path),
             precision=next(value for value in get_args(Precision) if value == precision),
         )
     if changed != slot:

@@ -1,0 +1,45 @@
+#version 430
+// Marks the tiles that visible pixels read as used, and lists those that are not there.
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "passes/decode_cached/tiles.glsl"
+
+layout(std430, binding = BINDING_PAGE_USED) writeonly buffer PageUsed {
+    uint page_used[];   // the last frame that read each page
+};
+layout(std430, binding = BINDING_RESULTS) buffer AskedFor {
+    uint asked_count;
+    uint asked_for[];   // entries
+};
+uniform uint frame;
+
+// Whether the tile is there.
+bool ask_for(int entry) {
+    uint page = tile_entries[entry];
+    if (is_resident(page)) {
+        page_used[page - 1u] = frame;
+        return true;
+    }
+    // Only the first pixel that asks is heard.
+    if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_ASKED_FOR) == 0u) {
+        uint place = atomicAdd(asked_count, 1u);
+        if (place < MOST_TILES_ASKED_FOR) asked_for[place] = uint(entry);
+        else tile_entries[entry] = 0u;
+    }
+    return false;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, textureSize(surface_words, 0)))) return;
+    Surface surface = read_surface(pixel);
+    WantedTexel wanted = wanted_texel(surface);
+    if (wanted.texture_id < 0) return;
+    int first = material_tiles[surface.material];
+    vec2 uv = wrapped_place(wanted);
+    FilterLevels filtered = filter_levels(wanted);
+    bool complete = ask_for(tile_place(first, wanted.texture_id, filtered.lower, uv).entry);
+    if (filtered.share > 0.0)
+        complete = ask_for(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
+    int coarse = single_tile_level(wanted.texture_id);
+    if (!complete && coarse > filtered.lower) ask_for(tile_place(first, wanted.texture_id, coarse, uv).entry);
+}

@@ -1,0 +1,42 @@
+#version 430
+// Linear albedo from decoded tiles: the hardware filters within a level, two levels are mixed.
+#include "passes/decode_cached/tiles.glsl"
+
+layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
+layout(location = 0) out vec4 albedo;
+
+// Shown until the first tile of a texture has come, linear.
+const vec3 NOTHING_YET = vec3(0.2);
+
+vec3 sample_page(uint page, vec2 at) {
+    uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
+    vec2 uv = (vec2(corner) + at) / float(PAGES_ACROSS * PAGE_SIDE);
+    return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0).rgb;
+}
+
+// `level`, or the next coarser one that is there.
+vec3 sample_level(int first, int texture_id, int level, vec2 uv) {
+    int last = textures[texture_id].levels - 1;
+    for (int found = level; found <= last; ++found) {
+        TilePlace place = tile_place(first, texture_id, found, uv);
+        uint entry = tile_entries[place.entry];
+        if (is_resident(entry)) return sample_page(entry - 1u, place.at);
+    }
+    return NOTHING_YET;
+}
+
+void main() {
+    Surface surface = read_surface(ivec2(gl_FragCoord.xy));
+    WantedTexel wanted = wanted_texel(surface);
+    vec3 shown = wanted.factor;
+    if (wanted.texture_id >= 0) {
+        int first = material_tiles[surface.material];
+        vec2 uv = wrapped_place(wanted);
+        FilterLevels filtered = filter_levels(wanted);
+        vec3 texel = sample_level(first, wanted.texture_id, filtered.lower, uv);
+        if (filtered.share > 0.0)
+            texel = mix(texel, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
+        shown *= texel;
+    }
+    albedo = vec4(shown, surface.material >= 0 ? 1.0 : 0.0);
+}

@@ -1,0 +1,205 @@
+"""A pack on the GPU in one precision, with the decode paths that read it; each is made when it is first used."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.pack import Pack
+from ntc.pack_changes import changed_textures, same_shape
+from ntc.pack_match import PackMatch
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.gl.timer import PassTimer
+from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.culling import DrawList
+from viewer.passes.decode_binned import DecodeBinnedPass
+from viewer.passes.decode_cached import DecodeCachedPass, TileCacheConfig, TileCounts
+from viewer.passes.decode_deferred import DecodeDeferredPass
+from viewer.passes.decode_forward import DecodeForwardPass
+from viewer.passes.decoder_ranges import DecoderRanges
+from viewer.passes.pack_buffers import PackBuffers
+from viewer.passes.scene_buffers import SceneBuffers
+from viewer.passes.tile_table import TileTable
+from viewer.passes.visibility import VisibilityTarget
+from viewer.scene.model import Scene
+from viewer.view_state import PathChoice, Precision
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSurfaces:
+    """What a decode path decodes for."""
+
+    visibility: VisibilityTarget
+    draw_list: DrawList
+    matrix: NDArray[np.float64]
+    """[4, 4] world to clip."""
+    key: object
+    """Equal for equal views."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What draws, for all packs of a scene."""
+
+    context: GraphicsContext
+    scene: Scene
+    scene_buffers: SceneBuffers
+    timer: PassTimer
+    tile_cache: TileCacheConfig
+
+
+@dataclass
+class PackOnGpu:
+    """Buffers and passes of one pack."""
+
+    drawing: Drawing
+    pack: Pack
+    match: PackMatch
+    precision: Precision
+    programs: ProgramFactory
+    """With the includes for the pack's codec."""
+    _cached: DecodeCachedPass | None = None
+    _asked: object = None
+    """The view whose tiles the cache was asked for last."""
+    _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass] = field(default_factory=list)
+
+    @cached_property
+    def decoders(self) -> tuple[int, ...]:
+        """Decoder of every texture of the scene; -1 where nothing is decoded."""
+        return self.match.decoders(self.pack)
+
+    @cached_property
+    def buffers(self) -> PackBuffers:
+        """Latents, tables and weights."""
+        made = PackBuffers(self.drawing.context, self.pack, self.match.texture_index, self.precision)
+        self._made.append(made)
+        return made
+
+    @cached_property
+    def _ranges(self) -> DecoderRanges:
+        made = DecoderRanges(self.drawing.context, self.pack, self.precision)
+        self._made.append(made)
+        return made
+
+    @property
+    def _colors(self) -> bool:
+        return self.drawing.scene_buffers.has_colors
+
+    @cached_property
+    def _deferred(self) -> DecodeDeferredPass:
+        used = {decoder for decoder in self.decoders if decoder >= 0}
+        shared = used.pop() if len(used) == 1 else None
+        ranges = self._ranges if shared is not None else None
+        return DecodeDeferredPass(self.drawing.context, self.programs, self.buffers, ranges, self._colors, shared)
+
+    @cached_property
+    def _forward(self) -> DecodeForwardPass:
+        return DecodeForwardPass(self.drawing.context, self.programs, self.buffers, self._colors)
+
+    @cached_property
+    def _binned(self) -> DecodeBinnedPass:
+        made = DecodeBinnedPass(
+            self.drawing.context, self.programs, self.buffers, self._ranges, self.pack, self._colors
+        )
+        self._made.append(made)
+        return made
+
+    def _tile_cache(self) -> DecodeCachedPass:
+        if self._cached is None:
+            table = TileTable.of(self.drawing.scene.materials, self.pack, self.match)
+            self._cached = DecodeCachedPass(
+                self.drawing.context,
+                self.programs,
+                self.buffers,
+                self._ranges,
+                table,
+                self.decoders,
+                self._colors,
+                self.drawing.tile_cache,
+            )
+            self._made.append(self._cached)
+        return self._cached
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """All buffers and textures."""
+        return sum(part.bytes_on_gpu for part in self._made)
+
+    @property
+    def tiles(self) -> TileCounts | None:
+        """The tile cache, where path `cached` has been used."""
+        return self._cached.counts if self._cached is not None else None
+
+    def is_waiting(self, path: PathChoice) -> bool:
+        """Whether the picture by `path` will still become better with the same view."""
+        return path == "cached" and self._cached is not None and self._cached.counts.waiting > 0
+
+    def decode(self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
+        """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes."""
+        drawing, timer = self.drawing, self.drawing.timer
+        if path == "cached":
+            return self._decode_cached(seen, target, whole)
+        # Made outside of the measured time: compiling is no part of a frame.
+        chosen: DecodeForwardPass | DecodeBinnedPass | DecodeDeferredPass
+        if path == "forward":
+            chosen = self._forward
+        elif path == "binned":
+            chosen = self._binned
+        else:
+            chosen = self._deferred
+        with timer.measure(f"decode_{path}"):
+            if isinstance(chosen, DecodeForwardPass):
+                chosen.run(seen.visibility, drawing.scene_buffers, target, seen.matrix)
+            elif isinstance(chosen, DecodeBinnedPass):
+                chosen.run(seen.visibility, drawing.scene_buffers, target, self._decoders_in(seen.draw_list))
+            else:
+                chosen.run(seen.visibility, drawing.scene_buffers, target)
+        return timer.last_ms
+
+    def _decode_cached(self, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
+        cache, timer, name = self._tile_cache(), self.drawing.timer, "decode_cached"
+        spent = 0.0
+        while True:
+            if self._asked != seen.key or cache.must_ask_again:
+                with timer.measure(name):
+                    cache.request(seen.visibility, self.drawing.scene_buffers)
+                spent += timer.last_ms
+                self._asked = seen.key
+            wanted = cache.tiles_now(whole)
+            if wanted:
+                with timer.measure(name):
+                    done = cache.decode(wanted)
+                cache.note_time(done, timer.last_ms)
+                spent += timer.last_ms
+            if not (whole and wanted and cache.must_ask_again):
+                break
+        with timer.measure(name):
+            cache.sample(seen.visibility, self.drawing.scene_buffers, target)
+        return spent + timer.last_ms
+
+    def _decoders_in(self, draw_list: DrawList) -> list[int]:
+        """Decoders of the textures whose materials are drawn."""
+        materials = self.drawing.scene.materials
+        textures = {materials[index].texture_id for index in np.nonzero(draw_list.materials)[0]}
+        return sorted({self.decoders[texture] for texture in textures if texture >= 0} - {-1})
+
+    def hand_over(self, pack: Pack, match: PackMatch) -> "PackOnGpu":
+        """Another version of this pack in its place, which this frees. Decoded tiles of textures that are the same are kept."""
+        made = PackOnGpu(self.drawing, pack, match, self.precision, self.programs)
+        if self._cached is not None and same_shape(self.pack, pack) and self.match == match:
+            changed = changed_textures(self.pack, pack)
+            ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
+            self._cached.replace_pack(made.buffers, made._ranges, made.decoders, ids)
+            made._cached = self._cached
+            self._made.remove(self._cached)
+            made._made.append(made._cached)
+        self.release()
+        return made
+
+    def release(self) -> None:
+        """Free everything."""
+        for part in self._made:
+            part.release()
+        self._made.clear()

@@ -1,0 +1,263 @@
+"""Decode path `cached`: tiles of texels that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.passes.albedo_target import AlbedoTarget
+from viewer.passes.decoder_ranges import DecoderRanges
+from viewer.passes.layout import (
+    BIN_GROUP,
+    GROUP_SIDE,
+    MOST_TILES_ASKED_FOR,
+    PAGE_SIDE,
+    PAGES_ACROSS,
+    TEXEL_GROUP,
+    ImageUnit,
+    StorageBinding,
+    TextureUnit,
+)
+from viewer.passes.network import PIXELS
+from viewer.passes.pack_buffers import PackBuffers
+from viewer.passes.page_pool import PagePool
+from viewer.passes.scene_buffers import MaterialsSource
+from viewer.passes.tile_table import TileTable
+from viewer.passes.visibility import VisibilityTarget
+
+FOLDER = "passes/decode_cached"
+PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
+LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
+TILES_AT_ONCE = 8192
+"""Of one dispatch: OpenGL lets none have more than 65535 work groups."""
+
+
+@dataclass(frozen=True)
+class TileCacheConfig:
+    """How large the cache of one pack may become, and how long a frame may decode for it."""
+
+    budget_bytes: int = 256 << 20
+    """Of the atlas; at least one page."""
+    milliseconds: float | None = None
+    """Decoding time of a frame, in ms. What is left comes in the next frames; until then a coarser tile is shown. None: no limit."""
+    least_tiles: int = 8
+    """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
+
+
+@dataclass(frozen=True)
+class TileCounts:
+    """The state of the cache."""
+
+    resident: int
+    """Tiles that are decoded and kept."""
+    waiting: int
+    """Tiles that the last view asked for and that are still to come."""
+    starved: int
+    """Tiles that cannot come, because all others in the budget are seen too."""
+    kept: int
+    """Tiles that were there when the last view asked."""
+    decoded: int
+    """Tiles decoded so far."""
+    evicted: int
+    """Tiles that others have taken the place of so far."""
+
+
+class DecodeCachedPass:
+    """Inputs: visibility buffer, materials, a pack. Output: linear albedo. `request`, `decode` and `sample` in turn make a frame."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        table: TileTable,
+        decoder_of_texture: Iterable[int],
+        colors: bool,
+        config: TileCacheConfig,
+    ) -> None:
+        gl = self._gl = context.gl
+        self._buffers, self._ranges, self._table, self._config = buffers, ranges, table, config
+        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+        defines = {
+            "VERTEX_COLORS": int(colors),
+            "PRECISION_FP16": int(buffers.precision == "fp16"),
+            "DECODER_IN_STORAGE": int(ranges.in_storage),
+        }
+        self._request = programs.compute(f"{FOLDER}/request.comp", defines)
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
+        self._forget = programs.compute(f"{FOLDER}/forget.comp")
+        self._sample = programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
+        self._triangle = gl.vertex_array(self._sample, [])
+        self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
+        self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
+        self._atlas.grow(1)
+        self._places: dict[StorageBinding, moderngl.Buffer] = {
+            StorageBinding.MATERIAL_TILES: gl.buffer(table.first_level_of_material.tobytes()),
+            StorageBinding.TILE_LEVELS: gl.buffer(table.levels.tobytes()),
+            StorageBinding.TILE_ENTRIES: gl.buffer(bytes(4 * table.entries)),
+            StorageBinding.PAGE_USED: gl.buffer(bytes(4 * self._pool.pages)),
+            StorageBinding.RESULTS: gl.buffer(bytes(4 * (1 + min(MOST_TILES_ASKED_FOR, table.entries)))),
+        }
+        self._tiles = gl.buffer(reserve=4)
+        self._frame = 0
+        self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
+        self._tile_ms: float | None = None
+
+    @property
+    def counts(self) -> TileCounts:
+        """What the cache holds now."""
+        return TileCounts(
+            self._pool.taken,
+            len(self._waiting) + self._unheard,
+            self._starved,
+            self._kept,
+            self._decoded,
+            self._evicted,
+        )
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Atlas and tables."""
+        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
+
+    def _bind(self) -> None:
+        self._buffers.bind()
+        for binding, buffer in self._places.items():
+            buffer.bind_to_storage_buffer(int(binding))
+
+    @property
+    def must_ask_again(self) -> bool:
+        """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
+        return self._unheard > 0 and not len(self._waiting)
+
+    def request(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource) -> None:
+        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones."""
+        self._forget_entries(self._waiting)
+        self._frame += 1
+        self._starved, self._kept = 0, self._pool.taken
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._bind()
+        asked = self._places[StorageBinding.RESULTS]
+        asked.write(bytes(4))
+        set_uniforms(self._request, {"frame": self._frame})
+        self._request.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
+        self._gl.memory_barrier()
+        asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
+        count = min(asked_count, MOST_TILES_ASKED_FOR)
+        self._unheard = asked_count - count
+        entries = (
+            np.frombuffer(asked.read(4 * count, offset=4), np.uint32).astype(np.int64) if count else self._waiting[:0]
+        )
+        # In a fixed order: atomics hand out places by chance. Coarse tiles first: they stand in for finer ones.
+        tiles = self._table.tiles(np.sort(entries))
+        self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
+
+    def tiles_now(self, whole: bool) -> int:
+        """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
+        limit = self._config.milliseconds
+        if whole or limit is None:
+            return len(self._waiting)
+        fitting = 0 if self._tile_ms is None else int(limit / self._tile_ms)
+        return min(len(self._waiting), max(self._config.least_tiles, fitting))
+
+    def decode(self, count: int) -> int:
+        """Decode the next `count` waiting tiles; how many it were, fewer where the budget is full of tiles that are seen."""
+        entries = self._waiting[:count]
+        if not len(entries):
+            return 0
+        read = self._places[StorageBinding.PAGE_USED]
+        pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
+        self._forget_entries(gone)
+        self._evicted += len(gone)
+        if len(pages) < len(entries):
+            # Nothing can make room before the view changes.
+            self._starved = len(self._waiting) - len(pages)
+            self._forget_entries(self._waiting[len(pages) :])
+            self._waiting = self._waiting[: len(pages)]
+        tiles = self._table.tiles(entries[: len(pages)])
+        tiles["page"] = pages
+        decoders = self._decoder_of_texture[tiles["texture_id"]]
+        order = np.argsort(decoders, kind="stable")
+        self._run_decoders(tiles[order], decoders[order])
+        self._waiting = self._waiting[len(pages) :]
+        self._decoded += len(pages)
+        return len(pages)
+
+    def note_time(self, tiles: int, milliseconds: float) -> None:
+        """Learn how long decoding takes."""
+        if tiles:
+            self._tile_ms = milliseconds / tiles
+
+    def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
+        self._atlas.grow(-(-self._pool.highest // LAYER_PAGES))
+        self._bind()
+        self._write_tiles(tiles.tobytes())
+        self._atlas.bind_image(int(ImageUnit.ATLAS))
+        set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
+        starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
+        for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
+            self._ranges.bind(int(decoders[start]))
+            for first in range(start, end, TILES_AT_ONCE):
+                number = min(TILES_AT_ONCE, end - first)
+                set_uniforms(self._decode, {"first_tile": first, "tile_count": number})
+                self._decode.run(-(-number * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * PIXELS)))
+        self._gl.memory_barrier()
+
+    def _write_tiles(self, data: bytes) -> None:
+        if self._tiles.size < len(data):
+            self._tiles.orphan(2 * len(data))
+        self._tiles.write(data)
+        self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
+
+    def _forget_entries(self, entries: NDArray[np.int64]) -> None:
+        if not len(entries):
+            return
+        self._places[StorageBinding.TILE_ENTRIES].bind_to_storage_buffer(int(StorageBinding.TILE_ENTRIES))
+        self._write_tiles(entries.astype(np.uint32).tobytes())
+        set_uniforms(self._forget, {"count": len(entries)})
+        self._forget.run(-(-len(entries) // TEXEL_GROUP))
+        self._gl.memory_barrier()
+
+    def sample(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
+        """Draw the albedo from the tiles that are there."""
+        target.framebuffer.use()
+        self._gl.enable_only(moderngl.NOTHING)
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._bind()
+        self._atlas.use(int(TextureUnit.ATLAS))
+        set_uniforms(self._sample, {"depth": 0.0})
+        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+
+    def replace_pack(
+        self,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        decoder_of_texture: Iterable[int],
+        changed_textures: Iterable[int],
+    ) -> None:
+        """Decode from other buffers of the same shape from now on; the tiles of `changed_textures` are void, all others stay."""
+        self._buffers, self._ranges = buffers, ranges
+        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+        held = self._pool.held()
+        changed = np.fromiter(changed_textures, np.int64)
+        gone = held[np.isin(self._table.tiles(held)["texture_id"], changed)]
+        self._pool.drop(gone)
+        self._forget_entries(np.concatenate([gone, self._waiting]))
+        self._waiting = self._waiting[:0]
+
+    def release(self) -> None:
+        """Free atlas and tables."""
+        self._atlas.release()
+        self._triangle.release()
+        self._tiles.release()
+        for buffer in self._places.values():
+            buffer.release()

@@ -1,0 +1,63 @@
+"""Decode path `auto`: all paths are timed on the view at hand, and the fastest is taken."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from ntc.errors import InputError
+from viewer.gl.program import ShaderError
+from viewer.scene.model import Camera
+from viewer.view_state import DecodePath, Slot, ViewState
+
+SHARE = 4
+"""Paths are timed on pictures whose sides are this many times smaller."""
+DEGREES = 1.0
+"""The camera turns by so much from picture to picture: what `cached` decoded before counts, but not a view that stands still."""
+PICTURES = 3
+"""Of each path; the first compiles and fills the cache, the median of the others counts."""
+
+
+@dataclass(frozen=True)
+class PathTimes:
+    """What `auto` found."""
+
+    milliseconds: Mapping[DecodePath, float]
+    """Of the small picture; paths that this driver cannot run are absent."""
+
+    @property
+    def fastest(self) -> DecodePath:
+        """The path with the least time; `deferred` where none could be timed."""
+        return min(self.milliseconds, key=lambda path: self.milliseconds[path], default="deferred")
+
+
+def turned(camera: Camera, degrees: float) -> Camera:
+    """`camera` looking further to the left, from the same place."""
+    eye, target, up = (np.array(vector, np.float64) for vector in (camera.eye, camera.target, camera.up))
+    axis = up / max(float(np.linalg.norm(up)), 1e-30)
+    direction, angle = target - eye, math.radians(degrees)
+    # Rodrigues' formula.
+    direction = (
+        direction * math.cos(angle)
+        + np.cross(axis, direction) * math.sin(angle)
+        + axis * float(axis @ direction) * (1.0 - math.cos(angle))
+    )
+    return replace(camera, target=tuple((eye + direction).tolist()))
+
+
+def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slot) -> PathTimes:
+    """Times of all paths for `slot`; `slot_ms` draws a view whole and says what its slot A took, in ms."""
+    small = (max(1, view.size[0] // SHARE), max(1, view.size[1] // SHARE))
+    times: dict[DecodePath, float] = {}
+    for path in get_args(DecodePath):
+        plain = replace(view, size=small, slot_a=replace(slot, path=path), compare="a")
+        try:
+            taken = [
+                slot_ms(replace(plain, camera=turned(view.camera, DEGREES * number))) for number in range(PICTURES)
+            ]
+        except (ShaderError, InputError):
+            continue
+        times[path] = float(np.median(taken[1:]))
+    return PathTimes(times)
