@@ -1,5 +1,7 @@
 """glTF samplers in numpy, written after OpenGL 4.3, Sec. 8.14: what a texture fetch must give."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,11 +51,15 @@ def selected_lod(lod: float, sampler: Sampler, levels: int) -> tuple[float, bool
     return float(np.clip(lod, 0.0, levels - 1)), linear
 
 
-def sample(pixels: NDArray[np.uint8], uv: Array, lod: float, sampler: Sampler) -> Array:
-    """[N, 3] float64 linear light of `pixels` [H, W, 3] sRGB at `uv` [N, 2] and one `lod`."""
-    chain = [srgb_to_linear(mip / 255.0) for mip in mip_chain(pixels, "srgb")]
+def sample_chain(chain: Sequence[Array], uv: Array, lod: float, sampler: Sampler) -> Array:
+    """[N, 3] float64 of mips [h, w, 3] in linear light at `uv` [N, 2] and one `lod`."""
     level, linear = selected_lod(lod, sampler, len(chain))
     lower = int(level)
     upper = min(lower + 1, len(chain) - 1)
     share = level - lower
     return fetch(chain[lower], uv, sampler, linear) * (1.0 - share) + fetch(chain[upper], uv, sampler, linear) * share
+
+
+def sample(pixels: NDArray[np.uint8], uv: Array, lod: float, sampler: Sampler) -> Array:
+    """[N, 3] float64 linear light of `pixels` [H, W, 3] sRGB at `uv` [N, 2] and one `lod`."""
+    return sample_chain([srgb_to_linear(mip / 255.0) for mip in mip_chain(pixels, "srgb")], uv, lod, sampler)

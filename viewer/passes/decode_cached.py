@@ -182,6 +182,8 @@ class DecodeCachedPass:
             self._starved = len(self._waiting) - len(pages)
             self._forget_entries(self._waiting[len(pages) :])
             self._waiting = self._waiting[: len(pages)]
+        if not len(pages):
+            return 0
         tiles = self._table.tiles(entries[: len(pages)])
         tiles["page"] = pages
         decoders = self._decoder_of_texture[tiles["texture_id"]]

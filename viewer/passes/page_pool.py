@@ -9,9 +9,11 @@ FREE = -1
 
 
 class PagePool:
-    """`pages` pages. Entries are numbers of tiles."""
+    """`pages` pages, at least one. Entries are numbers of tiles."""
 
     def __init__(self, pages: int) -> None:
+        if pages < 1:
+            raise ValueError(f"{pages} pages: there must be at least one")
         self._entry_of_page = np.full(pages, FREE, np.int64)
         self._placed_in = np.zeros(pages, np.int64)
         self._fresh = 0

@@ -22,7 +22,8 @@ const int PAGE_TEXELS = PAGE_SIDE * PAGE_SIDE;
 int wrapped_texel(int texel, int size, int mode) {
     if (mode == WRAP_CLAMP) return clamp(texel, 0, size - 1);
     int period = mode == WRAP_MIRROR ? 2 * size : size;
-    int inside = ((texel % period) + period) % period;
+    // Never negative, for which % is undefined: the border is one texel wide.
+    int inside = (texel + period) % period;
     return inside < size ? inside : period - 1 - inside;
 }
 

@@ -1,0 +1,222 @@
+"""The cached path: hardware-filtered tiles of the float64 decode, decoded once, within a budget, kept while they hold."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc import reference
+from ntc.color import srgb_to_linear
+from ntc.latents import latent_levels
+from ntc.pack import Pack
+from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
+from tests.gl.test_frame_parity import CASES
+from tests.support.packs import random_pack
+from tests.support.picture_scenes import scene_of, straight_camera, texture
+from tests.support.sampling import sample_chain
+from viewer.gl.context import GraphicsContext
+from viewer.passes import decode_cached, layout
+from viewer.passes.decode_cached import PAGE_BYTES, TileCacheConfig, TileCounts
+from viewer.path_choice import turned
+from viewer.renderer import FrameResult, Renderer
+from viewer.scene.model import Camera, Material, Scene
+from viewer.view_state import Slot, ViewState
+
+SIZE = (48, 32)
+SIZES = ((150, 90), (40, 24), (17, 33))
+"""Several tiles a side, a part of one, and odd sides."""
+CACHED = Slot("p", "cached")
+STEP = 0.5 * 2.4 / 255.0
+"""Half an 8-bit sRGB step in linear light where the curve is steepest."""
+ELSEWHERE = 1e-3
+"""A tile on another page is sampled at other coordinates, which are rounded elsewhere."""
+HARDWARE = 4e-3
+"""Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
+
+
+@pytest.fixture(scope="module")
+def pack() -> Pack:
+    """Latents for all textures."""
+    return random_pack(SIZES, (0, 1, 0), hashes=[texture(w, h, w).pixel_hash for w, h in SIZES])
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
+    """All cases, one quad behind the other."""
+    materials = [
+        Material("m", case.texture, (0.9, 1.0, 0.7, 1.0), replace(case.sampler, wrap=case.wrap))
+        for case in CASES.values()
+    ]
+    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
+    made = Renderer(graphics, scene_of(parts, materials, [texture(w, h, w) for w, h in SIZES]))
+    made.set_packs({"p": pack})
+    yield made
+    made.release()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: str) -> None:
+    case = CASES[name]
+    size = SIZES[case.texture]
+    levels = latent_levels(*size, pack.config)
+    modes = partial(reference.decode_texels, pack, wrap=case.wrap)
+    images = [reference.image_of_texels(pack, case.texture, level, modes) for level in range(len(levels))]
+    chain = [srgb_to_linear(image / 255.0) for image in images]
+    renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED))
+    assert renderer.covered().all()
+    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    sampler = replace(case.sampler, wrap=case.wrap)
+    expected = sample_chain(chain, case.map.uv(SIZE), case.map.lod(size), sampler) * [0.9, 1.0, 0.7]
+    error = np.abs(shown - expected)
+    # A decoded number near the middle between two 8-bit steps may be rounded to either.
+    assert error.max() <= 2 * STEP + HARDWARE
+    assert error.mean() <= 1e-3
+
+
+def pack_of(scene: Scene, seed: int = 0) -> Pack:
+    """A pack of two groups."""
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    return random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures], seed=seed)
+
+
+def render(renderer: Renderer, camera: Camera = FRONT, whole: bool = False) -> FrameResult:
+    """A view by the cached path."""
+    return renderer.render(ViewState(camera, (120, 72), CACHED), whole)
+
+
+def counts(frame: FrameResult) -> TileCounts:
+    """Of the only slot."""
+    return frame.tiles[CACHED]
+
+
+def picture(renderer: Renderer, camera: Camera = FRONT) -> NDArray[np.float32]:
+    """What the cached path shows when all has come."""
+    render(renderer, camera, whole=True)
+    return renderer.albedo(CACHED)
+
+
+def opened(graphics: GraphicsContext, config: TileCacheConfig | None = None) -> Renderer:
+    """The scene of objects with its pack."""
+    scene = objects()
+    made = Renderer(graphics, scene, tile_cache=config)
+    made.set_packs({"p": pack_of(scene)})
+    return made
+
+
+def test_a_still_camera_decodes_nothing_again(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    first = render(renderer)
+    assert counts(first).decoded > 0
+    assert first.waiting == 0
+    again = render(renderer)
+    assert "decode_cached" not in again.timings_ms
+    assert counts(again).decoded == counts(first).decoded
+    renderer.release()
+
+
+def test_a_small_turn_decodes_only_what_comes_into_sight(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    first = counts(render(renderer)).decoded
+    moved = render(renderer, turned(FRONT, 0.5))
+    assert counts(moved).decoded - first < 0.3 * first
+    assert moved.skipped["tiles_kept"] == first
+    back = render(renderer)
+    assert counts(back).decoded == counts(moved).decoded
+    renderer.release()
+
+
+def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext) -> None:
+    eager, patient = opened(graphics), opened(graphics, TileCacheConfig(milliseconds=0.0, least_tiles=2))
+    truth = picture(eager)
+    missing = counts(render(eager)).decoded
+    frames = 1
+    while (frame := render(patient)).waiting:
+        frames += 1
+        assert counts(frame).decoded == 2 * (frames - 1)
+        assert frames <= missing
+    # Tiles that stand in for finer ones are decoded besides.
+    assert frames <= -(-counts(frame).decoded // 2)
+    np.testing.assert_allclose(patient.albedo(CACHED), truth, atol=ELSEWHERE)
+    for made in (eager, patient):
+        made.release()
+
+
+def test_a_coarser_tile_stands_in_for_a_missing_one(graphics: GraphicsContext) -> None:
+    patient = opened(graphics, TileCacheConfig(milliseconds=0.0, least_tiles=4))
+    render(patient)
+    # `albedo` would finish it: look at what the frame itself shows.
+    image = np.frombuffer(render(patient).image.read(), np.uint8).reshape(72, 120, 4)[::-1, :, :3]
+    whole = opened(graphics)
+    full = np.frombuffer(render(whole).image.read(), np.uint8).reshape(72, 120, 4)[::-1, :, :3]
+    textured = patient.texture_ids() >= 0
+    assert np.array_equal(image[~textured], full[~textured])
+    assert 0 < np.abs(image[textured].astype(int) - full[textured]).mean() < 80
+    for made in (patient, whole):
+        made.release()
+
+
+def test_a_full_cache_lets_the_oldest_tiles_go_and_shows_the_same(graphics: GraphicsContext) -> None:
+    plain = opened(graphics)
+    cameras = (FRONT, INSIDE, replace(ABOVE, eye=(0.0, 90.0, 0.0)), FRONT)
+    alone = [opened(graphics) for _ in cameras]
+    needed = max(counts(render(one, camera)).decoded for one, camera in zip(alone, cameras, strict=True))
+    small = opened(graphics, TileCacheConfig(budget_bytes=needed * PAGE_BYTES))
+    for camera in cameras:
+        np.testing.assert_allclose(picture(small, camera), picture(plain, camera), atol=ELSEWHERE)
+        assert counts(render(small, camera)).resident <= needed
+    assert counts(render(small)).evicted > 0
+    for made in (plain, small, *alone):
+        made.release()
+
+
+def test_a_budget_below_what_is_seen_says_so_and_still_draws(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics, TileCacheConfig(budget_bytes=3 * PAGE_BYTES))
+    for degrees in (0.0, 20.0, 0.0):
+        frame = render(renderer, turned(FRONT, degrees))
+        assert counts(frame).starved > 0
+        assert frame.waiting == 0
+        assert counts(frame).resident == 3
+    assert np.isfinite(renderer.albedo(CACHED)).all()
+    renderer.release()
+
+
+def test_a_changed_group_costs_its_own_tiles_only(graphics: GraphicsContext) -> None:
+    scene = objects()
+    old, other = pack_of(scene), pack_of(scene, seed=5)
+    # Group 1, textures 1 and 3, is trained anew.
+    textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
+    new = replace(old, textures=textures, decoders=(old.decoders[0], other.decoders[1]))
+    renderer = Renderer(graphics, scene)
+    renderer.set_packs({"p": old})
+    before = picture(renderer)
+    decoded = counts(render(renderer)).decoded
+    renderer.set_packs({"p": new})
+    after = picture(renderer)
+    anew = counts(render(renderer)).decoded - decoded
+    ids = renderer.texture_ids()
+    assert 0 < anew < decoded
+    kept = np.isin(ids, (0, 2))
+    np.testing.assert_allclose(after[kept], before[kept], atol=ELSEWHERE)
+    assert not np.array_equal(after[np.isin(ids, (1, 3))], before[np.isin(ids, (1, 3))])
+    fresh = Renderer(graphics, scene)
+    fresh.set_packs({"p": new})
+    np.testing.assert_allclose(picture(fresh), after, atol=ELSEWHERE)
+    for made in (renderer, fresh):
+        made.release()
+
+
+def test_more_missing_tiles_than_a_request_can_list(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = opened(graphics)
+    truth = picture(plain)
+    monkeypatch.setattr(layout, "MOST_TILES_ASKED_FOR", 5)
+    monkeypatch.setattr(decode_cached, "MOST_TILES_ASKED_FOR", 5)
+    few = opened(graphics)
+    np.testing.assert_allclose(picture(few), truth, atol=ELSEWHERE)
+    assert counts(render(few)).waiting == 0
+    for made in (plain, few):
+        made.release()
