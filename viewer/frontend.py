@@ -27,6 +27,7 @@ from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
 from viewer.scene.model import Camera, Scene
 from viewer.session import Session
+from viewer.tile_cache import TileCacheConfig
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
 from viewer.view_state import BLOCKS, REFERENCE, Slot, ViewState
@@ -41,6 +42,8 @@ SETTLING_FRAMES = 3
 SLOW_FRAME_MS = 120.0
 """A whole frame that takes longer makes a moving picture coarse."""
 COARSE_SHARE = 0.25
+TILE_MILLISECONDS = 25.0
+"""Of a frame, for decoding tiles that have come into sight."""
 RECORDING_SECONDS = 0.25
 """A recorded path has a camera so often."""
 MOVING_SECONDS = 0.3
@@ -72,11 +75,14 @@ class Frontend:
         self.frames_drawn = 0
         """Frames in which the renderer had something to do."""
 
+    def _tile_cache(self) -> TileCacheConfig:
+        return TileCacheConfig(self.session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS)
+
     def _current_renderer(self) -> Renderer:
         """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
         if self._renderer is None or self._scene is not self.session.scene:
             try:
-                made = Renderer(self._context, self.session.scene)
+                made = Renderer(self._context, self.session.scene, tile_cache=self._tile_cache())
             except InputError as error:
                 if self._renderer is None or not self.session.put_away_undrawable():
                     raise
@@ -119,14 +125,20 @@ class Frontend:
             self._moved_at = time.monotonic()
         self._camera = camera
 
+    @property
+    def _is_waiting(self) -> bool:
+        """Whether tiles of the last picture are still to come."""
+        return self._last is not None and self._last.waiting > 0
+
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
         renderer = self._current_renderer()
         coarse = self._is_coarse()
         view = self._view(size)
-        if view == self._last_view:
+        whole = self.session.measure_requested or self.session.screenshot_requested
+        if view == self._last_view and not self._is_waiting:
             return
-        self._last = renderer.render(view)
+        self._last = renderer.render(view, whole)
         self._last_view = view
         self.session.note_drawable()
         self.frames_drawn += 1
@@ -159,6 +171,7 @@ class Frontend:
             thumbnail=self._thumbnail if self._thumbnails is not None else None,
             gpu_bytes=gpu_bytes,
             frames_drawn=self.frames_drawn,
+            tiles=last.tiles if last else {},
         )
 
     def _thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
@@ -258,7 +271,7 @@ class Frontend:
         waiting = session.measure_requested or session.screenshot_requested or session.recorded_path is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
-        return waiting or ending or opened or self._view(size) != self._last_view
+        return waiting or ending or opened or self._is_waiting or self._view(size) != self._last_view
 
     @property
     def skipped(self) -> Mapping[str, int]:

@@ -15,7 +15,7 @@ from viewer.gl.timer import PassTimer
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.culling import DrawList
 from viewer.passes.decode_binned import DecodeBinnedPass
-from viewer.passes.decode_cached import DecodeCachedPass, TileCacheConfig, TileCounts
+from viewer.passes.decode_cached import DecodeCachedPass
 from viewer.passes.decode_deferred import DecodeDeferredPass
 from viewer.passes.decode_forward import DecodeForwardPass
 from viewer.passes.decoder_ranges import DecoderRanges
@@ -24,6 +24,7 @@ from viewer.passes.scene_buffers import SceneBuffers
 from viewer.passes.tile_table import TileTable
 from viewer.passes.visibility import VisibilityTarget
 from viewer.scene.model import Scene
+from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import PathChoice, Precision
 
 

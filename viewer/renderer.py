@@ -21,7 +21,6 @@ from viewer.pack_on_gpu import Drawing, PackOnGpu, SeenSurfaces
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, Look
 from viewer.passes.culling import Culling, DrawList
-from viewer.passes.decode_cached import TileCacheConfig, TileCounts
 from viewer.passes.divergence import Stage
 from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import codec_programs
@@ -32,6 +31,7 @@ from viewer.path_choice import PathTimes, time_paths
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.shown_divergence import CountedGrouping, ShownDivergence
+from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import REFERENCE, Overlay, Precision, Slot, ViewState
 
 
@@ -267,8 +267,7 @@ class Renderer:
             skipped["passes"] += 1
             return
         if slot not in targets.albedo:
-            # Images and tiles are 8-bit.
-            targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference or slot.path == "cached")
+            targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
         if on_gpu is None:
             visible = np.nonzero(draw_list.materials)[0].tolist()

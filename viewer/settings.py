@@ -16,6 +16,7 @@ LAYOUT_FILE = "layout.ini"
 ANISOTROPIES = (1, 2, 4, 8, 16)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
+TILE_CACHE_MEGABYTES = (1, 16384)
 SMALLEST_WINDOW = (320, 200)
 LARGEST_WINDOW = (16384, 16384)
 LARGEST_FILE = 1 << 20
@@ -38,6 +39,8 @@ class ViewerSettings:
     """Window (width, height) in screen units."""
     coarse_while_moving: bool = True
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
+    tile_cache_megabytes: int = 256
+    """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
 
@@ -77,6 +80,7 @@ _READERS: dict[str, Any] = {
     "wipe_position": lambda value: _number(value, 0.0, 1.0),
     "window_size": _window_size,
     "coarse_while_moving": _flag,
+    "tile_cache_megabytes": lambda value: int(_number(value, *TILE_CACHE_MEGABYTES)),
     "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
 }
 

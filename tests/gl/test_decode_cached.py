@@ -19,10 +19,11 @@ from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.context import GraphicsContext
 from viewer.passes import decode_cached, layout
-from viewer.passes.decode_cached import PAGE_BYTES, TileCacheConfig, TileCounts
+from viewer.passes.decode_cached import PAGE_BYTES
 from viewer.path_choice import turned
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.model import Camera, Material, Scene
+from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import Slot, ViewState
 
 SIZE = (48, 32)
@@ -208,9 +209,7 @@ def test_a_changed_group_costs_its_own_tiles_only(graphics: GraphicsContext) -> 
         made.release()
 
 
-def test_more_missing_tiles_than_a_request_can_list(
-    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = opened(graphics)
     truth = picture(plain)
     monkeypatch.setattr(layout, "MOST_TILES_ASKED_FOR", 5)

@@ -1,5 +1,7 @@
 """Scenes and pictures at the edges: nothing to draw, no textures, no match, one pixel, vertex colours, all id bits."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
@@ -21,9 +23,9 @@ from viewer.renderer import Renderer
 from viewer.scene.model import Material, Scene
 from viewer.view_state import DecodePath, Slot, ViewState
 
-PATHS: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
+PATHS = get_args(DecodePath)
 MAP = PixelMap((0.0, 1.0), (1 / 16, 0.0), (0.0, -1 / 16))
-SLOTS = (Slot(), Slot("p", "deferred"), Slot("p", "forward"), Slot("p", "binned"))
+SLOTS = (Slot(), *(Slot("p", path) for path in PATHS))
 
 
 def drawn(graphics: GraphicsContext, scene: Scene, size: tuple[int, int], slots: tuple[Slot, ...] = (Slot(),)) -> list:

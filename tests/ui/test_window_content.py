@@ -314,7 +314,7 @@ def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None
 def test_a_scene_that_cannot_be_drawn_is_put_away(
     app: HeadlessApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise InputError("other.glb: has too many textures")
 
     scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()

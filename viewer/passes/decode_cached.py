@@ -1,7 +1,6 @@
 """Decode path `cached`: tiles of texels that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -29,42 +28,13 @@ from viewer.passes.page_pool import PagePool
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.tile_table import TileTable
 from viewer.passes.visibility import VisibilityTarget
+from viewer.tile_cache import TileCacheConfig, TileCounts
 
 FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
 TILES_AT_ONCE = 8192
 """Of one dispatch: OpenGL lets none have more than 65535 work groups."""
-
-
-@dataclass(frozen=True)
-class TileCacheConfig:
-    """How large the cache of one pack may become, and how long a frame may decode for it."""
-
-    budget_bytes: int = 256 << 20
-    """Of the atlas; at least one page."""
-    milliseconds: float | None = None
-    """Decoding time of a frame, in ms. What is left comes in the next frames; until then a coarser tile is shown. None: no limit."""
-    least_tiles: int = 8
-    """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
-
-
-@dataclass(frozen=True)
-class TileCounts:
-    """The state of the cache."""
-
-    resident: int
-    """Tiles that are decoded and kept."""
-    waiting: int
-    """Tiles that the last view asked for and that are still to come."""
-    starved: int
-    """Tiles that cannot come, because all others in the budget are seen too."""
-    kept: int
-    """Tiles that were there when the last view asked."""
-    decoded: int
-    """Tiles decoded so far."""
-    evicted: int
-    """Tiles that others have taken the place of so far."""
 
 
 class DecodeCachedPass:

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 from ntc.divergence import DivergenceStatistics
 from viewer.actions import Action
 from viewer.block_content import BlockContent
+from viewer.tile_cache import TileCounts
 from viewer.view_state import Slot
 
 Emit = Callable[[Action], None]
@@ -35,5 +36,7 @@ class FrameFacts:
     """Small picture of a texture by its id."""
     gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
     frames_drawn: int = 0
+    tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
+    """The tile caches of slots that have one."""
     picture: tuple[float, float] = (1.0, 1.0)
     """Size of the picture in window units."""

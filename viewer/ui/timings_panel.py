@@ -20,4 +20,8 @@ def draw_timings_panel(facts: FrameFacts) -> None:
     imgui.separator()
     for name, count in (*facts.drawn.items(), *facts.skipped.items()):
         imgui.text(f"{count:>9,} {name.replace('_', ' ')}" + ("" if name in facts.drawn else " (skipped)"))
+    for slot, tiles in facts.tiles.items():
+        imgui.text(f"{tiles.resident:>9,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
+        if tiles.starved:
+            imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
     imgui.text(f"{facts.frames_drawn:>9,} frames drawn")
