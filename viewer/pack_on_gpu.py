@@ -19,6 +19,8 @@ from viewer.passes.decode_cached import DecodeCachedPass
 from viewer.passes.decode_deferred import DecodeDeferredPass
 from viewer.passes.decode_forward import DecodeForwardPass
 from viewer.passes.decoder_ranges import DecoderRanges
+from viewer.passes.latent_store import LatentBudget, LatentCounts
+from viewer.passes.needed_levels import NeededLevelsPass
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import SceneBuffers
 from viewer.passes.tile_table import TileTable
@@ -49,6 +51,7 @@ class Drawing:
     scene_buffers: SceneBuffers
     timer: PassTimer
     tile_cache: TileCacheConfig
+    latents: LatentBudget
 
 
 @dataclass
@@ -64,7 +67,9 @@ class PackOnGpu:
     _cached: DecodeCachedPass | None = None
     _asked: object = None
     """The view whose tiles the cache was asked for last."""
-    _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass] = field(default_factory=list)
+    _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass | NeededLevelsPass] = field(
+        default_factory=list
+    )
 
     @cached_property
     def decoders(self) -> tuple[int, ...]:
@@ -74,7 +79,9 @@ class PackOnGpu:
     @cached_property
     def buffers(self) -> PackBuffers:
         """Latents, tables and weights."""
-        made = PackBuffers(self.drawing.context, self.pack, self.match.texture_index, self.precision)
+        made = PackBuffers(
+            self.drawing.context, self.pack, self.match.texture_index, self.precision, self.drawing.latents
+        )
         self._made.append(made)
         return made
 
@@ -123,6 +130,27 @@ class PackOnGpu:
             self._made.append(self._cached)
         return self._cached
 
+    @cached_property
+    def _needed_levels(self) -> NeededLevelsPass:
+        count = len(self.match.texture_index)
+        made = NeededLevelsPass(self.drawing.context, self.programs, count, self._colors)
+        self._made.append(made)
+        return made
+
+    def _upload_latents(self, seen: SeenSurfaces) -> None:
+        """Have the mips on the GPU that this view reads."""
+        drawn = dict.fromkeys(self._textures_in(seen.draw_list), 0)
+        if self.buffers.has(drawn):
+            return
+        with self.drawing.timer.measure("latents"):
+            needed = self._needed_levels.run(seen.visibility, self.drawing.scene_buffers, self.buffers)
+            self.buffers.need(needed)
+
+    @property
+    def latents(self) -> LatentCounts:
+        """What of the latents is on the GPU."""
+        return self.buffers.latents
+
     @property
     def bytes_on_gpu(self) -> int:
         """All buffers and textures."""
@@ -142,6 +170,7 @@ class PackOnGpu:
         drawing, timer = self.drawing, self.drawing.timer
         if path == "cached":
             return self._decode_cached(seen, target, whole)
+        self._upload_latents(seen)
         # Made outside of the measured time: compiling is no part of a frame.
         chosen: DecodeForwardPass | DecodeBinnedPass | DecodeDeferredPass
         if path == "forward":
@@ -180,11 +209,15 @@ class PackOnGpu:
             cache.sample(seen.visibility, self.drawing.scene_buffers, target)
         return spent + timer.last_ms
 
-    def _decoders_in(self, draw_list: DrawList) -> list[int]:
-        """Decoders of the textures whose materials are drawn."""
+    def _textures_in(self, draw_list: DrawList) -> list[int]:
+        """Encoded textures whose materials are drawn."""
         materials = self.drawing.scene.materials
         textures = {materials[index].texture_id for index in np.nonzero(draw_list.materials)[0]}
-        return sorted({self.decoders[texture] for texture in textures if texture >= 0} - {-1})
+        return sorted(texture for texture in textures if texture >= 0 and self.decoders[texture] >= 0)
+
+    def _decoders_in(self, draw_list: DrawList) -> list[int]:
+        """Their decoders."""
+        return sorted({self.decoders[texture] for texture in self._textures_in(draw_list)})
 
     def hand_over(self, pack: Pack, match: PackMatch) -> "PackOnGpu":
         """Another version of this pack in its place, which this frees. Decoded tiles of textures that are the same are kept."""

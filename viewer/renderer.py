@@ -22,6 +22,7 @@ from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, Look
 from viewer.passes.culling import Culling, DrawList
 from viewer.passes.divergence import Stage
+from viewer.passes.latent_store import LatentBudget
 from viewer.passes.layout import scene_layout_glsl
 from viewer.passes.pack_buffers import codec_programs
 from viewer.passes.reference import ReferencePass
@@ -101,6 +102,7 @@ class Renderer:
         scene: Scene,
         divergence_stage: Stage = "compute",
         tile_cache: TileCacheConfig | None = None,
+        latents: LatentBudget | None = None,
     ) -> None:
         self._context, self._scene = context, scene
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
@@ -112,7 +114,9 @@ class Renderer:
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._composite = CompositePass(context, self._programs)
         self._timer = PassTimer(context)
-        self._drawing = Drawing(context, scene, self._scene_buffers, self._timer, tile_cache or TileCacheConfig())
+        self._drawing = Drawing(
+            context, scene, self._scene_buffers, self._timer, tile_cache or TileCacheConfig(), latents or LatentBudget()
+        )
         self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
@@ -184,6 +188,10 @@ class Renderer:
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
         tiles = {slot: counts for slot in slots if (counts := self._tiles(slot)) is not None}
+        for slot in dict.fromkeys(slot for slot in slots if slot.source != REFERENCE):
+            latents = self._on_gpu(slot).latents
+            skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
+            skipped["latent_textures_not_uploaded"] += latents.textures_left_out
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
         slot_ms = dict(targets.slot_ms)
         for slot, chosen in zip(asked, (view.slot_a, view.slot_b), strict=True):

@@ -89,7 +89,7 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
 void decoder_input(TextureRecord record, vec2 uv, float lod, ivec2 wrap, out float x[DECODER_INPUTS]) {
     vec2 wrapped = vec2(wrap_coordinate(uv.x, wrap.x), wrap_coordinate(uv.y, wrap.y));
     if (isnan(lod) || isinf(lod)) lod = 0.0;
-    lod = clamp(lod, 0.0, float(record.levels - 1));
+    lod = clamp(lod, float(record.finest_level), float(record.levels - 1));
     int lower = int(floor(lod));
     int upper = min(lower + 1, record.levels - 1);
     float share = lod - float(lower);

@@ -37,6 +37,13 @@ TILES_AT_ONCE = 8192
 """Of one dispatch: OpenGL lets none have more than 65535 work groups."""
 
 
+def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
+    """Finest mip by texture id of TILE_RECORDs."""
+    order = np.lexsort((tiles["level"], tiles["texture_id"]))
+    textures, first = np.unique(tiles["texture_id"][order], return_index=True)
+    return dict(zip(textures.tolist(), tiles["level"][order][first].tolist(), strict=True))
+
+
 class DecodeCachedPass:
     """Inputs: visibility buffer, materials, a pack. Output: linear albedo. `request`, `decode` and `sample` in turn make a frame."""
 
@@ -156,6 +163,7 @@ class DecodeCachedPass:
             return 0
         tiles = self._table.tiles(entries[: len(pages)])
         tiles["page"] = pages
+        self._buffers.need(finest_levels(tiles))
         decoders = self._decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])

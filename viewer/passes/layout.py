@@ -185,7 +185,7 @@ BIN_RECORD = np.dtype(
 
 def texture_record(config: CodecConfig) -> np.dtype:
     """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
-    of its adapter among the weights."""
+    of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU."""
     words = config.latent_channels // 4
     return np.dtype(
         [
@@ -195,8 +195,8 @@ def texture_record(config: CodecConfig) -> np.dtype:
             ("channels", "<i4"),
             ("srgb", "<i4"),
             ("adapter", "<i4"),
+            ("finest_level", "<i4"),
             ("padding_0", "<i4"),
-            ("padding_1", "<i4"),
             ("scale", "<f4", (words, 4)),
             ("offset", "<f4", (words, 4)),
         ]

@@ -1,80 +1,99 @@
 """A pack on the GPU: records, latents and weights in storage buffers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import moderngl
 import numpy as np
 
-from ntc.config import CodecConfig
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Pack
-from ntc.quantize import packed_cells
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.passes.layout import LEVEL_RECORD, StorageBinding, cell_words, codec_layout_glsl, texture_record
+from viewer.passes.latent_store import LatentBudget, LatentCounts, LatentStore
+from viewer.passes.layout import StorageBinding, codec_layout_glsl, texture_record
 from viewer.passes.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
 from viewer.view_state import Precision
 
 
-def _cell_words(stored: np.ndarray, config: CodecConfig) -> np.ndarray:
-    """[cells, words] uint32: the cells as files hold them, padded to whole words."""
-    packed = packed_cells(stored, config.latent_bits)
-    padding = 4 * cell_words(config) - packed.shape[1]
-    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
-
-
 class PackBuffers:
-    """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1."""
+    """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1.
+
+    All latents are uploaded at once, or with `on_demand` those that `need` names.
+    """
 
     def __init__(
-        self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        texture_index: Sequence[int],
+        precision: Precision,
+        on_demand: LatentBudget | None = None,
     ) -> None:
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks
         self.precision = precision
-        records = np.zeros(max(1, len(texture_index)), texture_record(config))
-        records["decoder"] = -1
-        levels: list[tuple[int, ...]] = []
-        latents: list[np.ndarray] = []
-        adapters: list[Adapter] = []
-        first_cell = 0
+        textures = [pack.textures[index] if index >= 0 else None for index in texture_index]
         # Only what the table names is uploaded: latents of other scenes' textures cost nothing.
-        for slot, index in enumerate(texture_index):
-            if index < 0:
+        self._latents = LatentStore(context.gl, config, textures, on_demand or LatentBudget())
+        records = np.zeros(max(1, len(textures)), texture_record(config))
+        records["decoder"] = -1
+        adapters: list[Adapter] = []
+        for record, texture, first_level in zip(records, textures, self._latents.first_level, strict=False):
+            if texture is None:
                 continue
-            texture = pack.textures[index]
-            pyramid = latent_levels(texture.width, texture.height, config)
-            records[slot]["first_level"], records[slot]["levels"] = len(levels), len(pyramid)
-            records[slot]["decoder"], records[slot]["channels"] = texture.group, texture.channels
-            records[slot]["srgb"] = texture.color_space == "srgb"
-            records[slot]["adapter"] = len(pack.decoders) * network.blocks + len(adapters) * network.adapter_blocks
+            record["first_level"] = first_level
+            record["levels"] = len(latent_levels(texture.width, texture.height, config))
+            record["decoder"], record["channels"] = texture.group, texture.channels
+            record["srgb"] = texture.color_space == "srgb"
+            record["adapter"] = len(pack.decoders) * network.blocks + len(adapters) * network.adapter_blocks
             if texture.adapter is not None:
                 adapters.append(texture.adapter)
-            records[slot]["scale"] = texture.scale.reshape(-1, 4)
-            records[slot]["offset"] = texture.offset.reshape(-1, 4)
-            for level in pyramid:
-                sizes = (level.width, level.height, level.texel_width, level.texel_height)
-                levels.append((*sizes, first_cell + level.first_cell, 0, 0, 0))
-            latents.append(_cell_words(texture.latents, config))
-            first_cell += len(texture.latents)
-        cells = np.concatenate(latents) if latents else np.zeros((1, cell_words(config)), "<u4")
+            record["scale"] = texture.scale.reshape(-1, 4)
+            record["offset"] = texture.offset.reshape(-1, 4)
+        self._records = records
         gl = context.gl
         self._buffers: dict[StorageBinding, moderngl.Buffer] = {
             StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
-            StorageBinding.LEVELS: gl.buffer(np.array(levels or [(0,) * 8], LEVEL_RECORD).tobytes()),
-            StorageBinding.LATENTS: gl.buffer(np.ascontiguousarray(cells).tobytes()),
+            StorageBinding.LEVELS: gl.buffer(self._latents.levels.tobytes()),
             StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, adapters, precision)),
         }
-        self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values())
+        if on_demand is None:
+            self.need(self._latents.all_levels())
+
+    @property
+    def latents(self) -> LatentCounts:
+        """What of the latents lies on the GPU."""
+        return self._latents.counts
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """All buffers."""
+        return self._latents.buffer.size + sum(buffer.size for buffer in self._buffers.values())
+
+    def has(self, wanted: Mapping[int, int]) -> bool:
+        """Whether these mips, given as finest mip by texture, are on the GPU."""
+        return self._latents.has(wanted)
+
+    def need(self, wanted: Mapping[int, int]) -> None:
+        """Upload what is missing of these mips, given as finest mip by texture."""
+        if self._latents.need(wanted):
+            count = len(self._latents.finest)
+            self._records["finest_level"][:count] = np.minimum(
+                self._latents.finest, np.maximum(self._records["levels"][:count] - 1, 0)
+            )
+            self._buffers[StorageBinding.TEXTURES].write(self._records.tobytes())
+            self._buffers[StorageBinding.LEVELS].write(self._latents.levels.tobytes())
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
         for binding, buffer in self._buffers.items():
             buffer.bind_to_storage_buffer(int(binding))
+        self._latents.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
 
     def release(self) -> None:
         """Free the buffers."""
+        self._latents.release()
         for buffer in self._buffers.values():
             buffer.release()
 

@@ -1,0 +1,162 @@
+"""Latents on the GPU: the mips that are needed of the textures that are seen, within a budget."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.config import CodecConfig
+from ntc.latents import LatentLevel, latent_levels
+from ntc.pack import EncodedTexture
+from ntc.quantize import packed_cells
+from viewer.passes.layout import LEVEL_RECORD, cell_words
+
+
+@dataclass(frozen=True)
+class LatentBudget:
+    """How much may lie on the GPU."""
+
+    budget_bytes: int = 1 << 30
+
+
+@dataclass(frozen=True)
+class LatentCounts:
+    """What lies on the GPU, and what was left out."""
+
+    bytes_uploaded: int
+    bytes_left_out: int
+    """Of mips that nobody has needed so far."""
+    textures_left_out: int
+    """Textures of which nothing has been needed so far."""
+    levels_without_room: int
+    """Mips that are seen and for which the budget has no room: a coarser one is shown."""
+
+
+def stored_words(texture: EncodedTexture, config: CodecConfig, cells: slice) -> NDArray[np.uint32]:
+    """[cells, words] uint32: cells as files hold them, padded to whole words."""
+    packed = packed_cells(texture.latents[cells], config.latent_bits)
+    padding = 4 * cell_words(config) - packed.shape[1]
+    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
+
+
+class LatentStore:
+    """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is."""
+
+    def __init__(
+        self,
+        gl: moderngl.Context,
+        config: CodecConfig,
+        textures: Sequence[EncodedTexture | None],
+        budget: LatentBudget,
+    ) -> None:
+        self._gl, self._config, self._textures = gl, config, tuple(textures)
+        self._cell_bytes = 4 * cell_words(config)
+        self._budget_cells = max(1, budget.budget_bytes // self._cell_bytes)
+        self._pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
+            () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
+        )
+        counts = [len(pyramid) for pyramid in self._pyramids]
+        self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
+        """[textures] row of `levels` of each texture's finest mip."""
+        self.levels = np.zeros(max(1, sum(counts)), LEVEL_RECORD)
+        """[mips] LEVEL_RECORD; `first_cell` means something for mips that are there."""
+        for first, pyramid in zip(self.first_level, self._pyramids, strict=True):
+            for row, level in enumerate(pyramid, start=int(first)):
+                self.levels[row]["width"], self.levels[row]["height"] = level.width, level.height
+                self.levels[row]["texel_width"] = level.texel_width
+                self.levels[row]["texel_height"] = level.texel_height
+        self.finest = np.array(counts, np.int32)
+        """[textures] finest mip that is there; the number of mips where none is."""
+        self._used = 0
+        self._without_room = 0
+        self.buffer: moderngl.Buffer = gl.buffer(reserve=self._cell_bytes)
+
+    def _cells(self, index: int, finest: int) -> int:
+        """Cells of a texture from mip `finest` on."""
+        return sum(level.cells for level in self._pyramids[index][finest:])
+
+    @property
+    def counts(self) -> LatentCounts:
+        """What is there."""
+        total = sum(self._cells(index, 0) for index in range(len(self._textures)))
+        there = sum(self._cells(index, int(finest)) for index, finest in enumerate(self.finest))
+        pyramids = [len(pyramid) for pyramid in self._pyramids]
+        absent = sum(
+            1 for finest, count in zip(self.finest.tolist(), pyramids, strict=True) if count and finest >= count
+        )
+        return LatentCounts(there * self._cell_bytes, (total - there) * self._cell_bytes, absent, self._without_room)
+
+    def all_levels(self) -> dict[int, int]:
+        """Every mip of every texture, for `need`."""
+        return {index: 0 for index, pyramid in enumerate(self._pyramids) if pyramid}
+
+    def has(self, wanted: Mapping[int, int]) -> bool:
+        """Whether these mips are there, given as finest mip by texture."""
+        return all(self.finest[index] <= level for index, level in wanted.items())
+
+    def need(self, wanted: Mapping[int, int]) -> bool:
+        """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
+
+        Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest
+        textures stay out.
+        """
+        missing = {index: level for index, level in wanted.items() if self.finest[index] > level}
+        if not missing:
+            return False
+        cells = sum(
+            self._cells(index, level) - self._cells(index, int(self.finest[index])) for index, level in missing.items()
+        )
+        self._without_room = 0
+        if self._used + cells > self._budget_cells:
+            self.finest[:] = [len(pyramid) for pyramid in self._pyramids]
+            self._used = 0
+            missing = self._fitting(wanted)
+            cells = sum(self._cells(index, level) for index, level in missing.items())
+        self._reserve(self._used + cells)
+        for index, level in missing.items():
+            self._upload(index, level)
+        return True
+
+    def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
+        """As much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
+        fitting = dict(wanted)
+        while sum(self._cells(index, level) for index, level in fitting.items()) > self._budget_cells:
+            open_ones = [index for index, level in fitting.items() if level + 1 < len(self._pyramids[index])]
+            if not open_ones:
+                break
+            largest = max(open_ones, key=lambda index: self._pyramids[index][fitting[index]].cells)
+            fitting[largest] += 1
+            self._without_room += 1
+        return fitting
+
+    def _reserve(self, cells: int) -> None:
+        size = cells * self._cell_bytes
+        if size <= self.buffer.size:
+            return
+        grown = self._gl.buffer(reserve=max(size, min(2 * self.buffer.size, self._budget_cells * self._cell_bytes)))
+        if self._used:
+            self._gl.copy_buffer(grown, self.buffer, self._used * self._cell_bytes)
+        self.buffer.release()
+        self.buffer = grown
+
+    def _upload(self, index: int, finest: int) -> None:
+        """Upload a texture's mips from `finest` to those that are there."""
+        texture, pyramid = self._textures[index], self._pyramids[index]
+        assert texture is not None
+        present = int(self.finest[index])
+        start = pyramid[finest].first_cell
+        end = pyramid[present].first_cell if present < len(pyramid) else len(texture.latents)
+        self.buffer.write(
+            stored_words(texture, self._config, slice(start, end)).tobytes(), offset=self._used * self._cell_bytes
+        )
+        for number in range(finest, present):
+            row = int(self.first_level[index]) + number
+            self.levels[row]["first_cell"] = self._used + pyramid[number].first_cell - start
+        self._used += end - start
+        self.finest[index] = finest
+
+    def release(self) -> None:
+        """Free the buffer."""
+        self.buffer.release()
