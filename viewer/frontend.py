@@ -171,6 +171,7 @@ class Frontend:
             thumbnail=self._thumbnail if self._thumbnails is not None else None,
             gpu_bytes=gpu_bytes,
             frames_drawn=self.frames_drawn,
+            paths=last.paths if last else {},
             tiles=last.tiles if last else {},
         )
 

@@ -33,7 +33,7 @@ from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.shown_divergence import CountedGrouping, ShownDivergence
 from viewer.tile_cache import TileCacheConfig, TileCounts
-from viewer.view_state import REFERENCE, Overlay, Precision, Slot, ViewState
+from viewer.view_state import REFERENCE, Overlay, PathChoice, Precision, Slot, ViewState
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,8 @@ class FrameResult:
     """Triangles and draw commands of the visibility buffer."""
     tiles: Mapping[Slot, TileCounts]
     """The tile caches of the shown slots that have one."""
+    paths: Mapping[Slot, PathChoice]
+    """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
 
     @property
     def waiting(self) -> int:
@@ -207,6 +209,7 @@ class Renderer:
             divergence,
             drawn,
             tiles,
+            {slot: chosen.path for slot, chosen in zip(asked, (view.slot_a, view.slot_b), strict=True)},
         )
 
     def path_times(self, slot: Slot) -> PathTimes | None:

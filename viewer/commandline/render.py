@@ -4,7 +4,7 @@ import io
 import json
 import math
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +95,7 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "renderer": renderer_name,
         "size": list(view.size),
         "grouping": view.slot_a.source,
-        "path": None if is_reference else view.slot_a.path,
+        "path": None if is_reference else picture.frame.paths[view.slot_a],
         "precision": None if is_reference else view.slot_a.precision,
         "camera": view.camera.name,
         "timer": picture.frame.timer,
@@ -114,6 +114,7 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "psnr_db": quality(picture.covered),
         "psnr_decoded_pixels_db": quality(decoded),
         "skipped": picture.frame.skipped,
+        "tiles": {slot.path: asdict(counts) for slot, counts in picture.frame.tiles.items()},
     }
 
 

@@ -113,7 +113,7 @@ def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces)
     imgui.table_headers_row()
     slots = {"a": session.view.slot_a, "b": session.view.slot_b}
     rows: dict[str, list[str]] = {
-        name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "GPU MB", "decode ms")
+        name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
     }
     for side, slot in slots.items():
         figure = session.measurements.get(side)
@@ -122,6 +122,7 @@ def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces)
         divergence = figure.divergence if figure else None
         rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
         rows["excess"].append(str(divergence.excess) if divergence else "-")
+        rows["path"].append("-" if slot.source == REFERENCE else facts.paths.get(slot, slot.path))
         rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
         rows["decode ms"].append(f"{facts.slot_ms[slot]:.2f}" if slot in facts.slot_ms else "-")
     for name, values in rows.items():

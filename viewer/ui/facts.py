@@ -9,7 +9,7 @@ from ntc.divergence import DivergenceStatistics
 from viewer.actions import Action
 from viewer.block_content import BlockContent
 from viewer.tile_cache import TileCounts
-from viewer.view_state import Slot
+from viewer.view_state import PathChoice, Slot
 
 Emit = Callable[[Action], None]
 """How the UI asks for something."""
@@ -36,6 +36,8 @@ class FrameFacts:
     """Small picture of a texture by its id."""
     gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
     frames_drawn: int = 0
+    paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
+    """The path by which each slot is drawn: what `auto` chose, else its own."""
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
     """The tile caches of slots that have one."""
     picture: tuple[float, float] = (1.0, 1.0)
