@@ -13,11 +13,12 @@ from viewer.scene.model import Camera
 from viewer.view_state import DecodePath, Slot, ViewState
 
 SHARE = 4
-"""Paths are timed on pictures whose sides are this many times smaller."""
+"""Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
+`cached` is timed on whole ones, for the tiles that come into sight do not; what it decodes for that stays decoded."""
 DEGREES = 1.0
 """The camera turns by so much from picture to picture: what `cached` decoded before counts, but not a view that stands still."""
 PICTURES = 3
-"""Of each path; the first compiles and fills the cache, the median of the others counts."""
+"""Of each path; the first compiles and fills the cache, the least of the others counts."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class PathTimes:
     """What `auto` found."""
 
     milliseconds: Mapping[DecodePath, float]
-    """Of the small picture; paths that this driver cannot run are absent."""
+    """Of a whole picture after a small turn; paths that this driver cannot run are absent."""
 
     @property
     def fastest(self) -> DecodePath:
@@ -49,15 +50,16 @@ def turned(camera: Camera, degrees: float) -> Camera:
 
 def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slot) -> PathTimes:
     """Times of all paths for `slot`; `slot_ms` draws a view whole and says what its slot A took, in ms."""
-    small = (max(1, view.size[0] // SHARE), max(1, view.size[1] // SHARE))
     times: dict[DecodePath, float] = {}
     for path in get_args(DecodePath):
-        plain = replace(view, size=small, slot_a=replace(slot, path=path), compare="a")
+        share = 1 if path == "cached" else SHARE
+        size = (max(1, view.size[0] // share), max(1, view.size[1] // share))
+        plain = replace(view, size=size, slot_a=replace(slot, path=path), compare="a")
         try:
             taken = [
                 slot_ms(replace(plain, camera=turned(view.camera, DEGREES * number))) for number in range(PICTURES)
             ]
         except (ShaderError, InputError):
             continue
-        times[path] = float(np.median(taken[1:]))
+        times[path] = min(taken[1:]) * (view.size[0] * view.size[1]) / (size[0] * size[1])
     return PathTimes(times)

@@ -31,9 +31,11 @@ def test_the_fastest_is_taken_on_small_pictures_of_a_turning_camera() -> None:
         return 1000.0 / cost[view.slot_a.path] if first else cost[view.slot_a.path]
 
     times = time_paths(slot_ms, VIEW, SLOT)
-    assert times.fastest == "binned"
-    assert dict(times.milliseconds) == cost
-    assert {view.size for view in seen} == {(30, 18)}
+    # A small picture's time counts for all pixels.
+    assert dict(times.milliseconds) == {path: ms * (1 if path == "cached" else 16) for path, ms in cost.items()}
+    assert times.fastest == "cached"
+    assert {view.size for view in seen if view.slot_a.path != "cached"} == {(30, 18)}
+    assert {view.size for view in seen if view.slot_a.path == "cached"} == {(120, 72)}
     assert len({(view.slot_a.path, view.camera) for view in seen}) == len(seen)
 
 
