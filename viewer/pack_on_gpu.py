@@ -38,6 +38,8 @@ class SeenSurfaces:
     draw_list: DrawList
     matrix: NDArray[np.float64]
     """[4, 4] world to clip."""
+    anisotropy: int
+    """Of path `cached`: 1 (trilinear) to 16."""
     key: object
     """Equal for equal views."""
 
@@ -194,7 +196,7 @@ class PackOnGpu:
         while True:
             if self._asked != seen.key or cache.must_ask_again:
                 with timer.measure(name):
-                    cache.request(seen.visibility, self.drawing.scene_buffers)
+                    cache.request(seen.visibility, self.drawing.scene_buffers, seen.anisotropy)
                 spent += timer.last_ms
                 self._asked = seen.key
             wanted = cache.tiles_now(whole)
@@ -206,7 +208,7 @@ class PackOnGpu:
             if not (whole and wanted and cache.must_ask_again):
                 break
         with timer.measure(name):
-            cache.sample(seen.visibility, self.drawing.scene_buffers, target)
+            cache.sample(seen.visibility, self.drawing.scene_buffers, target, seen.anisotropy)
         return spent + timer.last_ms
 
     def _textures_in(self, draw_list: DrawList) -> list[int]:

@@ -236,8 +236,8 @@ class Renderer:
         return on_gpu.tiles if on_gpu is not None and slot.path == "cached" else None
 
     def _targets_for(self, view: ViewState) -> _Targets:
-        shows_reference = REFERENCE in (view.slot_a.source, view.slot_b.source)
-        content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and shows_reference)
+        filters = any(slot.source == REFERENCE or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
+        content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and filters)
         targets = self._targets
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
             if targets is not None:
@@ -270,9 +270,10 @@ class Renderer:
         whole: bool,
     ) -> None:
         is_reference = slot.source == REFERENCE
-        version = view.anisotropy if is_reference else self._pack_versions[slot.source]
+        version = 0 if is_reference else self._pack_versions[slot.source]
+        anisotropy = view.anisotropy if is_reference or slot.path == "cached" else 1
         on_gpu = None if is_reference else self._on_gpu(slot)
-        key = (view.camera, version)
+        key = (view.camera, version, anisotropy)
         drawn = targets.drawn.get(slot)
         if drawn is not None and drawn.key == key and not (on_gpu is not None and on_gpu.is_waiting(slot.path)):
             skipped["passes"] += 1
@@ -285,10 +286,12 @@ class Renderer:
             with self._timer.measure("upload"):
                 self._reference.upload(visible)
             with self._timer.measure("reference"):
-                self._reference.run(targets.visibility, self._scene_buffers, target, visible, view.anisotropy)
+                self._reference.run(targets.visibility, self._scene_buffers, target, visible, anisotropy)
             targets.slot_ms[slot] = self._timer.last_ms
         else:
-            seen = SeenSurfaces(targets.visibility, draw_list, self._matrix, (view.camera, view.size))
+            seen = SeenSurfaces(
+                targets.visibility, draw_list, self._matrix, anisotropy, (view.camera, view.size, anisotropy)
+            )
             targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
         self._draws += 1
         targets.drawn[slot] = _Drawn(key, self._draws)

@@ -32,7 +32,7 @@ class ViewerSettings:
     fov_degrees: float = 60.0
     """Vertical field of view of the free camera, degrees."""
     anisotropy: int = 1
-    """Anisotropic filtering of the reference: 1 (trilinear) to 16."""
+    """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
     wipe_position: float = 0.5
     """Divider of the wipe as a share of the picture's width."""
     window_size: tuple[int, int] = (1280, 720)

@@ -60,4 +60,4 @@ class ViewState:
     overlay: Overlay = Overlay()
     zoom: Zoom = WHOLE
     anisotropy: int = 1
-    """Anisotropic filtering of the reference: 1 (trilinear, as the decode paths filter) to 16."""
+    """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""

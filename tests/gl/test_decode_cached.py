@@ -58,14 +58,19 @@ def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     made.release()
 
 
+def decoded_mips(pack: Pack, name: str) -> list[NDArray[np.uint8]]:
+    """All mips of a case's texture by the float64 decode, under the case's wrap modes."""
+    case = CASES[name]
+    levels = latent_levels(*SIZES[case.texture], pack.config)
+    decode = partial(reference.decode_texels, pack, wrap=case.wrap)
+    return [reference.image_of_texels(pack, case.texture, level, decode) for level in range(len(levels))]
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: str) -> None:
     case = CASES[name]
     size = SIZES[case.texture]
-    levels = latent_levels(*size, pack.config)
-    modes = partial(reference.decode_texels, pack, wrap=case.wrap)
-    images = [reference.image_of_texels(pack, case.texture, level, modes) for level in range(len(levels))]
-    chain = [srgb_to_linear(image / 255.0) for image in images]
+    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED))
     assert renderer.covered().all()
     shown = renderer.albedo(CACHED).reshape(-1, 3)
@@ -219,3 +224,28 @@ def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, m
     assert counts(render(few)).waiting == 0
     for made in (plain, few):
         made.release()
+
+
+@pytest.mark.parametrize("name", ["between levels, turned", "lod 2, mirror and clamp", "shrunk along y alone"])
+def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, pack: Pack, name: str) -> None:
+    """After EXT_texture_filter_anisotropic."""
+    case, most = CASES[name], 4
+    size = SIZES[case.texture]
+    view = ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED, anisotropy=most)
+    renderer.render(view)
+    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    sides = [np.array(side) for side in (case.map.per_x, case.map.per_y)]
+    lengths = [float(np.linalg.norm(side * size)) for side in sides]
+    count = min(int(np.ceil(max(lengths) / min(lengths) - 1e-4)), most)
+    assert count > 1
+    longer = sides[int(np.argmax(lengths))]
+    offsets = [longer * (number / (count + 1) - 0.5) for number in range(1, count + 1)]
+    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
+    sampler, lod = replace(case.sampler, wrap=case.wrap), float(np.log2(max(lengths) / count))
+    probes = [sample_chain(chain, case.map.uv(SIZE) + offset, lod, sampler) for offset in offsets]
+    error = np.abs(shown - np.mean(probes, axis=0) * [0.9, 1.0, 0.7])
+    assert error.max() <= 2 * STEP + HARDWARE
+    assert error.mean() <= 1e-3
+    # Without it the picture is another.
+    renderer.render(replace(view, anisotropy=1))
+    assert np.abs(renderer.albedo(CACHED).reshape(-1, 3) - shown).mean() > 5e-3

@@ -66,11 +66,10 @@ class DecodeCachedPass:
             "PRECISION_FP16": int(buffers.precision == "fp16"),
             "DECODER_IN_STORAGE": int(ranges.in_storage),
         }
-        self._request = programs.compute(f"{FOLDER}/request.comp", defines)
+        self._programs, self._defines = programs, defines
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         self._forget = programs.compute(f"{FOLDER}/forget.comp")
-        self._sample = programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
-        self._triangle = gl.vertex_array(self._sample, [])
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
         self._atlas.grow(1)
@@ -114,8 +113,12 @@ class DecodeCachedPass:
         """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
         return self._unheard > 0 and not len(self._waiting)
 
-    def request(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource) -> None:
-        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones."""
+    def request(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, anisotropy: int) -> None:
+        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones.
+
+        With `anisotropy` above 1 the visibility buffer must hold gradients.
+        """
+        program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
         self._forget_entries(self._waiting)
         self._frame += 1
         self._starved, self._kept = 0, self._pool.taken
@@ -124,8 +127,8 @@ class DecodeCachedPass:
         self._bind()
         asked = self._places[StorageBinding.RESULTS]
         asked.write(bytes(4))
-        set_uniforms(self._request, {"frame": self._frame})
-        self._request.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
+        set_uniforms(program, {"frame": self._frame, "anisotropy": anisotropy})
+        program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
         self._gl.memory_barrier()
         asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
         count = min(asked_count, MOST_TILES_ASKED_FOR)
@@ -206,16 +209,22 @@ class DecodeCachedPass:
         self._forget.run(-(-len(entries) // TEXEL_GROUP))
         self._gl.memory_barrier()
 
-    def sample(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
-        """Draw the albedo from the tiles that are there."""
+    def sample(
+        self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget, anisotropy: int
+    ) -> None:
+        """Draw the albedo from the tiles that are there; `anisotropy` as for `request`."""
+        defines = {**self._defines, **visibility.content.defines()}
+        program = self._programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
+        if program not in self._triangles:
+            self._triangles[program] = self._gl.vertex_array(program, [])
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
         visibility.bind()
         scene_buffers.bind_materials()
         self._bind()
         self._atlas.use(int(TextureUnit.ATLAS))
-        set_uniforms(self._sample, {"depth": 0.0})
-        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        set_uniforms(program, {"depth": 0.0, "anisotropy": anisotropy})
+        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
 
     def replace_pack(
         self,
@@ -237,7 +246,8 @@ class DecodeCachedPass:
     def release(self) -> None:
         """Free atlas and tables."""
         self._atlas.release()
-        self._triangle.release()
+        for triangle in self._triangles.values():
+            triangle.release()
         self._tiles.release()
         for buffer in self._places.values():
             buffer.release()

@@ -66,7 +66,7 @@ def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
     if int(chosen) != session.view.anisotropy:
         emit(SetAnisotropy(int(chosen)))
     imgui.same_line()
-    imgui.text("anisotropy of the reference")
+    imgui.text("anisotropy: reference, cached")
     imgui.set_next_item_width(64)
     share = combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
     if share != f"{session.resolution:.0%}":

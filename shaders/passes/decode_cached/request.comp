@@ -35,11 +35,16 @@ void main() {
     WantedTexel wanted = wanted_texel(surface);
     if (wanted.texture_id < 0) return;
     int first = material_tiles[surface.material];
-    vec2 uv = wrapped_place(wanted);
-    FilterLevels filtered = filter_levels(wanted);
-    bool complete = ask_for(tile_place(first, wanted.texture_id, filtered.lower, uv).entry);
-    if (filtered.share > 0.0)
-        complete = ask_for(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
+    Probes probes = probes_of(pixel, wanted, materials[surface.material].sampler_flags);
+    FilterLevels filtered = filter_levels(wanted.texture_id, probes.lod);
+    bool complete = true;
+    for (int number = 0; number < probes.count; ++number) {
+        vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
+        complete = ask_for(tile_place(first, wanted.texture_id, filtered.lower, uv).entry) && complete;
+        if (filtered.share > 0.0)
+            complete = ask_for(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
+    }
     int coarse = single_tile_level(wanted.texture_id);
-    if (!complete && coarse > filtered.lower) ask_for(tile_place(first, wanted.texture_id, coarse, uv).entry);
+    if (!complete && coarse > filtered.lower)
+        ask_for(tile_place(first, wanted.texture_id, coarse, wrapped_place(wanted, vec2(0.0))).entry);
 }

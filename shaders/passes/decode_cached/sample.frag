@@ -1,5 +1,5 @@
 #version 430
-// Linear albedo from decoded tiles: the hardware filters within a level, two levels are mixed.
+// Linear albedo from decoded tiles: the hardware filters within a level, two levels are mixed, and long footprints are probed more than once.
 #include "passes/decode_cached/tiles.glsl"
 
 layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
@@ -31,12 +31,17 @@ void main() {
     vec3 shown = wanted.factor;
     if (wanted.texture_id >= 0) {
         int first = material_tiles[surface.material];
-        vec2 uv = wrapped_place(wanted);
-        FilterLevels filtered = filter_levels(wanted);
-        vec3 texel = sample_level(first, wanted.texture_id, filtered.lower, uv);
-        if (filtered.share > 0.0)
-            texel = mix(texel, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
-        shown *= texel;
+        Probes probes = probes_of(ivec2(gl_FragCoord.xy), wanted, materials[surface.material].sampler_flags);
+        FilterLevels filtered = filter_levels(wanted.texture_id, probes.lod);
+        vec3 sum = vec3(0.0);
+        for (int number = 0; number < probes.count; ++number) {
+            vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
+            vec3 texel = sample_level(first, wanted.texture_id, filtered.lower, uv);
+            if (filtered.share > 0.0)
+                texel = mix(texel, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
+            sum += texel;
+        }
+        shown *= sum / float(probes.count);
     }
     albedo = vec4(shown, surface.material >= 0 ? 1.0 : 0.0);
 }

@@ -18,6 +18,42 @@ struct TilePlace {
     vec2 at;       // texels from the corner of its page
 };
 
+#if GRADIENTS
+uniform int anisotropy;   // most probes along the longer side of a footprint
+#endif
+
+// Where a pixel's footprint is probed (EXT_texture_filter_anisotropic): once where it is about as long as it is wide.
+struct Probes {
+    int count;
+    vec2 step;     // uv from one to the next
+    float lod;     // of each
+};
+
+Probes probes_of(ivec2 pixel, WantedTexel wanted, int sampler_flags) {
+    Probes probes = Probes(1, vec2(0.0), wanted.lod);
+#if GRADIENTS
+    if (anisotropy > 1 && sampler_flags == 0) {
+        LevelRecord finest = levels[textures[wanted.texture_id].first_level];
+        vec2 size = vec2(finest.texel_width, finest.texel_height);
+        vec4 gradients = texelFetch(surface_gradients, pixel, 0);
+        float along_x = length(gradients.xy * size);
+        float along_y = length(gradients.zw * size);
+        float longer = max(along_x, along_y);
+        // Also false for what is not a number.
+        if (longer > 1.0 && longer < 1e10) {
+            probes.count = int(clamp(ceil(longer / max(min(along_x, along_y), 1e-10) - 1e-4), 1.0, float(anisotropy)));
+            probes.step = (along_x >= along_y ? gradients.xy : gradients.zw) / float(probes.count + 1);
+            probes.lod = log2(longer / float(probes.count));
+        }
+    }
+#endif
+    return probes;
+}
+
+vec2 probe_offset(Probes probes, int number) {
+    return probes.step * (float(number + 1) - 0.5 * float(probes.count + 1));
+}
+
 // The mip levels that a trilinear filter reads, and how much of the second.
 struct FilterLevels {
     int lower;
@@ -25,15 +61,16 @@ struct FilterLevels {
     float share;
 };
 
-FilterLevels filter_levels(WantedTexel wanted) {
-    float last = float(textures[wanted.texture_id].levels - 1);
-    float lod = isnan(wanted.lod) || isinf(wanted.lod) ? 0.0 : clamp(wanted.lod, 0.0, last);
+FilterLevels filter_levels(int texture_id, float wanted_lod) {
+    float last = float(textures[texture_id].levels - 1);
+    float lod = isnan(wanted_lod) || isinf(wanted_lod) ? 0.0 : clamp(wanted_lod, 0.0, last);
     int lower = int(floor(lod));
     return FilterLevels(lower, min(lower + 1, int(last)), lod - float(lower));
 }
 
-vec2 wrapped_place(WantedTexel wanted) {
-    return vec2(wrap_coordinate(wanted.uv.x, wanted.wrap.x), wrap_coordinate(wanted.uv.y, wanted.wrap.y));
+vec2 wrapped_place(WantedTexel wanted, vec2 offset) {
+    vec2 uv = wanted.uv + offset;
+    return vec2(wrap_coordinate(uv.x, wanted.wrap.x), wrap_coordinate(uv.y, wanted.wrap.y));
 }
 
 // `first` is the material's first TileLevelRecord, `uv` is wrapped.
