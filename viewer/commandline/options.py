@@ -112,7 +112,7 @@ class RenderOptions:
     block: BlockName = Overlay.block
     """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
     anisotropy: Literal[1, 2, 4, 8, 16] = 1
-    """Anisotropic filtering of the reference; 1 is trilinear, as the decode paths filter."""
+    """Anisotropic filtering of the reference and of path `cached`; 1 is trilinear, as the other paths filter."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
 
