@@ -20,6 +20,7 @@ from ntc.metrics import psnr_db
 from ntc.pack import Adapter, Decoder, Grouping, Pack
 from ntc.quantize import QuantizedLatents
 from ntc.textures import SourceTexture
+from ntc.training_checks import check_textures
 from ntc.training_cohort import TrainingCohort
 from ntc.training_config import TrainingConfig
 from ntc.training_guard import TrainingFailedError, TrainingGuard
@@ -168,26 +169,6 @@ def with_psnr(pack: Pack, textures: Sequence[SourceTexture], device: torch.devic
     return replace(pack, textures=measured)
 
 
-def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> None:
-    """Raises InputError for textures and groups that cannot be trained."""
-    if not textures:
-        raise InputError("there is no texture to train")
-    if len(grouping.groups) != len(textures) or set(grouping.groups) != set(range(grouping.group_count)):
-        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
-    for texture in textures:
-        if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:
-            raise InputError(
-                f"{texture.name}: is {texture.pixels.dtype} {list(texture.pixels.shape)}; textures are 8-bit "
-                "[height, width, channels], and at least one texel large"
-            )
-        channels = texture.pixels.shape[2]
-        if channels > codec.output_channels:
-            raise InputError(
-                f"{texture.name}: has {channels} channels; set codec.output_channels to at least that, "
-                f"not {codec.output_channels}"
-            )
-
-
 def _pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig, run: _Training) -> Pack:
     decoders: dict[int, Decoder] = {}
     latents: dict[int, QuantizedLatents] = {}
@@ -240,7 +221,9 @@ def train(
             raise
         run.save(kept)
         raise TrainingFailedError(f"{error}; the last good state is in {kept}") from error
-    pack = replace(_pack(textures, grouping, codec, run), training=training_record(training, device, run.cohorts, run.dropped))
+    pack = replace(
+        _pack(textures, grouping, codec, run), training=training_record(training, device, run.cohorts, run.dropped)
+    )
     measured = with_psnr(pack, textures, device)
     if state is not None:
         with suppress(OSError):
