@@ -74,7 +74,8 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
     Raises ValueError where other textures share one.
     """
     number = dict(zip(pack.grouping.groups, grouping.groups, strict=True))
-    if tuple(number[group] for group in pack.grouping.groups) != grouping.groups:
+    same = tuple(number[group] for group in pack.grouping.groups) == grouping.groups
+    if not same or len(number) != len(set(number.values())):
         raise ValueError("not all groups have been trained")
     old = {new: group for group, new in number.items()}
     textures = tuple(_in_group(t, group) for t, group in zip(pack.textures, grouping.groups, strict=True))
@@ -82,8 +83,8 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
     return replace(pack, grouping=grouping, textures=textures, decoders=decoders)
 
 
-def grey_pack(textures: Sequence[SourceTexture], codec: CodecConfig) -> Pack:
-    """A pack of mid-grey, to show until the first snapshot: latents and matrices are 0, output biases 0.5."""
+def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> Pack:
+    """A pack of mid-grey in the groups of `grouping`, to show until the first snapshots."""
     shapes = codec.layer_shapes
     outputs, width = shapes[-1]
     zeros = [np.zeros(shape, np.float32) for shape in shapes]
@@ -98,13 +99,13 @@ def grey_pack(textures: Sequence[SourceTexture], codec: CodecConfig) -> Pack:
     decoder = Decoder(tuple(zeros), (*biases[:-1], last))
     channels = codec.latent_channels
     encoded = []
-    for texture in textures:
+    for texture, group in zip(textures, grouping.groups, strict=True):
         cells = latent_cell_count(*texture.size, codec)
         latents = QuantizedLatents(
             np.zeros((cells, channels), np.uint8), np.ones(channels, np.float32), np.zeros(channels, np.float32)
         )
-        encoded.append(encoded_texture(texture, 0, latents, adapter))
-    return Pack(codec, Grouping("single", (0,) * len(encoded)), tuple(encoded), (decoder,))
+        encoded.append(encoded_texture(texture, group, latents, adapter))
+    return Pack(codec, grouping, tuple(encoded), (decoder,) * grouping.group_count)
 
 
 def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:

@@ -59,7 +59,7 @@ class _Job:
 
 def starting_pack(request: TrainingRequest) -> Pack:
     """The pack that snapshots of a training are applied to: the one it starts from, or mid-grey."""
-    return request.start or grey_pack(request.textures, request.codec)
+    return request.start or grey_pack(request.textures, request.grouping, request.codec)
 
 
 def _job(request: TrainingRequest) -> _Job:

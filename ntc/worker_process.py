@@ -164,6 +164,7 @@ def _train(connection: Connection, board: Switchboard, start: StartTraining) -> 
         from ntc.training_progress import TrainingCancelledError
 
         torch.set_num_threads(max(1, _cores() - 1))
+        _yield_to_others()
         try:
             host.interruption()
             return Retraining(request, host).run()
@@ -171,6 +172,12 @@ def _train(connection: Connection, board: Switchboard, start: StartTraining) -> 
             return Ended("cancelled")
     finally:
         block.close()
+
+
+def _yield_to_others() -> None:
+    """Lower this process's priority, once."""
+    if hasattr(os, "nice"):
+        os.nice(max(0, NICENESS - os.nice(0)))
 
 
 def _cores() -> int:
@@ -192,8 +199,6 @@ def serve(connection: Connection) -> None:
     """The process: trains what it is told to, one after the other, until the other end of the pipe closes."""
     # Ctrl-C in a terminal reaches this process too; the other one decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(os, "nice"):
-        os.nice(NICENESS)
     board = Switchboard()
     threading.Thread(target=_listen, args=(connection, board), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):
