@@ -37,6 +37,8 @@ from ntc.worker_messages import (
 
 STEPS_BEFORE_SNAPSHOT = 50
 """A picture is soon worth showing."""
+LEAST_STEPS = 10
+"""Before, there is nothing to see, however long steps take."""
 RATE_OF_RETRAINING = 0.5
 """What all rates are multiplied by when a training goes on from a pack: full rates first undo much of what is there."""
 SNAPSHOT_SHARE = 0.1
@@ -134,7 +136,8 @@ class Retraining:
                 self._plan_by_quality(number)
                 self._host.progress(self._progress(number, now, report, note))
             early = not shown and cohort.step >= STEPS_BEFORE_SNAPSHOT
-            if not self._waiting and (early or now >= self._next_snapshot) and not cohort.done:
+            due = now >= self._next_snapshot and cohort.step >= LEAST_STEPS
+            if not self._waiting and (early or due) and not cohort.done:
                 shown = True
                 self._waiting = list(cohort.decoder_numbers)
             if self._waiting:

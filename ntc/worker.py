@@ -132,13 +132,16 @@ class TrainingWorker:
         return request
 
     def poll(self) -> list[Report]:
-        """What has happened since the last call, oldest first. Snapshots are copies, to be kept as long as needed."""
+        """What has happened since the last call, oldest first, with one snapshot at most: further ones come with the next
+        calls, so that none takes long. Snapshots are copies, to be kept as long as needed."""
         reports, self._ended = self._ended, []
         try:
             while self._connection is not None and self._connection.poll(0):
                 report = self._take(self._connection.recv())
                 if report is not None:
                     reports.append(report)
+                if isinstance(report, GroupSnapshot):
+                    break
         except (EOFError, OSError, UnpicklingError):
             # It died, perhaps in the middle of a word.
             reports += self._lost()
