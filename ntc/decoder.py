@@ -35,14 +35,18 @@ class AdapterStack(nn.Module):
 
     def load(self, adapters: Sequence[Adapter]) -> None:
         """Take over the adapters of a pack, for decoders whose output layer is 0 where adapters have their own."""
+        for index, adapter in enumerate(adapters):
+            self.set(index, adapter)
+
+    def set(self, index: int, adapter: Adapter) -> None:
+        """Take over one adapter of a pack."""
         with torch.no_grad():
-            for index, adapter in enumerate(adapters):
-                for layer in range(len(self.scales)):
-                    self.scales[layer][index] = torch.from_numpy(adapter.scales[layer].copy())
-                    self.biases[layer][index] = torch.from_numpy(adapter.biases[layer].copy())
-                for own, stored in zip(self.output, (adapter.output_weight, adapter.output_bias), strict=False):
-                    if stored is not None:
-                        own[index] = torch.from_numpy(stored.copy())
+            for layer in range(len(self.scales)):
+                self.scales[layer][index] = torch.from_numpy(adapter.scales[layer].copy())
+                self.biases[layer][index] = torch.from_numpy(adapter.biases[layer].copy())
+            for own, stored in zip(self.output, (adapter.output_weight, adapter.output_bias), strict=False):
+                if stored is not None:
+                    own[index] = torch.from_numpy(stored.copy())
 
     def export(self, decoders: "DecoderStack", decoder: Tensor) -> tuple[Adapter, ...]:
         """The adapters as numpy arrays, rounded to half precision; row t specialises decoder `decoder`[t]."""
@@ -108,11 +112,15 @@ class DecoderStack(nn.Module):
 
     def load(self, decoders: tuple[Decoder, ...]) -> None:
         """Take over the weights of a pack."""
+        for index, decoder in enumerate(decoders):
+            self.set(index, decoder)
+
+    def set(self, index: int, decoder: Decoder) -> None:
+        """Take over the weights of one decoder of a pack."""
         with torch.no_grad():
             for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-                for index, decoder in enumerate(decoders):
-                    weight[index] = torch.from_numpy(decoder.weights[layer].copy())
-                    bias[index] = torch.from_numpy(decoder.biases[layer].copy())
+                weight[index] = torch.from_numpy(decoder.weights[layer].copy())
+                bias[index] = torch.from_numpy(decoder.biases[layer].copy())
 
     def clear_output(self) -> None:
         """Set output layers to 0: where adapters have their own, those are the whole of it."""

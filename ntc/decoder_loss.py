@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ntc.decoder import Layer
+from ntc.training_progress import Interruption, no_interruption
 
 ROWS_AT_ONCE_CPU = 2048
 """Rows of a piece: its activations of 64 numbers a row (half a megabyte each) stay in the cache of a core."""
@@ -33,6 +34,7 @@ class _SquaredError(torch.autograd.Function):
         targets: Tensor,
         mask: Tensor,
         slope: float,
+        interruption: Interruption,
         *parameters: Tensor,
     ) -> Tensor:
         layers = list(zip(parameters[0::2], parameters[1::2], strict=True))
@@ -43,6 +45,7 @@ class _SquaredError(torch.autograd.Function):
 
         most = ROWS_AT_ONCE_CUDA if latents.is_cuda else ROWS_AT_ONCE_CPU
         for textures, rows in _pieces(latents.shape[0], latents.shape[1], most):
+            interruption()
             values = [torch.cat([latents[textures, rows], known[textures, rows]], dim=2)]
             for number, (weight, bias) in enumerate(layers):
                 made = torch.baddbmm(bias[textures], values[-1], weight[textures])
@@ -70,7 +73,7 @@ class _SquaredError(torch.autograd.Function):
         # One factor a texture: how its loss counts.
         factor = outer[0][:, None, None]
         latents = into_latents * factor if context.needs_input_grad[0] else None
-        return latents, None, None, None, None, *(gradient * factor for gradient in gradients)
+        return latents, None, None, None, None, None, *(gradient * factor for gradient in gradients)
 
 
 def squared_error(
@@ -80,12 +83,13 @@ def squared_error(
     known: Tensor,
     targets: Tensor,
     mask: Tensor,
+    interruption: Interruption = no_interruption,
 ) -> Tensor:
     """[T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs].
 
     Inputs are `latents` [T, N, channels] and `known` [T, N, rest]; `mask` [T, outputs] is 1 for channels that count.
-    Differentiable in layers and latents.
+    Differentiable in layers and latents. `interruption` is called before each piece.
     """
     parameters = [tensor for layer in layers for tensor in layer]
-    losses: Tensor = _SquaredError.apply(latents, known, targets, mask, slope, *parameters)
+    losses: Tensor = _SquaredError.apply(latents, known, targets, mask, slope, interruption, *parameters)
     return losses

@@ -3,7 +3,7 @@
 import platform
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -14,11 +14,13 @@ import torch
 
 from ntc.codec import TorchCodec
 from ntc.config import CodecConfig
+from ntc.encoded import encoded_texture
 from ntc.errors import InputError
 from ntc.metrics import psnr_db
-from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack import Adapter, Decoder, Grouping, Pack
 from ntc.quantize import QuantizedLatents
 from ntc.textures import SourceTexture
+from ntc.training_checks import check_textures
 from ntc.training_cohort import TrainingCohort
 from ntc.training_config import TrainingConfig
 from ntc.training_guard import TrainingFailedError, TrainingGuard
@@ -39,13 +41,12 @@ def choose_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-def _cohorts(textures: Sequence[SourceTexture], grouping: Grouping, training: TrainingConfig) -> list[list[int]]:
+def cohort_members(grouping: Grouping, training: TrainingConfig, groups: Iterable[int]) -> list[list[int]]:
+    """The textures of each cohort that trains `groups`."""
+    chosen = sorted(set(groups))
     if training.texels_per_group is None:
-        return [list(range(len(textures)))]
-    return [
-        [index for index, group in enumerate(grouping.groups) if group == number]
-        for number in range(grouping.group_count)
-    ]
+        return [[index for index, group in enumerate(grouping.groups) if group in chosen]]
+    return [[index for index, group in enumerate(grouping.groups) if group == number] for number in chosen]
 
 
 def peak_memory_bytes(device: torch.device) -> int | None:
@@ -72,7 +73,7 @@ class _Training:
         training: TrainingConfig,
         device: torch.device,
     ) -> None:
-        self.members = _cohorts(textures, grouping, training)
+        self.members = cohort_members(grouping, training, range(grouping.group_count))
         self._generator = torch.Generator().manual_seed(training.seed)
         self.cohorts = [
             TrainingCohort(
@@ -141,13 +142,16 @@ class _Training:
             clock.skip(cohort.steps - cohort.step)
 
 
-def _record(training: TrainingConfig, device: torch.device, run: _Training) -> dict[str, Any]:
+def training_record(
+    training: TrainingConfig, device: torch.device, cohorts: Sequence[TrainingCohort], dropped: int
+) -> dict[str, Any]:
+    """What a pack says of its training, in which `dropped` steps were not done."""
     record = {key: value for key, value in asdict(training).items() if key != "device"}
     return {
         **record,
-        "steps": run.steps,
-        "dropped_steps": run.dropped,
-        "converged_textures": sum(cohort.converged for cohort in run.cohorts),
+        "steps": sum(cohort.steps for cohort in cohorts),
+        "dropped_steps": dropped,
+        "converged_textures": sum(cohort.converged for cohort in cohorts),
         "device": str(device),
         "torch": torch.__version__,
         "numpy": np.__version__,
@@ -165,25 +169,6 @@ def with_psnr(pack: Pack, textures: Sequence[SourceTexture], device: torch.devic
     return replace(pack, textures=measured)
 
 
-def _check(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> None:
-    if not textures:
-        raise InputError("there is no texture to train")
-    if len(grouping.groups) != len(textures) or set(grouping.groups) != set(range(grouping.group_count)):
-        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
-    for texture in textures:
-        if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:
-            raise InputError(
-                f"{texture.name}: is {texture.pixels.dtype} {list(texture.pixels.shape)}; textures are 8-bit "
-                "[height, width, channels], and at least one texel large"
-            )
-        channels = texture.pixels.shape[2]
-        if channels > codec.output_channels:
-            raise InputError(
-                f"{texture.name}: has {channels} channels; set codec.output_channels to at least that, "
-                f"not {codec.output_channels}"
-            )
-
-
 def _pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig, run: _Training) -> Pack:
     decoders: dict[int, Decoder] = {}
     latents: dict[int, QuantizedLatents] = {}
@@ -192,25 +177,9 @@ def _pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecCon
         latents.update(zip(member, cohort.quantized(), strict=True))
         if codec.adapters:
             adapters.update(zip(member, cohort.adapters(), strict=True))
-        if codec.adapter_output:
-            cohort.decoders.clear_output()
-        decoders.update(zip(cohort.decoder_numbers, cohort.decoders.export(), strict=True))
+        decoders.update(zip(cohort.decoder_numbers, cohort.stored_decoders(), strict=True))
     encoded = tuple(
-        EncodedTexture(
-            name=texture.name,
-            pixel_hash=texture.pixel_hash,
-            width=texture.size[0],
-            height=texture.size[1],
-            channels=texture.pixels.shape[2],
-            color_space=texture.color_space,
-            wrap=texture.wrap,
-            category=texture.category,
-            group=grouping.groups[index],
-            latents=latents[index].stored,
-            scale=latents[index].scale,
-            offset=latents[index].offset,
-            adapter=adapters.get(index),
-        )
+        encoded_texture(texture, grouping.groups[index], latents[index], adapters.get(index))
         for index, texture in enumerate(textures)
     )
     return Pack(codec, grouping, encoded, tuple(decoders[number] for number in range(grouping.group_count)))
@@ -235,7 +204,7 @@ def train(
     Raises InputError for a device that is not there, for textures or groups that do not fit and for a state of another
     training, TrainingFailedError when numbers blow up for good, TrainingCancelledError when `cancelled` says so.
     """
-    _check(textures, grouping, codec)
+    check_textures(textures, grouping, codec)
     device = choose_device(training.device)
     run = _Training(textures, grouping, codec, training, device)
     if state is not None and state.exists():
@@ -252,7 +221,9 @@ def train(
             raise
         run.save(kept)
         raise TrainingFailedError(f"{error}; the last good state is in {kept}") from error
-    pack = replace(_pack(textures, grouping, codec, run), training=_record(training, device, run))
+    pack = replace(
+        _pack(textures, grouping, codec, run), training=training_record(training, device, run.cohorts, run.dropped)
+    )
     measured = with_psnr(pack, textures, device)
     if state is not None:
         with suppress(OSError):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 import torch
@@ -13,12 +14,13 @@ from ntc.decoder import AdapterStack, DecoderStack
 from ntc.decoder_loss import squared_error
 from ntc.latent_table import LatentTable
 from ntc.optimizer_parts import optimizer_parts
-from ntc.pack import Adapter
+from ntc.pack import Adapter, Decoder, EncodedTexture
 from ntc.quantize import QuantizedLatents, quantize_latents
 from ntc.schedule import freezing_scale, rate_scale
 from ntc.textures import SourceTexture
 from ntc.training_config import TrainingConfig
 from ntc.training_data import Samples, TrainingData
+from ntc.training_progress import Interruption, no_interruption
 from ntc.warm_start import chance_latents, image_latents
 
 STEPS_BETWEEN_RANGES = 50
@@ -61,9 +63,12 @@ class TrainingCohort:
         training: TrainingConfig,
         device: torch.device,
         generator: torch.Generator,
+        interruption: Interruption = no_interruption,
     ) -> None:
         self._config, self._training, self._generator = config, training, generator
-        self._data = TrainingData(textures, config, device)
+        self._interruption = interruption
+        self._data = TrainingData(textures, config, device, interruption)
+        self._first_cells = [0, *accumulate(self._data.cell_counts)][:-1]
         self.decoder_numbers = sorted(set(groups))
         self._decoder_of = torch.tensor([self.decoder_numbers.index(group) for group in groups], device=device)
         self.decoders = DecoderStack(config, len(self.decoder_numbers), generator).to(device)
@@ -80,7 +85,6 @@ class TrainingCohort:
         else:
             samples = (training.epochs or 0.0) * sum(self._data.texel_counts)
             self.steps = max(1, math.ceil(samples / (self.per_texture * len(textures))))
-        self._first_rounded = self.steps - math.floor(self.steps * training.rounded_share)
         self.step = 0
         """Steps done."""
         self._noise_step = torch.zeros(len(textures), config.latent_channels, device=device)
@@ -90,8 +94,52 @@ class TrainingCohort:
 
     def _start(self, textures: Sequence[SourceTexture]) -> Tensor:
         if self._training.latent_start == "image":
-            return torch.cat([image_latents(texture, self._config, self._generator) for texture in textures])
+            latents = []
+            for texture in textures:
+                self._interruption()
+                latents.append(image_latents(texture, self._config, self._generator))
+            return torch.cat(latents)
         return chance_latents(sum(self._data.cell_counts), self._config, self._generator)
+
+    def plan(self, steps: int) -> None:
+        """Set the length of the training anew, while it is under way; rates and rounding follow. No less than was done."""
+        self.steps = max(steps, self.step, 1)
+
+    def start_at(self, textures: Sequence[EncodedTexture | None], decoders: Sequence[Decoder | None]) -> None:
+        """Start at what a pack holds, before the first step: `textures` of this cohort and `decoders` in the order of
+        `decoder_numbers`. None leaves one where it is."""
+        with torch.no_grad():
+            for texture, encoded, first, cells in zip(
+                range(len(textures)), textures, self._first_cells, self._data.cell_counts, strict=True
+            ):
+                if encoded is None:
+                    continue
+                values = QuantizedLatents(encoded.latents, encoded.scale, encoded.offset).values()
+                self._table.values[first : first + cells] = torch.from_numpy(values.astype(np.float32)).to(self._device)
+                if self._adapters is not None and encoded.adapter is not None:
+                    self._adapters.set(texture, encoded.adapter)
+            for number, decoder in enumerate(decoders):
+                if decoder is not None:
+                    self.decoders.set(number, decoder)
+                    self._share_output(number, textures)
+
+    def _share_output(self, number: int, textures: Sequence[EncodedTexture | None]) -> None:
+        """Where adapters have the whole output layer, give the decoder the mean of it, and them the difference."""
+        if self._adapters is None or not self._adapters.output:
+            return
+        members = (self._decoder_of == number).cpu()
+        known = torch.tensor([encoded is not None for encoded in textures]) & members
+        if not bool(known.any()):
+            return
+        for own, shared in zip(
+            self._adapters.output, (self.decoders.weights[-1], self.decoders.biases[-1]), strict=True
+        ):
+            shared[number] = own[known].mean(dim=0)
+            own[known] -= shared[number]
+
+    @property
+    def _device(self) -> torch.device:
+        return self._table.values.device
 
     @property
     def _clip(self) -> float | None:
@@ -108,38 +156,70 @@ class TrainingCohort:
         """Textures that dropped out."""
         return int((~self._trained).sum())
 
-    def _ranges(self) -> tuple[Tensor, Tensor]:
-        """Smallest and largest latent [T, channels] of every texture, without outliers."""
-        pieces = torch.split(self._table.values.detach().t().contiguous(), self._data.cell_counts, dim=1)
-        bounds = [torch.aminmax(piece, dim=1) for piece in pieces]
-        low, high = torch.stack([bound[0] for bound in bounds]), torch.stack([bound[1] for bound in bounds])
+    def _ranges(self, textures: Sequence[int]) -> tuple[Tensor, Tensor]:
+        """Smallest and largest latent [T, channels] of each of `textures`, without outliers."""
+        lows, highs = [], []
         clip = self._clip
-        if clip is None:
-            return low, high
-        moments = [torch.var_mean(piece, dim=1, correction=0) for piece in pieces]
-        mean = torch.stack([moment[1] for moment in moments])
-        reach = clip * torch.stack([moment[0] for moment in moments]).sqrt()
-        return torch.maximum(low, mean - reach), torch.minimum(high, mean + reach)
+        for texture in textures:
+            self._interruption()
+            piece = self._piece(texture).t().contiguous()
+            low, high = torch.aminmax(piece, dim=1)
+            if clip is not None:
+                variance, mean = torch.var_mean(piece, dim=1, correction=0)
+                reach = clip * variance.sqrt()
+                low, high = torch.maximum(low, mean - reach), torch.minimum(high, mean + reach)
+            lows.append(low)
+            highs.append(high)
+        return torch.stack(lows), torch.stack(highs)
+
+    def _piece(self, texture: int) -> Tensor:
+        """[cells, channels]: the latents of a texture."""
+        first = self._first_cells[texture]
+        return self._table.values.detach()[first : first + self._data.cell_counts[texture]]
 
     def _measure_ranges(self) -> None:
-        low, high = self._ranges()
+        low, high = self._ranges(range(self._data.count))
         self._noise_step = (high - low) / self._config.largest_stored
         if self._clip is not None:
-            with torch.no_grad():
-                first = 0
-                for texture, cells in enumerate(self._data.cell_counts):
-                    piece = self._table.values[first : first + cells]
-                    torch.clamp(piece, low[texture], high[texture], out=piece)
-                    first += cells
+            for texture in range(self._data.count):
+                self._interruption()
+                piece = self._piece(texture)
+                torch.clamp(piece, low[texture], high[texture], out=piece)
 
     def quantized(self) -> list[QuantizedLatents]:
-        """The latents of each texture, rounded."""
+        """The latents of each texture, rounded for good."""
         if self._rounded is None:
-            low, high = (bound.cpu().numpy() for bound in self._ranges())
-            pieces = torch.split(self._table.values.detach().cpu(), self._data.cell_counts)
-            largest = self._config.largest_stored
-            self._rounded = [quantize_latents(p.numpy(), low[i], high[i], largest) for i, p in enumerate(pieces)]
+            self._rounded = self.rounded_now(range(self._data.count))
         return self._rounded
+
+    def rounded_now(self, textures: Sequence[int]) -> list[QuantizedLatents]:
+        """The latents of `textures` as they would be stored if training ended here; it goes on untouched."""
+        if self._rounded is not None:
+            return [self._rounded[texture] for texture in textures]
+        rounded = []
+        for texture in textures:
+            low, high = (bound[0].cpu().numpy() for bound in self._ranges([texture]))
+            values = self._piece(texture).cpu().numpy()
+            rounded.append(quantize_latents(values, low, high, self._config.largest_stored))
+        return rounded
+
+    def stored_decoders(self) -> tuple[Decoder, ...]:
+        """The decoders as packs hold them: where adapters have an output layer, theirs is 0."""
+        decoders = self.decoders.export()
+        if not self._config.adapter_output:
+            return decoders
+        return tuple(
+            Decoder(
+                (*decoder.weights[:-1], np.zeros_like(decoder.weights[-1])),
+                (*decoder.biases[:-1], np.zeros_like(decoder.biases[-1])),
+            )
+            for decoder in decoders
+        )
+
+    @property
+    def running_losses(self) -> list[float]:
+        """Mean square error of the latest samples of each texture, all lods mixed; NaN before the first step."""
+        return [float(loss) for loss in self._running.cpu()]
 
     def adapters(self) -> tuple[Adapter, ...]:
         """The adapter of each texture; none where the codec has none."""
@@ -152,7 +232,8 @@ class TrainingCohort:
 
     def advance(self, rate_factor: float) -> StepReport:
         """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError, and nothing has changed then."""
-        rounded = self.step >= self._first_rounded
+        first_rounded = self.steps - math.floor(self.steps * self._training.rounded_share)
+        rounded = self._rounded is not None or self.step >= first_rounded
         if rounded and self._rounded is None:
             self._round_for_good()
         if self.step % STEPS_BETWEEN_RANGES == 0 and not rounded:
@@ -163,20 +244,24 @@ class TrainingCohort:
         for part in self._parts:
             part.optimizer.zero_grad(set_to_none=True)
         parts = self._data.sample(self.per_texture, self._generator, chosen)
+        self._interruption()
         read = _side_by_side([self._table.read(part.index, part.weights) for part in parts], len(chosen))
         read.requires_grad_(not rounded)
         losses = self._losses(chosen, parts, read, None if rounded else self._noise_step)
         used = self._data.channel_mask[chosen].sum() * self.per_texture
         loss = (losses * self._weights(chosen)).sum() / used
         loss.backward()
+        self._interruption()
         if read.grad is not None:
             pieces = torch.split(read.grad, [len(part.lod) // len(chosen) for part in parts], dim=1)
             self._table.set_gradient(
                 (part.index, part.weights, piece.flatten(0, 1)) for part, piece in zip(parts, pieces, strict=True)
             )
+        self._interruption()
         self._check(loss)
         held = self._held() if len(chosen) < len(self._trained) else []
         for part in self._parts[1:] if rounded else self._parts:
+            self._interruption()
             part.step(scale * (freezing if part.freezes else 1.0))
         for parameter, rows, values in held:
             parameter.data[rows] = values
@@ -239,7 +324,7 @@ class TrainingCohort:
         some = chosen if len(chosen) < self._data.count else None
         layers = self.decoders.layers(self._decoder_of[chosen], self._adapters, some)
         mask = self._data.channel_mask[chosen]
-        return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask)
+        return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask, self._interruption)
 
     def state(self) -> dict[str, Tensor]:
         """Everything that the next step depends on, but the random generator; not copies."""

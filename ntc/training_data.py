@@ -13,6 +13,7 @@ from ntc.mips import mip_chain, to_linear
 from ntc.sampling import PyramidTable, positional_encoding, trilinear_corners, with_lod
 from ntc.texel_tables import TexelTables
 from ntc.textures import SourceTexture
+from ntc.training_progress import Interruption, no_interruption
 
 CENTRE_SHARE = 0.5
 """Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
@@ -44,7 +45,13 @@ class Samples:
 class TrainingData:
     """The mip chains of some textures in one flat array, and their latent geometry."""
 
-    def __init__(self, textures: Sequence[SourceTexture], config: CodecConfig, device: torch.device) -> None:
+    def __init__(
+        self,
+        textures: Sequence[SourceTexture],
+        config: CodecConfig,
+        device: torch.device,
+        interruption: Interruption = no_interruption,
+    ) -> None:
         self.count = len(textures)
         self._config, self._device = config, device
         pyramids = [latent_levels(*texture.size, config) for texture in textures]
@@ -63,6 +70,7 @@ class TrainingData:
         channels = config.output_channels
         rows, coded_rows = [], []
         for texture, levels in zip(textures, pyramids, strict=True):
+            interruption()
             for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
                 missing = ((0, 0), (0, channels - mip.shape[2]))
                 coded_rows.append(np.pad(mip.reshape(-1, mip.shape[2]), missing))

@@ -32,6 +32,12 @@ class TrainingCancelledError(Exception):
 
 ProgressListener = Callable[[TrainingProgress], None]
 CancelQuestion = Callable[[], bool]
+Interruption = Callable[[], None]
+"""Called many times within a step. It may wait, and the step goes on when it returns; what it raises ends the training."""
+
+
+def no_interruption() -> None:
+    """Lets training go on."""
 
 
 class TrainingClock:

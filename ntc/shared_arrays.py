@@ -1,0 +1,161 @@
+"""Arrays in shared memory: how large messages go from one process to another."""
+
+import os
+import secrets
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, fields, is_dataclass, replace
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+
+ALIGNMENT = 64
+PREFIX = "ntc-"
+"""The names of all blocks start with this."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class ArrayPlace:
+    """Where an array lies in a block; stands in its place in a message."""
+
+    offset: int
+    shape: tuple[int, ...]
+    dtype: str
+
+    @property
+    def size(self) -> int:
+        """Bytes of the array."""
+        return int(np.prod(self.shape, dtype=np.int64)) * np.dtype(self.dtype).itemsize
+
+
+def aligned(size: int) -> int:
+    """Bytes that an array of `size` bytes takes up in a block."""
+    return -(-size // ALIGNMENT) * ALIGNMENT
+
+
+def _replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
+    """`value` with everything of a type within its dataclasses and tuples changed."""
+    if isinstance(value, of_type):
+        return change(value)
+    if isinstance(value, tuple):
+        changed = tuple(_replaced(part, of_type, change) for part in value)
+        return changed if any(a is not b for a, b in zip(value, changed, strict=True)) else value
+    if is_dataclass(value) and not isinstance(value, type):
+        found = {field.name: getattr(value, field.name) for field in fields(value)}
+        new = {name: _replaced(part, of_type, change) for name, part in found.items()}
+        different = {name: part for name, part in new.items() if part is not found[name]}
+        return replace(value, **different) if different else value
+    return value
+
+
+def without_arrays(message: T, start: int = 0) -> tuple[T, list[NDArray[Any]], int]:
+    """A message with places instead of its arrays, the arrays, and where the last one ends in a block that holds them
+    from `start` on."""
+    arrays: list[NDArray[Any]] = []
+    position = start
+
+    def place(array: NDArray[Any]) -> ArrayPlace:
+        nonlocal position
+        arrays.append(array)
+        found = ArrayPlace(position, array.shape, array.dtype.str)
+        position += aligned(array.nbytes)
+        return found
+
+    return _replaced(message, np.ndarray, place), arrays, position
+
+
+class SharedBlock:
+    """A block of shared memory. Whoever created it removes its name, and may do so once the other side has opened it:
+    the memory itself lives until both have closed it, and what is killed then leaves nothing behind."""
+
+    def __init__(self, memory: SharedMemory, owner: bool) -> None:
+        self._memory: SharedMemory | None = memory
+        self._owner = owner
+        self.name = memory.name
+
+    @classmethod
+    def create(cls, size: int) -> "SharedBlock":
+        """A new block of at least `size` bytes, all of which can be written. Raises InputError where there is no room."""
+        try:
+            memory = SharedMemory(PREFIX + secrets.token_hex(8), create=True, size=max(1, size))
+        except (OSError, ValueError, ImportError) as error:
+            raise _no_room(size, error) from error
+        block = cls(memory, owner=True)
+        descriptor = getattr(memory, "_fd", -1)
+        try:
+            # Without this, a full file system of shared memory kills the process that writes to the block.
+            if descriptor >= 0 and hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(descriptor, 0, max(1, size))
+        except OSError as error:
+            block.close()
+            raise _no_room(size, error) from error
+        return block
+
+    @classmethod
+    def open(cls, name: str) -> "SharedBlock":
+        """A block that the other process created. Raises OSError where it is gone."""
+        return cls(SharedMemory(name), owner=False)
+
+    def write(self, message: T, start: int = 0) -> T:
+        """Copy the arrays of a message into the block from `start` on; returns it with their places.
+
+        Raises ValueError where they do not fit.
+        """
+        places, arrays, end = without_arrays(message, start)
+        buffer = self._buffer()
+        if end > len(buffer):
+            raise ValueError(f"arrays end at byte {end} of a block of {len(buffer)}")
+        position = start
+        for array in arrays:
+            view: NDArray[Any] = np.ndarray(array.shape, array.dtype, buffer, position)
+            view[...] = array
+            position += aligned(array.nbytes)
+        return places
+
+    def read(self, message: T) -> T:
+        """A message with copies of its arrays, read-only, instead of their places. Raises ValueError for a place outside."""
+        buffer = self._buffer()
+
+        def copy(place: ArrayPlace) -> NDArray[Any]:
+            if min(place.shape, default=0) < 0 or not 0 <= place.offset <= len(buffer) - place.size:
+                raise ValueError(f"{place} lies outside a block of {len(buffer)} bytes")
+            view: NDArray[Any] = np.ndarray(place.shape, place.dtype, buffer, place.offset)
+            array = view.copy()
+            array.flags.writeable = False
+            return array
+
+        found: T = _replaced(message, ArrayPlace, copy)
+        return found
+
+    def _buffer(self) -> memoryview:
+        buffer = None if self._memory is None else self._memory.buf
+        if buffer is None:
+            raise ValueError(f"shared memory {self.name} is closed")
+        return buffer
+
+    def remove_name(self) -> None:
+        """Nobody can open the block from now on; who has it open keeps it."""
+        if self._owner and self._memory is not None:
+            self._owner = False
+            with suppress(FileNotFoundError):
+                self._memory.unlink()
+
+    def close(self) -> None:
+        """Give the block back, and its name where this process created it."""
+        if self._memory is not None:
+            self.remove_name()
+            self._memory.close()
+            self._memory = None
+
+
+def _no_room(size: int, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or error
+    return InputError(
+        f"shared memory: {size / 1e6:.0f} MB for training cannot be had ({reason}); "
+        "make more of it available (in a container: a larger --shm-size), or encode fewer or smaller textures"
+    )

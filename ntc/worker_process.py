@@ -1,0 +1,215 @@
+"""The training process: listens to commands in a thread, trains in the main one. torch is imported when it is needed."""
+
+import os
+import queue
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+
+from ntc.errors import InputError
+from ntc.shared_arrays import SharedBlock
+from ntc.snapshot import GroupSnapshot
+from ntc.worker_messages import (
+    Cancel,
+    Command,
+    Ended,
+    Failed,
+    Pause,
+    Paused,
+    ProgressTaken,
+    Ready,
+    Received,
+    Resume,
+    Resumed,
+    SnapshotTaken,
+    StartTraining,
+    WorkerProgress,
+    WorkerReport,
+)
+
+NICENESS = 10
+"""The window comes first."""
+
+
+class Switchboard:
+    """What the commands say now; the listening thread writes it and the training reads it."""
+
+    def __init__(self) -> None:
+        self.starts: queue.SimpleQueue[StartTraining] = queue.SimpleQueue()
+        self._changed = threading.Condition()
+        self._paused = self._cancelled = self._progress_open = False
+        self._open_snapshots: set[int] = set()
+
+    def obey(self, command: Command) -> None:
+        """Take a command in."""
+        with self._changed:
+            if isinstance(command, StartTraining):
+                self._paused = self._cancelled = self._progress_open = False
+                self._open_snapshots.clear()
+                self.starts.put(command)
+            elif isinstance(command, Pause):
+                self._paused = True
+            elif isinstance(command, Resume):
+                self._paused = False
+            elif isinstance(command, Cancel):
+                self._cancelled = True
+            elif isinstance(command, SnapshotTaken):
+                self._open_snapshots.discard(command.group)
+            elif isinstance(command, ProgressTaken):
+                self._progress_open = False
+            self._changed.notify_all()
+
+    @property
+    def paused(self) -> bool:
+        """Whether training is to stand still."""
+        return self._paused and not self._cancelled
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether training is to end."""
+        return self._cancelled
+
+    def wait(self, waits: Callable[[], bool]) -> None:
+        """Wait as long as `waits` says, and training is not cancelled."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._cancelled or not waits())
+
+    def open_progress(self) -> bool:
+        """Whether a report may be sent; from then on not until it is taken."""
+        with self._changed:
+            free, self._progress_open = not self._progress_open, True
+            return free
+
+    def snapshot_open(self, group: int) -> bool:
+        """Whether the last snapshot of a group was not yet taken."""
+        return group in self._open_snapshots
+
+    def open_snapshot(self, group: int) -> None:
+        """A snapshot of the group is about to be sent."""
+        with self._changed:
+            self._open_snapshots.add(group)
+
+
+class PipeHost:
+    """Runs a training for the other end of a pipe."""
+
+    def __init__(self, connection: Connection, board: Switchboard, block: SharedBlock, start: StartTraining) -> None:
+        self._connection, self._board, self._block, self._regions = connection, board, block, start.regions
+        self._stood = 0.0
+        """Seconds in pauses."""
+
+    def interruption(self) -> None:
+        """Wait in a pause; raise TrainingCancelledError when cancelled."""
+        if self._board.paused:
+            began = time.monotonic()
+            self._connection.send(Paused())
+            self._board.wait(lambda: self._board.paused)
+            self._stood += time.monotonic() - began
+            if not self._board.cancelled:
+                self._connection.send(Resumed())
+        if self._board.cancelled:
+            from ntc.training_progress import TrainingCancelledError
+
+            raise TrainingCancelledError
+
+    def seconds(self) -> float:
+        """Monotonic, without pauses."""
+        return time.monotonic() - self._stood
+
+    def progress(self, progress: WorkerProgress) -> None:
+        """Send it, unless the last one still waits."""
+        if self._board.open_progress():
+            self._connection.send(progress)
+
+    def wants_snapshot(self, group: int) -> bool:
+        """Whether the group's region is free."""
+        return not self._board.snapshot_open(group)
+
+    def snapshot(self, snapshot: GroupSnapshot) -> None:
+        """Write it to its region as soon as that is free, and say so."""
+        group = snapshot.group
+        while self._board.snapshot_open(group):
+            self._board.wait(lambda: self._board.snapshot_open(group) and not self._board.paused)
+            self.interruption()
+        self._board.open_snapshot(group)
+        self._connection.send(self._block.write(snapshot, self._regions[group]))
+
+
+def _listen(connection: Connection, board: Switchboard) -> None:
+    with suppress(EOFError, OSError):
+        while True:
+            board.obey(connection.recv())
+    # The other process is gone, or done with this one. Training may be anywhere: leave without further ado.
+    os._exit(0)
+
+
+def _train(connection: Connection, board: Switchboard, start: StartTraining) -> WorkerReport:
+    given = SharedBlock.open(start.input_block)
+    try:
+        request = given.read(start.request)
+    finally:
+        given.close()
+    block = SharedBlock.open(start.snapshot_block)
+    try:
+        connection.send(Received())
+        host = PipeHost(connection, board, block, start)
+        # Importing torch takes seconds, in which commands are already listened to.
+        import torch
+
+        from ntc.retrain import Retraining
+        from ntc.training_progress import TrainingCancelledError
+
+        torch.set_num_threads(max(1, _cores() - 1))
+        _yield_to_others()
+        try:
+            host.interruption()
+            return Retraining(request, host).run()
+        except TrainingCancelledError:
+            return Ended("cancelled")
+    finally:
+        block.close()
+
+
+def _yield_to_others() -> None:
+    """Lower this process's priority, once."""
+    if hasattr(os, "nice"):
+        os.nice(max(0, NICENESS - os.nice(0)))
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    if isinstance(error, InputError):
+        return text
+    if isinstance(error, MemoryError) or "out of memory" in text or "allocate memory" in text:
+        return f"training: there is not enough memory ({text or 'MemoryError'}); train fewer or smaller textures"
+    return f"training: {type(error).__name__}: {text}"
+
+
+def serve(connection: Connection) -> None:
+    """The process: trains what it is told to, one after the other, until the other end of the pipe closes."""
+    # Ctrl-C in a terminal reaches this process too; the other one decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    board = Switchboard()
+    threading.Thread(target=_listen, args=(connection, board), daemon=True).start()
+    with suppress(BrokenPipeError, ConnectionResetError):
+        connection.send(Ready())
+        while True:
+            start = board.starts.get()
+            try:
+                last = _train(connection, board, start)
+            except (BrokenPipeError, ConnectionResetError):
+                raise
+            except Exception as error:
+                last = Failed(_one_line(error), traceback.format_exc())
+            connection.send(last)
+    os._exit(0)
