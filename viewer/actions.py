@@ -91,9 +91,10 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class RunCommand:
-    """Run a command of `viewer.commands` by its name."""
+    """Run a command of `viewer.commands` by its id."""
 
-    name: str
+    id: str
+    arguments: tuple[str, ...] = ()
 
 
 Action = (

@@ -91,7 +91,7 @@ class Session:
         self.resolution = 1.0
         self.picture_size = settings.window_size
         """(width, height) of the window's content, kept up to date by the frontend."""
-        self._commands: Callable[[str, Session], None] | None = None
+        self._commands: Callable[[str, tuple[str, ...], Session], None] | None = None
         self._drawable: tuple[Scene, dict[str, Pack], ViewState] | None = None
         self._show(scene, dict(packs), first)
 
@@ -130,7 +130,7 @@ class Session:
         """What a slot can show."""
         return (REFERENCE, *self.packs)
 
-    def use_commands(self, run: Callable[[str, "Session"], None]) -> None:
+    def use_commands(self, run: Callable[[str, tuple[str, ...], "Session"], None]) -> None:
         """How RunCommand is carried out: `viewer.commands.run_command`."""
         self._commands = run
 
@@ -168,9 +168,12 @@ class Session:
                 self.resolution = share
             case SetCoarseWhileMoving(value=value):
                 self.settings = replace(self.settings, coarse_while_moving=value)
-            case RunCommand(name=name):
-                if self._commands is not None:
-                    self._commands(name, self)
+            case RunCommand(id=command_id, arguments=arguments):
+                try:
+                    if self._commands is not None:
+                        self._commands(command_id, arguments, self)
+                except InputError as error:
+                    self.say(str(error), "error")
             case OpenFile(path=path):
                 try:
                     self._open(path)

@@ -99,7 +99,7 @@ def _overlay(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces)
 
 def _figures(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
     if imgui.button("Measure"):
-        emit(RunCommand("measure"))
+        emit(RunCommand("compare.measure"))
     items.note("Measure")
     imgui.same_line()
     if not session.measurements:

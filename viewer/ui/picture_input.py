@@ -44,8 +44,8 @@ class PictureInput:
 
     def _keys(self, session: Session, emit: Emit) -> None:
         for command in COMMANDS:
-            if imgui.is_key_pressed(_key(command.key), repeat=False):
-                emit(RunCommand(command.name))
+            if command.key and imgui.is_key_pressed(_key(command.key), repeat=False):
+                emit(RunCommand(command.id))
         for number in range(9):
             camera = session.camera_numbered(number)
             if camera is not None and imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):

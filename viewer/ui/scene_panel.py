@@ -57,7 +57,7 @@ def draw_scene_panel(session: Session, field: OpenField, emit: Emit, items: Item
     )
     field.draw(emit, items)
     if imgui.button("Frame all"):
-        emit(RunCommand("frame all"))
+        emit(RunCommand("camera.frame-all"))
     items.note("Frame all")
     if imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open):
         for number, camera in enumerate(scene.cameras):

@@ -1,0 +1,75 @@
+"""The registry: ids, keys and usage are in order, and text becomes calls or one clear line."""
+
+import pytest
+
+from ntc.errors import InputError
+from viewer.commands import COMMANDS, find_command, run_line
+from viewer.commands.command import words
+from viewer.resources import assets_folder
+from viewer.scene.load import load_scene
+from viewer.session import FirstLook, Session
+from viewer.settings import ViewerSettings
+
+
+@pytest.fixture
+def session() -> Session:
+    """The built-in scene without packs."""
+    return Session(load_scene(assets_folder() / "courtyard.glb"), {}, ViewerSettings(), FirstLook())
+
+
+def test_ids_and_keys_are_unique_and_keys_need_no_arguments() -> None:
+    ids = [command.id for command in COMMANDS]
+    keys = [command.key for command in COMMANDS if command.key]
+    assert len(set(ids)) == len(ids)
+    assert len(set(keys)) == len(keys)
+    for command in COMMANDS:
+        assert "." in command.id
+        assert command.id == command.id.lower()
+        assert command.title
+        assert command.help
+        if command.key:
+            assert all(parameter.default is not None for parameter in command.parameters)
+
+
+def test_lines_run_commands(session: Session) -> None:
+    run_line("compare.mode wipe  # both", session)
+    run_line("compare.divider 0.25", session)
+    run_line("", session)
+    run_line("# nothing", session)
+    assert (session.view.compare, session.view.wipe_position) == ("wipe", 0.25)
+    run_line("compare.divider", session)
+    assert session.view.wipe_position == 0.5
+    run_line("slot.path b cached", session)
+    assert session.view.slot_b.path == "cached"
+    run_line("camera.look 1 2 3 4 5 6", session)
+    assert session.view.camera.eye == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "part"),
+    [
+        ("compare.mod a", "compare.mode"),
+        ("nonsense", "no such command"),
+        ("compare.mode", "lacks mode"),
+        ("compare.mode c", "must be one of a, b, wipe"),
+        ("compare.divider left", "must be a number"),
+        ("compare.divider nan", "must be finite"),
+        ("compare.divider inf", "must be finite"),
+        ("compare.next 1", "at most 0"),
+        ("slot.source a missing", "must be one of reference"),
+        ("overlay.opacity 2", "0 to 1"),
+        ("camera.look 0 0 0 0 0 0", "same place"),
+        ("file.open 'unclosed", "no closing quotation"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(session: Session, line: str, part: str) -> None:
+    before = session.view
+    with pytest.raises(InputError, match=part) as caught:
+        run_line(line, session)
+    assert "\n" not in str(caught.value)
+    assert session.view == before
+
+
+def test_usage_shows_what_may_be_left_out() -> None:
+    assert find_command("compare.divider").usage == "compare.divider [POSITION]"
+    assert words("a 'b c' # d") == ["a", "b c"]

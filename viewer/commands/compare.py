@@ -1,0 +1,123 @@
+"""Commands: what slots A and B show, and how they are compared."""
+
+from dataclasses import replace
+from typing import cast, get_args
+
+from viewer.actions import Side
+from viewer.commands.command import Command, Parameter, fixed
+from viewer.session import Session
+from viewer.settings import ANISOTROPIES
+from viewer.view_state import REFERENCE, CompareMode, PathChoice, Precision, Slot
+
+NEXT_MODE: dict[CompareMode, CompareMode] = {"a": "b", "b": "wipe", "wipe": "a"}
+NEXT_PATH: dict[PathChoice, PathChoice] = {
+    "auto": "deferred",
+    "deferred": "binned",
+    "binned": "cached",
+    "cached": "forward",
+    "forward": "deferred",
+}
+SIDE = Parameter("side", "choice", "which slot", fixed(*get_args(Side)))
+
+
+def _slot(session: Session, side: str) -> Slot:
+    return session.view.slot_a if side == "a" else session.view.slot_b
+
+
+def _set_slot(session: Session, side: str, slot: Slot) -> None:
+    view = session.view
+    session.view = replace(view, slot_a=slot) if side == "a" else replace(view, slot_b=slot)
+
+
+def _source(session: Session, side: str, source: str) -> None:
+    _set_slot(session, side, replace(_slot(session, side), source=source))
+
+
+def _path(session: Session, side: str, path: PathChoice) -> None:
+    _set_slot(session, side, replace(_slot(session, side), path=path))
+
+
+def _precision(session: Session, side: str, precision: Precision) -> None:
+    _set_slot(session, side, replace(_slot(session, side), precision=precision))
+
+
+def _mode(session: Session, mode: CompareMode) -> None:
+    session.view = replace(session.view, compare=mode)
+
+
+def _next_mode(session: Session) -> None:
+    session.view = replace(session.view, compare=NEXT_MODE[session.view.compare])
+
+
+def _next_path(session: Session) -> None:
+    slot = session.view.slot_a
+    if slot.source == REFERENCE:
+        session.say("slot A shows the reference: it has no decode path")
+        return
+    session.view = replace(session.view, slot_a=replace(slot, path=NEXT_PATH[slot.path]))
+
+
+def _next_source(session: Session) -> None:
+    sources = session.sources
+    slot = session.view.slot_a
+    following = sources[(sources.index(slot.source) + 1) % len(sources)] if slot.source in sources else sources[0]
+    session.view = replace(session.view, slot_a=replace(slot, source=following))
+
+
+def _swap(session: Session) -> None:
+    session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
+
+
+def _divider(session: Session, position: float) -> None:
+    session.view = replace(session.view, wipe_position=min(max(position, 0.0), 1.0))
+
+
+def _anisotropy(session: Session, value: str) -> None:
+    session.view = replace(session.view, anisotropy=int(value))
+
+
+def _measure(session: Session) -> None:
+    session.measure_requested = True
+
+
+SOURCE = Parameter("source", "choice", '"reference" or an open pack', lambda session: session.sources)
+PATH = Parameter("path", "choice", "decode path", fixed(*cast(tuple[str, ...], get_args(PathChoice))))
+PRECISION = Parameter("precision", "choice", "of the decoders", fixed(*cast(tuple[str, ...], get_args(Precision))))
+MODE = Parameter("mode", "choice", "what is shown", fixed(*cast(tuple[str, ...], get_args(CompareMode))))
+POSITION = Parameter("position", "number", "share of the width, 0 to 1", default="0.5")
+ANISOTROPY = Parameter("value", "choice", "1 is trilinear", fixed(*(str(value) for value in ANISOTROPIES)))
+COMMANDS = (
+    Command("compare.next", "Next mode", "show A, B, or both with a divider", "Compare", _next_mode, key="Tab"),
+    Command("compare.mode", "Mode", "show A, B, or both", "Compare", _mode, (MODE,)),
+    Command("compare.divider", "Divider", "put the divider somewhere", "Compare", _divider, (POSITION,)),
+    Command("compare.swap", "Swap A and B", "exchange the two slots", "Compare", _swap, key="X"),
+    Command(
+        "compare.measure", "Measure", "measure PSNR, divergence and memory of both slots", "Compare", _measure, key="M"
+    ),
+    Command(
+        "slot.source", "Source of a slot", "show a pack or the reference in a slot", "Compare", _source, (SIDE, SOURCE)
+    ),
+    Command("slot.path", "Path of a slot", "decode a slot by this path", "Compare", _path, (SIDE, PATH)),
+    Command(
+        "slot.precision",
+        "Precision of a slot",
+        "decode a slot in this precision",
+        "Compare",
+        _precision,
+        (SIDE, PRECISION),
+    ),
+    Command(
+        "slot.next-source", "Next source in A", "show the next open pack in slot A", "Compare", _next_source, key="N"
+    ),
+    Command(
+        "slot.next-path",
+        "Next path in A",
+        "switch slot A to the next decode path: deferred, binned, cached, forward",
+        "Compare",
+        _next_path,
+        key="P",
+    ),
+    Command(
+        "filter.anisotropy", "Anisotropy", "filter the reference and path cached", "View", _anisotropy, (ANISOTROPY,)
+    ),
+)
