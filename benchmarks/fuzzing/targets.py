@@ -13,6 +13,9 @@ from pathlib import Path
 
 import atheris
 
+from benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutate_json, mutate_pack
+from ntc.errors import InputError
+
 WATCHED = ["viewer.scene", "viewer.settings", "ntc.pack_file", "ntc.pack_metadata", "ntc.pack", "ntc.quantize"]
 
 with atheris.instrument_imports(include=WATCHED, enable_loader_override=False):
@@ -21,11 +24,8 @@ with atheris.instrument_imports(include=WATCHED, enable_loader_override=False):
     from viewer.scene.gltf_container import parse_gltf
     from viewer.scene.images import decode_image
     from viewer.scene.load import build_scene
+    from viewer.scene.report import report_json, report_lines
     from viewer.settings import parse_settings
-
-from benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutate_json, mutate_pack
-from ntc.errors import InputError
-from viewer.scene.report import report_json, report_lines
 
 Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
 PLAIN_SHARE = 0.3
