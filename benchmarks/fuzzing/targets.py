@@ -4,7 +4,6 @@ Whatever is neither read nor refused with InputError ends the process, and libFu
 """
 
 import contextlib
-import os
 import random
 import sys
 import tempfile
@@ -82,7 +81,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name:
         folder = Path(name)
         # decode_image writes its input to a temporary file: keep that off the disk too.
-        os.environ["TMPDIR"] = name
+        tempfile.tempdir = name
         read, mutator = Readers(folder).by_name[reader]
 
         def one_input(data: bytes) -> None:
