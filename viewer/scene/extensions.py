@@ -51,10 +51,10 @@ def check_required(file: GltfFile) -> None:
     """Refuse a file that requires an extension which is not read. Raises InputError naming the extension."""
     missing = [n for n in names_of(file, "extensionsRequired") if n not in SUPPORTED and n not in WITHOUT_EFFECT]
     if missing:
-        named = ", ".join(missing[:MOST_NAMED]) + (f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED))
-        raise file.fail(
-            "extensionsRequired", f"{named} is not supported; export the scene without it (uncompressed)"
+        named = ", ".join(missing[:MOST_NAMED]) + (
+            f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED)
         )
+        raise file.fail("extensionsRequired", f"{named} is not supported; export the scene without it (uncompressed)")
 
 
 def ignored_extensions(file: GltfFile) -> tuple[str, ...]:
