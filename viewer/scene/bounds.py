@@ -9,7 +9,7 @@ from viewer.scene.model import Geometry, Instances, Primitive
 
 EXACT_VERTICES = 1 << 22
 """A primitive is bounded by its vertices while instances times vertices stay below this, else by its local box."""
-EXACT_TOTAL = 1 << 27
+EXACT_TOTAL = 1 << 24
 """The same for all primitives together: many may share the same vertices."""
 
 _Range = tuple[int, int, int, int]

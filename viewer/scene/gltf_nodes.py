@@ -91,6 +91,7 @@ def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
         children = {
             child
             for index, node in enumerate(nodes)
+            if "children" in node
             for child in file.array(node, "children", f"nodes[{index}]")
             if isinstance(child, int)
         }
@@ -141,17 +142,19 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
     stack = [(root, -1) for root in reversed(scene_roots(file, notes))]
     while stack:
         index, parent = stack.pop()
-        where = f"nodes[{index}]"
         if seen[index]:
-            raise file.fail(where, "is reached twice; the node graph must be a tree without cycles")
+            raise file.fail(f"nodes[{index}]", "is reached twice; the node graph must be a tree without cycles")
         seen[index] = 1
         depth = depths[parent] + 1 if parent >= 0 else 0
         if depth > MAX_DEPTH:
-            raise file.fail(where, f"nodes are nested more than {MAX_DEPTH} deep; flatten the scene")
+            raise file.fail(f"nodes[{index}]", f"nodes are nested more than {MAX_DEPTH} deep; flatten the scene")
         place = len(order)
         order.append(index)
         parents.append(parent)
         depths.append(depth)
+        if "children" not in nodes[index]:
+            continue
+        where = f"nodes[{index}]"
         children = file.array(nodes[index], "children", where)
         # As many children again as there are nodes left would be reached twice: no need to stack them all.
         if len(children) > len(nodes):
@@ -195,7 +198,7 @@ def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tupl
         mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node else None
         camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
         mesh_worlds = worlds[place : place + 1]
-        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where)
+        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where) if "extensions" in node else None
         if instancing is not None and mesh is not None:
             matrices = _instance_matrices(file, accessors, instancing, f"{where}.EXT_mesh_gpu_instancing", notes)
             with np.errstate(over="ignore", invalid="ignore"):
