@@ -24,7 +24,7 @@ from benchmarks.fuzzing import seeds
 from ntc.files import write_text
 
 LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
-LARGEST_INPUT = 1 << 16
+LARGEST_INPUT = 1 << 14
 MOST_FINDINGS = 20
 """Of one reader: then it is left alone."""
 
@@ -122,10 +122,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")
     parser.add_argument("--seeds", type=Path, help="folder of real files; the small ones are used too")
     parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"), help="where inputs that broke are kept")
+    parser.add_argument("--more", action="store_true", help="add to the figures that --json names already")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args()
     options.findings.mkdir(parents=True, exist_ok=True)
-    tallies: list[dict[str, Any]] = []
+    earlier = json.loads(options.json.read_text())["readers"] if options.more else []
+    tallies: list[dict[str, Any]] = list(earlier)
     for reader in options.reader or names:
         tally = fuzz(reader, options.runs, options.seconds, options.seeds, options.findings)
         tallies.append(asdict(tally))
