@@ -1,12 +1,82 @@
 """Atomic file writing: a reader sees the old file or the new one, never half of one."""
 
 import os
+import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ntc.errors import InputError
+
+if sys.platform != "win32":
+    import fcntl
+
+PARTIAL_MARK = ".partial"
+"""What a file that is being written, or that a killed process left, has before its suffix."""
+STEM_SHOWN = 100
+"""Letters of the destination's name that the temporary one repeats: both together must stay a valid name."""
+STALE_SECONDS = 24 * 3600.0
+"""Age from which leftovers are removed where files cannot be locked."""
+
+
+def _prefix(destination: Path) -> str:
+    return f".{destination.stem[:STEM_SHOWN]}."
+
+
+def is_partial(path: Path) -> bool:
+    """Whether `path` is named like a file that is being written, or that a killed process left."""
+    return path.name.startswith(".") and (path.stem.endswith(PARTIAL_MARK) or path.suffix == PARTIAL_MARK)
+
+
+def _lock(handle: int) -> None:
+    """Hold the lock of the open file as long as it is open. Raises BlockingIOError where another process holds it."""
+    if sys.platform != "win32":
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _is_stale(leftover: Path) -> bool:
+    """Whether nobody writes `leftover` any more: its writer would hold the lock. Raises OSError without locks."""
+    if sys.platform == "win32":
+        return time.time() - leftover.stat().st_mtime > STALE_SECONDS
+    handle = os.open(leftover, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        _lock(handle)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
+
+def _remove_leftovers(destination: Path) -> None:
+    """Remove what killed processes left of earlier attempts to write `destination`."""
+    prefix, suffix = _prefix(destination), f"{PARTIAL_MARK}{destination.suffix}"
+    with suppress(OSError):
+        for path in destination.parent.iterdir():
+            if path.name.startswith(prefix) and path.name.endswith(suffix):
+                with suppress(OSError):
+                    if _is_stale(path):
+                        path.unlink()
+
+
+def _make_temporary(destination: Path) -> tuple[int, Path]:
+    """(open and locked file, its path) beside `destination`. Raises OSError."""
+    while True:
+        handle, name = tempfile.mkstemp(
+            dir=destination.parent, prefix=_prefix(destination), suffix=f"{PARTIAL_MARK}{destination.suffix}"
+        )
+        # Another process may take the new file for a leftover before it is locked: then make one more.
+        with suppress(OSError):  # A file system without locks.
+            try:
+                _lock(handle)
+            except BlockingIOError:
+                os.close(handle)
+                continue
+        if sys.platform == "win32" or os.fstat(handle).st_nlink > 0:
+            return handle, Path(name)
+        os.close(handle)
 
 
 @contextmanager
@@ -14,18 +84,19 @@ def atomic_path(destination: Path) -> Iterator[Path]:
     """Yield a temporary path beside `destination` that replaces it when the block ends without an exception.
 
     The temporary file keeps the destination's suffix, because image writers choose the format by it.
-    Raises InputError where the folder cannot be written; on any exception the temporary file is removed.
+    Raises InputError where the folder cannot be written; on any exception the temporary file is removed. One that
+    a killed process left is removed by the next write of the same destination.
     """
     destination = Path(destination)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            dir=destination.parent, prefix=f".{destination.stem}.", suffix=destination.suffix
-        )
+        _remove_leftovers(destination)
+        handle, temporary = _make_temporary(destination)
     except OSError as error:
         raise InputError(f"{destination}: cannot be written ({error.strerror}); choose a writable folder") from error
-    os.close(handle)
-    temporary = Path(name)
+    if sys.platform == "win32":
+        # Windows does not replace a file that is open.
+        os.close(handle)
     try:
         yield temporary
         # mkstemp creates private files; what the user gets should follow their umask.
@@ -42,6 +113,8 @@ def atomic_path(destination: Path) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
+        if sys.platform != "win32":
+            os.close(handle)
 
 
 def write_bytes(destination: Path, data: bytes) -> None:

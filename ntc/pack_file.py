@@ -1,12 +1,14 @@
 """Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md)."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError, deserialize
 from safetensors.numpy import save
 
 from ntc.config import CodecConfig
@@ -16,8 +18,12 @@ from ntc.latents import latent_cell_count
 from ntc.pack import Adapter, Decoder, EncodedTexture, Pack
 from ntc.pack_metadata import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
 from ntc.quantize import packed_cells, unpacked_cells
+from ntc.reading import read_file
 
 HIDDEN_LAYERS = 2
+LENGTH_BYTES = 8
+"""A safetensors file begins with the length of its JSON header."""
+NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
@@ -76,36 +82,59 @@ def write_pack(path: Path, pack: Pack) -> None:
     write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
 
 
-def _check_header(file: Any, metadata: PackMetadata, path: Path) -> None:
+@dataclass(frozen=True)
+class _Tensors:
+    """A safetensors file in memory: a mapped file that somebody shortens would end the process."""
+
+    metadata: Mapping[str, Any]
+    tensors: Mapping[str, Mapping[str, Any]]
+    """By name: "dtype", "shape" and "data", checked against each other and the file's length."""
+
+    @classmethod
+    def of(cls, data: bytes) -> "_Tensors":
+        """Take a file apart. Raises SafetensorError."""
+        tensors = dict(deserialize(data))
+        length = int.from_bytes(data[:LENGTH_BYTES], "little")
+        header = json.loads(data[LENGTH_BYTES : LENGTH_BYTES + length])
+        return cls(header.get("__metadata__") or {}, tensors)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """The tensor called `name`, of one of NUMPY_TYPES."""
+        tensor = self.tensors[name]
+        array: NDArray[Any] = np.frombuffer(tensor["data"], NUMPY_TYPES[tensor["dtype"]])
+        return array.reshape(tensor["shape"])
+
+
+def _check_header(file: _Tensors, metadata: PackMetadata, path: Path) -> None:
     expected = expected_tensors(metadata)
-    present = set(file.keys())
+    present = set(file.tensors)
     missing, surplus = sorted(expected.keys() - present), sorted(present - expected.keys())
     if missing:
         raise InputError(f"{path}: tensor {missing[0]} is missing ({len(missing)} in all); {REMEDY}")
     if surplus:
         raise InputError(f"{path}: tensor {surplus[0]!r} does not belong there ({len(surplus)} in all); {REMEDY}")
     for name, (kind, shape) in expected.items():
-        part = file.get_slice(name)
-        if part.get_dtype() != kind or tuple(part.get_shape()) != shape:
-            found = f"{part.get_dtype()} {part.get_shape()}"
+        part = file.tensors[name]
+        if part["dtype"] != kind or tuple(part["shape"]) != shape:
+            found = f"{part['dtype']} {part['shape']}"
             raise InputError(f"{path}: tensor {name} is {found}, expected {kind} {list(shape)}; {REMEDY}")
 
 
-def _tensor(file: Any, name: str, path: Path) -> NDArray[Any]:
-    array: NDArray[Any] = file.get_tensor(name)
+def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:
+    array = file.array(name)
     if array.dtype != np.uint8 and not np.isfinite(array).all():
         raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
     return array
 
 
-def _adapter(file: Any, index: int, config: CodecConfig, path: Path) -> Adapter | None:
+def _adapter(file: _Tensors, index: int, config: CodecConfig, path: Path) -> Adapter | None:
     if not config.adapters:
         return None
     parts = ("scales", "biases", "output.weight", "output.bias") if config.adapter_output else ("scales", "biases")
     return Adapter(*(_tensor(file, f"adapter.{index}.{part}", path).astype(np.float32) for part in parts))
 
 
-def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
+def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     textures = []
     for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
         encoded = EncodedTexture(
@@ -133,7 +162,7 @@ def _read(file: Any, metadata: PackMetadata, path: Path) -> Pack:
 def read_pack(path: Path) -> Pack:
     """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
 
-    Shapes are compared with the metadata, and by safetensors with the file's length, before anything is allocated.
+    safetensors compares shapes with the file's length; what memory is taken is in proportion to that.
     """
     path = Path(path)
     try:
@@ -141,16 +170,18 @@ def read_pack(path: Path) -> Pack:
             raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty; {REMEDY}")
-        with safe_open(path, framework="numpy") as file:
-            text = (file.metadata() or {}).get(METADATA_KEY)
-            if text is None:
-                raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
-            metadata = parse_metadata(text)
-            _check_header(file, metadata, path)
-            return _read(file, metadata, path)
+        file = _Tensors.of(read_file(path))
+        text = file.metadata.get(METADATA_KEY)
+        if text is None:
+            raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
+        metadata = parse_metadata(text)
+        _check_header(file, metadata, path)
+        return _read(file, metadata, path)
     except SafetensorError as error:
         raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
     except MetadataError as error:
         raise InputError(f"{path}: {error}; {REMEDY}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the file's permissions") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: takes more memory than there is; encode at a smaller --texture-size") from error

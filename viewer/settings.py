@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 
 from ntc.errors import InputError
 from ntc.files import write_text
+from ntc.reading import read_file
 from viewer.folders import CONFIG_FOLDER_VARIABLE
 
 CameraMode = Literal["orbit", "fly"]
@@ -109,12 +110,12 @@ def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
     try:
         if not file.exists():
             return ViewerSettings(), None
-        if file.stat().st_size > LARGEST_FILE:
-            return ViewerSettings(), f"{file}: too large for settings; using defaults"
-        return parse_settings(file.read_text(encoding="utf-8"), str(file)), None
+        return parse_settings(read_file(file, LARGEST_FILE).decode("utf-8"), str(file)), None
     except InputError as error:
         return ViewerSettings(), f"{error}; using defaults"
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        return ViewerSettings(), f"{file}: cannot be read ({error.strerror}); using defaults"
+    except UnicodeDecodeError as error:
         return ViewerSettings(), f"{file}: cannot be read ({error}); using defaults"
 
 

@@ -4,11 +4,14 @@ import json
 import sys
 from typing import Any
 
+from ntc.errors import InputError
 from ntc.metrics import psnr_table
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
+from viewer.commandline.info_all import info_all
 from viewer.commandline.options import InfoOptions
 from viewer.pack_files import PACK_SUFFIX
+from viewer.scene.gltf_container import printable
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
 
@@ -32,14 +35,19 @@ def pack_lines(pack: Pack) -> list[str]:
     )
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [
-        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {pack.grouping.name}",
-        f"training: {training}",
+        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {printable(pack.grouping.name)}",
+        f"training: {printable(training)}",
         *psnr_table(pack).lines(),
     ]
 
 
 def info(options: InfoOptions) -> int:
     """Run `ntc-viewer info`. Raises InputError for bad input."""
+    if (options.file is None) == (options.all is None):
+        raise InputError("info: name one file, or a folder with --all DIR")
+    if options.all is not None:
+        return info_all(options.all, options.json)
+    assert options.file is not None
     if options.file.suffix.lower() == PACK_SUFFIX:
         pack = read_pack(options.file)
         content: dict[str, Any] = pack_json(pack)

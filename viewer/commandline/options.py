@@ -190,10 +190,12 @@ class DecodeOptions:
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """Say what is in a scene or pack, what of it is honoured and what is ignored."""
+    """Say what is in a scene or pack, or in all of a folder, what of it is honoured and what is ignored."""
 
-    file: Annotated[Path, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional]
+    file: Annotated[Path | None, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional] = None
     """The file."""
+    all: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Instead of one file: a table of every .gltf, .glb and .ntc below this folder, those that are refused included."""
     json: Switch = False
     """Print JSON instead of text."""
 

@@ -9,16 +9,27 @@ from viewer.scene.model import Geometry, Instances, Primitive
 
 EXACT_VERTICES = 1 << 22
 """A primitive is bounded by its vertices while instances times vertices stay below this, else by its local box."""
+EXACT_TOTAL = 1 << 24
+"""The same for all primitives together: many may share the same vertices."""
+
+_Range = tuple[int, int, int, int]
 
 
-def _points(geometry: Geometry, primitive: Primitive, instances: int) -> NDArray[np.float64]:
-    """[P, 3] local points whose box stands for the primitive."""
+def _range(primitive: Primitive) -> _Range:
+    return primitive.base_vertex, primitive.vertex_count, primitive.first_index, primitive.index_count
+
+
+def _vertices(geometry: Geometry, primitive: Primitive) -> NDArray[np.float32]:
+    """[P, 3] local points that the primitive may use."""
     vertices = geometry.positions[primitive.base_vertex : primitive.base_vertex + primitive.vertex_count]
     if primitive.vertex_count > primitive.index_count:
         used = geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count]
         vertices = vertices[used]
-    if len(vertices) * instances <= EXACT_VERTICES:
-        return vertices.astype(np.float64)
+    return vertices
+
+
+def _corners(vertices: NDArray[np.float32]) -> NDArray[np.float64]:
+    """[8, 3] corners of the box around `vertices`."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)])
     return corners.astype(np.float64)
@@ -29,11 +40,21 @@ def world_bounds(geometry: Geometry, primitives: Sequence[Primitive], instances:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     order = np.argsort(instances.primitive, kind="stable")
     starts = np.searchsorted(instances.primitive[order], np.arange(len(primitives) + 1))
+    boxes: dict[_Range, NDArray[np.float64]] = {}
+    exact_left = EXACT_TOTAL
     for index, primitive in enumerate(primitives):
         rows = order[starts[index] : starts[index + 1]]
         if len(rows) == 0:
             continue
-        points = _points(geometry, primitive, len(rows))
+        work = min(primitive.vertex_count, primitive.index_count) * len(rows)
+        if work <= min(EXACT_VERTICES, exact_left):
+            exact_left -= work
+            points = _vertices(geometry, primitive).astype(np.float64)
+        else:
+            key = _range(primitive)
+            if key not in boxes:
+                boxes[key] = _corners(_vertices(geometry, primitive))
+            points = boxes[key]
         for transform in np.array_split(instances.transform[rows].astype(np.float64), -(-len(rows) // 4096)):
             world = points @ transform[:, :3, :3].transpose(0, 2, 1) + transform[:, None, :3, 3]
             low, high = np.minimum(low, world.min(axis=(0, 1))), np.maximum(high, world.max(axis=(0, 1)))

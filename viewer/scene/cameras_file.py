@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from ntc.errors import InputError
+from ntc.reading import read_file
 from viewer.scene.gltf_container import describe, printable
 from viewer.scene.model import Camera
+
+LARGEST_FILE = 1 << 26
+"""Bytes: half a million cameras."""
+NAMES_SHOWN = 20
+"""Names that the message about a missing camera lists."""
 
 
 def _vector(value: Any, where: str) -> tuple[float, float, float]:
@@ -46,7 +52,7 @@ def _camera(entry: Any, where: str) -> Camera:
 def read_cameras(path: Path) -> tuple[Camera, ...]:
     """Cameras of the file at `path`, at least one, with distinct names. Raises InputError."""
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(read_file(Path(path), LARGEST_FILE).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     except (ValueError, RecursionError) as error:
@@ -54,10 +60,11 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
     if not isinstance(content, list) or not content:
         raise InputError(f"{path}: must be a list of cameras, each with name, eye, target and fov")
     cameras = tuple(_camera(entry, f"{path}: camera {index}") for index, entry in enumerate(content))
-    names = [camera.name for camera in cameras]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{path}: two cameras are called {name!r}; rename one")
+    taken: set[str] = set()
+    for camera in cameras:
+        if camera.name in taken:
+            raise InputError(f"{path}: two cameras are called {camera.name!r}; rename one")
+        taken.add(camera.name)
     return cameras
 
 
@@ -66,7 +73,9 @@ def find_camera(cameras: Sequence[Camera], name: str) -> Camera:
     for camera in cameras:
         if camera.name == name:
             return camera
-    there = ", ".join(camera.name for camera in cameras) or "none"
+    there = ", ".join(camera.name for camera in cameras[:NAMES_SHOWN]) or "none"
+    if len(cameras) > NAMES_SHOWN:
+        there += f" and {len(cameras) - NAMES_SHOWN} more"
     raise InputError(f"--camera {name}: no such camera (there are: {there})")
 
 

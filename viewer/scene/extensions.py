@@ -34,6 +34,9 @@ WITHOUT_EFFECT = frozenset(
 )
 """Lighting, reflection and metadata: the picture is the base colour, so a file may require them and still be drawn."""
 
+MOST_NAMED = 4
+"""Extensions that one message names."""
+
 
 def names_of(file: GltfFile, key: str) -> tuple[str, ...]:
     """The distinct names in "extensionsUsed" or "extensionsRequired", sorted. Raises InputError."""
@@ -48,9 +51,10 @@ def check_required(file: GltfFile) -> None:
     """Refuse a file that requires an extension which is not read. Raises InputError naming the extension."""
     missing = [n for n in names_of(file, "extensionsRequired") if n not in SUPPORTED and n not in WITHOUT_EFFECT]
     if missing:
-        raise file.fail(
-            "extensionsRequired", f"{', '.join(missing)} is not supported; export the scene without it (uncompressed)"
+        named = ", ".join(missing[:MOST_NAMED]) + (
+            f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED)
         )
+        raise file.fail("extensionsRequired", f"{named} is not supported; export the scene without it (uncompressed)")
 
 
 def ignored_extensions(file: GltfFile) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ COMPONENT_TYPES: dict[int, np.dtype[Any]] = {
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 MATRIX_ROWS = {"MAT2": 2, "MAT3": 3, "MAT4": 4}
 
-MAX_IMPLIED_VALUES = 1 << 28
+MAX_IMPLIED_VALUES = 1 << 22
 """Most values that accessors without a buffer view (all zeros) may ask for in one file: nothing else bounds them."""
 
 

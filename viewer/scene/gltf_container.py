@@ -8,12 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from ntc.errors import InputError
+from ntc.reading import read_file
+from viewer.folders import scene_roots
 
 GLB_MAGIC = b"glTF"
 CHUNK_JSON = 0x4E4F534A
 CHUNK_BINARY = 0x004E4942
 MAX_ENTRIES = 1 << 20
 """Most entries of one top-level array."""
+MAX_JSON_BYTES = 1 << 28
+"""A JSON text of numbers takes some twenty times its length in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +29,11 @@ class GltfFile:
     folder: Path | None
     """Where relative URIs start; None when there is no file, and external URIs are missing."""
     json: Mapping[str, Any]
+    """The whole document."""
     binary: bytes | None
     """The GLB's binary chunk."""
+    roots: tuple[Path, ...] = ()
+    """Folders, resolved, from which the scene may read files beside its own."""
 
     def fail(self, where: str, problem: str) -> InputError:
         """The error to raise for the field `where`."""
@@ -140,6 +147,8 @@ def describe(value: Any) -> str:
 
 
 def _parse_json(data: bytes, name: str) -> dict[str, Any]:
+    if len(data) > MAX_JSON_BYTES:
+        raise InputError(f"{name}: {len(data)} bytes of JSON, at most {MAX_JSON_BYTES} are read; split the scene")
     try:
         content = json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -176,11 +185,11 @@ def _glb_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
     return json_chunk, binary
 
 
-def parse_gltf(data: bytes, name: str, folder: Path | None) -> GltfFile:
+def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, ...] = ()) -> GltfFile:
     """Read the container of `data`, GLB or JSON. Raises InputError for anything but a well-formed glTF 2.x file."""
     json_chunk, binary = _glb_chunks(data, name) if data[:4] == GLB_MAGIC else (data, None)
     content = _parse_json(json_chunk, name)
-    file = GltfFile(name, folder, content, binary)
+    file = GltfFile(name, folder, content, binary, roots)
     asset = file.object(content, "asset", "file")
     version = file.text(asset, "version", "asset")
     if not version.startswith("2."):
@@ -199,9 +208,9 @@ def parse_gltf(data: bytes, name: str, folder: Path | None) -> GltfFile:
 def read_gltf(path: Path) -> GltfFile:
     """The glTF container at `path`. Raises InputError."""
     try:
-        data = Path(path).read_bytes()
+        data = read_file(Path(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not data:
         raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
-    return parse_gltf(data, str(path), Path(path).parent)
+    return parse_gltf(data, str(path), Path(path).parent, scene_roots())

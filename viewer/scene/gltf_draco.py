@@ -1,5 +1,6 @@
 """KHR_draco_mesh_compression through DracoPy, an optional dependency."""
 
+import struct
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -11,6 +12,13 @@ from viewer.scene.gltf_buffers import Buffers
 from viewer.scene.gltf_container import GltfFile, describe, printable
 
 EXTENSION = "KHR_draco_mesh_compression"
+HEADER = struct.Struct("<5sBBBBH")
+"""Magic, version, kind of geometry, method, flags."""
+VERSION = (2, 2)
+MESH, EDGEBREAKER, HAS_METADATA = 1, 1, 0x8000
+FREE_COUNT = 1 << 12
+COUNT_PER_BYTE = 16
+"""Vertices and triangles that Draco data may hold: so many, and so many for each byte; real meshes have about one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +29,40 @@ class DracoMesh:
     """[V, components] by glTF name, in the type stored."""
     indices: NDArray[np.uint32]
     """[3 T] triangles."""
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """(number, place behind it). Raises IndexError at the end of the data."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 127) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 128:
+            return value, at
+
+
+def check_draco_header(data: bytes) -> str:
+    """Why `data` must not be decoded, empty if it may: the library takes the counts in its header at their word."""
+    if len(data) < HEADER.size:
+        return "truncated"
+    magic, major, minor, kind, method, flags = HEADER.unpack_from(data)
+    if magic != b"DRACO" or (major, minor) != VERSION:
+        return "it is not of version 2.2, which glTF asks for"
+    if kind != MESH:
+        return "it holds points, no triangles"
+    if flags & HAS_METADATA:
+        return "it holds metadata, which is not read"
+    try:
+        # The edgebreaker method names the kind of its traversal first; both then give two counts.
+        first, at = _varint(data, HEADER.size + (method == EDGEBREAKER))
+        second, _ = _varint(data, at)
+    except IndexError:
+        return "truncated"
+    most = FREE_COUNT + COUNT_PER_BYTE * len(data)
+    if max(first, second) > most:
+        return f"{max(first, second)} vertices or triangles in {len(data)} bytes"
+    return ""
 
 
 def draco_available() -> bool:
@@ -36,6 +78,9 @@ def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], wh
     except ImportError as error:
         raise file.fail(where, "needs DracoPy; install it with: pip install 'ntc-viewer[draco]'") from error
     data, _ = buffers.view(extension.get("bufferView"), f"{where}.bufferView")
+    refusal = check_draco_header(data.tobytes())
+    if refusal:
+        raise file.fail(where, f"the Draco data does not decode ({refusal}); export the scene again")
     try:
         mesh = DracoPy.decode(data.tobytes())
         faces = np.asarray(mesh.faces)

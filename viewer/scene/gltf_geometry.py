@@ -20,6 +20,10 @@ from viewer.scene.triangles import TRIANGLES, triangle_list
 MODE_NAMES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 MAX_VALUES = 1 << 27
 """Most vertices, and most indices, of a whole scene."""
+FREE_VALUES = 1 << 22
+VALUES_PER_BYTE = 16
+"""Any file may have FREE_VALUES vertices and indices; more only in proportion to the bytes of its buffers (Draco packs
+several into one, and accessors may share bytes)."""
 
 _VertexKey = tuple[Any, ...]
 
@@ -138,8 +142,7 @@ class GeometryReader:
         positions = self._finite(positions, "positions")
         count = len(positions)
         self._vertex_count += count
-        if self._vertex_count > MAX_VALUES:
-            raise self._file.fail(where, f"the scene has more than {MAX_VALUES} vertices; split it")
+        self._check_total(self._vertex_count, "vertices", where)
         uvs = self._uv(uv_name, attributes, draco, transform, source, count, where)
         colors = self._attribute("COLOR_0", attributes, draco, where, ("VEC3", "VEC4"), None)
         if colors is not None:
@@ -229,14 +232,20 @@ class GeometryReader:
             first, count = self._index_count, len(triangles)
             highest = int(triangles.max()) if count else 0
             self._index_count += count
-            if self._index_count > MAX_VALUES:
-                raise file.fail(where, f"the scene has more than {MAX_VALUES} indices; split it")
+            self._check_total(self._index_count, "indices", where)
             self._indices.append(triangles)
             if draco is None:
                 self._index_ranges[key] = first, count, highest
         if count and highest >= vertex_count:
             raise file.fail(f"{where}.indices", f"index {highest} out of range: there are {vertex_count} vertices")
         return first, count
+
+    def _check_total(self, total: int, what: str, where: str) -> None:
+        most = min(MAX_VALUES, FREE_VALUES + VALUES_PER_BYTE * self._buffers.byte_count)
+        if total > most:
+            raise self._file.fail(
+                where, f"the scene has more than {most} {what} in {self._buffers.byte_count} bytes; split it"
+            )
 
     def _same_count(self, values: NDArray[Any], count: int, where: str) -> None:
         if len(values) != count:

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
+from threading import Lock
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -14,9 +16,14 @@ from ntc.textures import hash_pixels
 from viewer.scene.gltf_buffers import Buffers, read_uri, resolve_uri
 from viewer.scene.gltf_container import GltfFile
 from viewer.scene.gltf_materials import MaterialSource
-from viewer.scene.images import decode_image, is_constant, map_in_threads, split_alpha
+from viewer.scene.images import LARGE_EXPANSION, decode_image, is_constant, map_in_threads, split_alpha
 from viewer.scene.model import Material, SceneTexture
 from viewer.scene.report_notes import ReportNotes
+
+FREE_PIXEL_BYTES = 1 << 29
+"""Bytes of pixels that any scene may keep, however small its images are as files; beyond, LARGE_EXPANSION holds."""
+FREE_DECODED_BYTES = 1 << 32
+"""The same for all that is decoded, constant images too, which are not kept but take time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +50,41 @@ def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
     raise file.fail(where, "has neither a uri nor a bufferView")
 
 
+def _source(file: GltfFile, index: int) -> tuple[str, Any]:
+    """What image `index` is read from: images with the same source are decoded once."""
+    entry = file.entries_checked("images")[index]
+    for key in ("uri", "bufferView"):
+        if key in entry:
+            return key, entry[key] if isinstance(entry[key], str | int) else index
+    return "image", index
+
+
+class _Budget:
+    """Counts what is decoded, in several threads, against what is in proportion to the files' bytes."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept = self._decoded = self._file_bytes = 0
+
+    def check(self) -> None:
+        """Raises _TooManyPixelsError where too much was decoded so far: what still waits need not be."""
+        allowed = LARGE_EXPANSION * self._file_bytes
+        if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
+            raise _TooManyPixelsError
+
+    def add(self, byte_count: int, pixels: NDArray[np.uint8], kept: bool) -> None:
+        """Count an image file of `byte_count` bytes. Raises _TooManyPixelsError."""
+        with self._lock:
+            self._decoded += pixels.nbytes
+            self._kept += pixels.nbytes if kept else 0
+            self._file_bytes += byte_count
+        self.check()
+
+
+class _TooManyPixelsError(Exception):
+    """The images of a scene are out of proportion."""
+
+
 def _names(file: GltfFile, index: int) -> tuple[str, str]:
     """(name, origin) of image `index`."""
     entry = file.entries_checked("images")[index]
@@ -54,28 +96,53 @@ def _names(file: GltfFile, index: int) -> tuple[str, str]:
     return name, path or (f"{name} (embedded)" if name == f"image {index}" else f"image {index} {name!r} (embedded)")
 
 
-def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool) -> _DecodedImage:
+def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool, budget: _Budget) -> _DecodedImage:
+    budget.check()
     name, origin = _names(file, index)
     try:
         data = _image_bytes(file, buffers, index)
-        pixels, alpha = split_alpha(decode_image(data, f"{file.name}: images[{index}] ({origin})"))
+        decoded = decode_image(data, f"{file.name}: images[{index}] ({origin})")
+        pixels, alpha = split_alpha(decoded)
     except InputError as error:
         return _DecodedImage(name, origin, failure=str(error))
     if not reads_alpha:
         alpha = None
     whole = pixels if alpha is None else np.dstack([pixels, alpha])
-    if is_constant(whole):
+    constant = is_constant(whole)
+    budget.add(len(data), decoded, kept=not constant)
+    if constant:
         red, green, blue = (float(value) for value in srgb_to_linear(pixels[0, 0] / 255.0))
-        constant = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
-        return _DecodedImage(name, origin, constant=constant)
+        color = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
+        return _DecodedImage(name, origin, constant=color)
     return _DecodedImage(name, origin, pixels, alpha, hash_pixels(whole))
 
 
-def _unique(name: str, taken: set[str]) -> str:
-    candidate, number = name, 2
+def _decode_all(file: GltfFile, buffers: Buffers, reads_alpha: dict[int, bool]) -> dict[int, _DecodedImage]:
+    """The images that are the keys of `reads_alpha`, each source decoded once. Raises InputError."""
+    first: dict[tuple[tuple[str, Any], bool], int] = {}
+    of_image = {index: first.setdefault((_source(file, index), alpha), index) for index, alpha in reads_alpha.items()}
+    for index in first.values():
+        # Buffers are not made for threads: read those that images lie in before the pool starts.
+        _touch_buffer(file, buffers, index)
+    budget = _Budget()
+    try:
+        decoded = map_in_threads(
+            lambda index: _decode(file, buffers, index, reads_alpha[index], budget), list(first.values())
+        )
+    except _TooManyPixelsError as error:
+        raise file.fail("images", "hold too many texels for the bytes there are; the scene is broken") from error
+    by_first = dict(zip(first.values(), decoded, strict=True))
+    return {index: by_first[source] for index, source in of_image.items()}
+
+
+def _unique(name: str, taken: dict[str, int]) -> str:
+    """`name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
+    candidate, number = name, taken.get(name, 1)
     while candidate in taken:
-        candidate, number = f"{name}_{number}", number + 1
-    taken.add(candidate)
+        number += 1
+        candidate = f"{name}_{number}"
+    taken[name] = number
+    taken[candidate] = max(1, taken.get(candidate, 1))
     return candidate
 
 
@@ -86,7 +153,7 @@ def _texture_table(
     textures: list[SceneTexture] = []
     by_hash: dict[str, int] = {}
     ids: dict[int, int] = {}
-    taken: set[str] = set()
+    taken: dict[str, int] = {}
     for index, image in images.items():
         if image.pixels is None:
             continue
@@ -129,11 +196,8 @@ def read_images(
     for index, source in using:
         reads_alpha[index] = reads_alpha.get(index, False) or source.reads_alpha
         categories[index] = categories.get(index) or source.category
-    for index in reads_alpha:
-        # Buffers are not made for threads: read those that images lie in before the pool starts.
-        _touch_buffer(file, buffers, index)
-    decoded = map_in_threads(lambda index: _decode(file, buffers, index, reads_alpha[index]), list(reads_alpha))
-    images = dict(zip(reads_alpha, decoded, strict=True))
+    images = _decode_all(file, buffers, reads_alpha)
+    decoded = list({id(image): image for image in images.values()}.values())
     for image in decoded:
         if image.failure:
             reason = image.failure.removeprefix(f"{file.name}: ")

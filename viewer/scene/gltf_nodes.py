@@ -1,5 +1,6 @@
 """The node graph: world matrices of all placements, instancing included."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,8 @@ from viewer.scene.gltf_accessors import Accessors, normalize
 from viewer.scene.gltf_container import GltfFile
 from viewer.scene.report_notes import ReportNotes
 
+MAX_DEPTH = 1 << 14
+"""Deepest nesting of nodes; rigs have a few hundred."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -52,15 +55,32 @@ def compose(
     return matrices
 
 
-def local_matrix(file: GltfFile, node: dict[str, Any], where: str) -> NDArray[np.float64]:
-    """[4, 4] node-to-parent matrix. Raises InputError."""
-    if "matrix" in node:
+def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64]:
+    """[N, 4, 4] node-to-parent matrices of the nodes `indices`. Raises InputError."""
+    nodes = file.entries_checked("nodes")
+    count = len(indices)
+    translations, scales = np.zeros((count, 3)), np.ones((count, 3))
+    rotations = np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))
+    given: list[int] = []
+    matrices: list[tuple[float, ...]] = []
+    for row, index in enumerate(indices):
+        node = nodes[index]
+        if "matrix" in node:
+            given.append(row)
+            matrices.append(file.numbers(node, "matrix", f"nodes[{index}]", IDENTITY))
+            continue
+        # Most nodes of most scenes have none or one of these, and there may be a million nodes.
+        if "translation" in node:
+            translations[row] = file.numbers(node, "translation", f"nodes[{index}]", (0.0, 0.0, 0.0))
+        if "rotation" in node:
+            rotations[row] = file.numbers(node, "rotation", f"nodes[{index}]", (0.0, 0.0, 0.0, 1.0))
+        if "scale" in node:
+            scales[row] = file.numbers(node, "scale", f"nodes[{index}]", (1.0, 1.0, 1.0))
+    composed = compose(translations, rotations, scales)
+    if given:
         # glTF stores columns one after another.
-        return np.array(file.numbers(node, "matrix", where, IDENTITY)).reshape(4, 4).T
-    translation = np.array([file.numbers(node, "translation", where, (0.0, 0.0, 0.0))])
-    rotation = np.array([file.numbers(node, "rotation", where, (0.0, 0.0, 0.0, 1.0))])
-    scale = np.array([file.numbers(node, "scale", where, (1.0, 1.0, 1.0))])
-    return compose(translation, rotation, scale)[0]
+        composed[given] = np.array(matrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    return composed
 
 
 def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
@@ -71,6 +91,7 @@ def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
         children = {
             child
             for index, node in enumerate(nodes)
+            if "children" in node
             for child in file.array(node, "children", f"nodes[{index}]")
             if isinstance(child, int)
         }
@@ -108,40 +129,84 @@ def _instance_matrices(
     )
 
 
-def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[NodePlacements, ...]:
-    """All nodes of the default scene in depth-first order.
+def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], list[int]]:
+    """(nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
 
     Raises InputError where a node has two parents or is its own ancestor (that would never end).
     """
     nodes = file.entries_checked("nodes")
-    mesh_count, camera_count = len(file.entries_checked("meshes")), len(file.entries_checked("cameras"))
-    seen = np.zeros(len(nodes), bool)
-    placements: list[NodePlacements] = []
-    stack = [(root, np.eye(4)) for root in reversed(scene_roots(file, notes))]
+    seen = bytearray(len(nodes))
+    order: list[int] = []
+    parents: list[int] = []
+    depths: list[int] = []
+    stack = [(root, -1) for root in reversed(scene_roots(file, notes))]
     while stack:
         index, parent = stack.pop()
-        where = f"nodes[{index}]"
         if seen[index]:
-            raise file.fail(where, "is reached twice; the node graph must be a tree without cycles")
-        seen[index] = True
-        node = nodes[index]
-        with np.errstate(over="ignore", invalid="ignore"):
-            world = parent @ local_matrix(file, node, where)
-        if not (np.abs(world) < 1e38).all():
-            raise file.fail(where, "has a transform that overflows; check its scale and its parents'")
+            raise file.fail(f"nodes[{index}]", "is reached twice; the node graph must be a tree without cycles")
+        seen[index] = 1
+        depth = depths[parent] + 1 if parent >= 0 else 0
+        if depth > MAX_DEPTH:
+            raise file.fail(f"nodes[{index}]", f"nodes are nested more than {MAX_DEPTH} deep; flatten the scene")
+        place = len(order)
+        order.append(index)
+        parents.append(parent)
+        depths.append(depth)
+        if "children" not in nodes[index]:
+            continue
+        where = f"nodes[{index}]"
+        children = file.array(nodes[index], "children", where)
+        # As many children again as there are nodes left would be reached twice: no need to stack them all.
+        if len(children) > len(nodes):
+            raise file.fail(f"{where}.children", f"has {len(children)} entries for {len(nodes)} nodes")
+        stack.extend((file.index(child, len(nodes), f"{where}.children"), place) for child in reversed(children))
+    return order, parents, depths
+
+
+def _world_matrices(
+    file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int]
+) -> NDArray[np.float64]:
+    """[N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
+    worlds = local_matrices(file, order)
+    parent_rows, levels = np.array(parents, np.int64), np.array(depths, np.int64)
+    by_level = np.argsort(levels, kind="stable")
+    starts = np.searchsorted(levels[by_level], np.arange(int(levels.max(initial=0)) + 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for level in range(1, len(starts) - 1):
+            rows = by_level[starts[level] : starts[level + 1]]
+            worlds[rows] = worlds[parent_rows[rows]] @ worlds[rows]
+        wide = ~(np.abs(worlds) < 1e38).all(axis=(1, 2))
+    if wide.any():
+        where = f"nodes[{order[int(np.argmax(wide))]}]"
+        raise file.fail(where, "has a transform that overflows; check its scale and its parents'")
+    return worlds
+
+
+def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[NodePlacements, ...]:
+    """All nodes of the default scene in depth-first order.
+
+    Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
+    """
+    nodes = file.entries_checked("nodes")
+    mesh_count, camera_count = len(file.entries_checked("meshes")), len(file.entries_checked("cameras"))
+    order, parents, depths = _tree(file, notes)
+    worlds = _world_matrices(file, order, parents, depths)
+    placements: list[NodePlacements] = []
+    for place, index in enumerate(order):
+        node, where = nodes[index], f"nodes[{index}]"
+        world = worlds[place]
         mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node else None
         camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
-        mesh_worlds = world[None]
-        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where)
+        mesh_worlds = worlds[place : place + 1]
+        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where) if "extensions" in node else None
         if instancing is not None and mesh is not None:
             matrices = _instance_matrices(file, accessors, instancing, f"{where}.EXT_mesh_gpu_instancing", notes)
-            mesh_worlds = world @ matrices
+            with np.errstate(over="ignore", invalid="ignore"):
+                mesh_worlds = world @ matrices
             if not (np.abs(mesh_worlds) < 1e38).all():
                 raise file.fail(where, "has instance transforms that overflow; check their scales")
             notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
         if "skin" in node:
             notes.ignored("skins (meshes stand in their rest pose)")
         placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera))
-        children = file.array(node, "children", where)
-        stack.extend((file.index(c, len(nodes), f"{where}.children"), world) for c in reversed(children))
     return tuple(placements)

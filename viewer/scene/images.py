@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ntc.color import linear_to_srgb
 from ntc.errors import InputError
-from ntc.files import atomic_path
+from ntc.files import atomic_path, is_partial
+from ntc.reading import read_file
 from ntc.textures import SourceTexture, hash_pixels
 
 LARGEST_EXCESS = 1e-3
@@ -24,10 +25,18 @@ IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
 """What `folder_textures` looks for."""
 
 MAX_SIDE = 1 << 15
+MOST_CHANNELS = 256
+LARGEST_MEGABYTES = 4096
+"""Of pixels as a file stores them; what is less is bounded by the file's own length, below."""
 FREE_VALUES = 1 << 24
 """Channel values (width x height x channels) that any file may decode to, however small it is."""
 MAX_EXPANSION = 1100
-"""Decoded bytes for each byte of a file beyond FREE_VALUES: a little above the best that deflate reaches."""
+"""Decoded values for each byte of a file beyond FREE_VALUES: a little above the best that deflate reaches."""
+LARGE_VALUES = 1 << 28
+LARGE_EXPANSION = 128
+"""Beyond LARGE_VALUES (8192 x 8192 texels of four channels) only so many: that is no picture but a bomb."""
+SINGLE_PRECISION = 4
+"""Bytes that a value takes while floating-point images are read."""
 
 _SIGNATURES = (
     (b"\x89PNG", ".png"),
@@ -61,6 +70,21 @@ def _suffix(data: bytes, name: str) -> str:
     return suffix if suffix in IMAGE_SUFFIXES else ".img"
 
 
+def values_allowed(byte_count: int) -> int:
+    """Channel values (bytes, once decoded) that an image file of `byte_count` bytes may hold."""
+    return min(FREE_VALUES + MAX_EXPANSION * byte_count, max(LARGE_VALUES, LARGE_EXPANSION * byte_count))
+
+
+def _limit_library() -> None:
+    # Some of its readers take memory for the whole picture when they open a file, before its size can be looked at.
+    OpenImageIO.attribute("limits:imagesize_MB", LARGEST_MEGABYTES)
+    OpenImageIO.attribute("limits:resolution", MAX_SIDE)
+    OpenImageIO.attribute("limits:channels", MOST_CHANNELS)
+
+
+_limit_library()
+
+
 def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     # Without this OpenImageIO multiplies colours by alpha, and textures would darken where they are transparent.
     config = OpenImageIO.ImageSpec()
@@ -75,9 +99,9 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
         width, height, channels = spec.width, spec.height, spec.nchannels
         if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and spec.depth <= 1 and channels >= 1):
             raise InputError(f"{name}: image of {width} x {height} x {channels}; sides are 1 to {MAX_SIDE} texels")
-        if width * height * channels > FREE_VALUES + MAX_EXPANSION * byte_count:
-            raise InputError(f"{name}: {width} x {height} texels in {byte_count} bytes; the image is broken")
         linear = str(spec.format) in ("float", "half", "double")
+        if width * height * channels * (SINGLE_PRECISION if linear else 1) > values_allowed(byte_count):
+            raise InputError(f"{name}: {width} x {height} texels in {byte_count} bytes; the image is broken")
         pixels: Any = image.read_image(0, 0, 0, min(channels, 4), "float" if linear else "uint8")
         if pixels is None or image.has_error:
             raise InputError(f"{name}: the image does not decode ({image.geterror() or 'truncated'}); replace it")
@@ -91,12 +115,21 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
             raise InputError(
                 f"{name}: holds values up to {largest:.4g}; textures are colours from 0 to 1: scale or tone-map it first"
             )
-        in_range = np.clip(np.nan_to_num(pixels, nan=0.0), 0.0, 1.0)
-        pixels = np.concatenate([linear_to_srgb(in_range[..., :colors]), in_range[..., colors:]], axis=2)
-        pixels = (pixels * 255 + 0.5).astype(np.uint8)
+        pixels = _encoded(pixels, colors)
     if pixels.shape[2] <= 2:
         pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), pixels[..., 1:]], axis=2)
     return np.ascontiguousarray(pixels)
+
+
+def _encoded(pixels: NDArray[np.float32], colors: int) -> NDArray[np.uint8]:
+    """Linear floating-point `pixels` [H, W, C] as sRGB bytes, the channels from `colors` on as they are."""
+    encoded = np.empty(pixels.shape, np.uint8)
+    # Row by row: the steps between take a multiple of the picture's memory.
+    for source, target in zip(pixels, encoded, strict=True):
+        in_range = np.clip(np.nan_to_num(source, nan=0.0), 0.0, 1.0)
+        row = np.concatenate([linear_to_srgb(in_range[:, :colors]), in_range[:, colors:]], axis=1)
+        target[:] = (row * 255 + 0.5).astype(np.uint8)
+    return encoded
 
 
 def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
@@ -108,19 +141,26 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
     if not data:
         raise InputError(f"{name}: the image is empty (0 bytes); replace it")
     # The wheel cannot read from memory, and a name of our own keeps OpenImageIO's special file names out of reach.
-    handle, path = tempfile.mkstemp(suffix=_suffix(data, name), prefix="ntc-viewer-")
+    path: str | None = None
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
+        try:
+            handle, path = tempfile.mkstemp(suffix=_suffix(data, name), prefix="ntc-viewer-")
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+        except OSError as error:
+            # Without a folder that can be written Python lists all that it tried: too long for one line.
+            reason = error.strerror if path is not None else "no writable folder"
+            raise InputError(f"{name}: no temporary file could be written ({reason}); set TMPDIR") from error
         return _read(path, len(data), name)
     finally:
-        Path(path).unlink()
+        if path is not None:
+            Path(path).unlink()
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
     """`decode_image` of the file at `path`. Raises InputError."""
     try:
-        data = Path(path).read_bytes()
+        data = read_file(Path(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     return decode_image(data, str(path))
@@ -174,7 +214,9 @@ def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; give one that holds images")
-    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file())
+    paths = sorted(
+        p for p in folder.rglob("*") if p.suffix.lower() in IMAGE_SUFFIXES and not is_partial(p) and p.is_file()
+    )
     if not paths:
         raise InputError(f"{folder}: holds no images (PNG, JPEG, WebP ...)")
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ntc.errors import InputError
 from viewer.scene.bounds import world_bounds
 from viewer.scene.extensions import check_required, ignored_extensions, names_of
 from viewer.scene.gltf_accessors import Accessors
@@ -21,15 +22,24 @@ from viewer.scene.report_notes import ReportNotes
 FOREIGN_SUFFIXES = frozenset({".obj", ".ply", ".stl"})
 """Formats that are turned into GLB first."""
 MAX_INSTANCES = 1 << 24
+FREE_INSTANCES = 1 << 21
+"""Instances that any file may have; more only in proportion to its bytes, one each."""
 
 
 def load_scene(path: Path) -> Scene:
     """The scene in the .gltf, .glb, .obj, .ply or .stl file at `path`.
 
-    Raises InputError where the file is missing, broken, requires an extension that is not supported, or holds no
-    triangles. Missing and broken images are no error: the load report names them.
+    Raises InputError where the file is missing, broken, requires an extension that is not supported, holds no
+    triangles or does not fit into memory. Missing and broken images are no error: the load report names them.
     """
     path = Path(path)
+    try:
+        return _load(path)
+    except MemoryError as error:
+        raise InputError(f"{path}: takes more memory than there is; split the scene or reduce its textures") from error
+
+
+def _load(path: Path) -> Scene:
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         from viewer.scene.foreign import foreign_to_glb
 
@@ -47,7 +57,7 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
     placements = walk_nodes(file, accessors, notes)
     geometry_reader = GeometryReader(file, buffers, accessors, sources, notes)
     primitives, ranges = _read_meshes(placements, geometry_reader)
-    instances = _place(file, placements, ranges)
+    instances = _place(file, placements, ranges, min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count))
     if len(instances.primitive) == 0:
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
@@ -102,23 +112,26 @@ def _read_meshes(
     return primitives, ranges
 
 
-def _place(file: GltfFile, placements: Sequence[NodePlacements], ranges: dict[int, tuple[int, int]]) -> Instances:
-    primitive: list[np.ndarray] = [np.zeros(0, np.int32)]
-    transform: list[np.ndarray] = [np.zeros((0, 4, 4), np.float32)]
-    node: list[np.ndarray] = [np.zeros(0, np.int32)]
-    total = 0
-    for placement in placements:
-        if placement.mesh is None:
-            continue
-        first, count = ranges[placement.mesh]
-        copies = len(placement.mesh_worlds)
-        total += count * copies
-        if total > MAX_INSTANCES:
-            raise file.fail(f"nodes[{placement.node}]", f"the scene has more than {MAX_INSTANCES} instances; split it")
-        primitive.append(np.tile(np.arange(first, first + count, dtype=np.int32), copies))
-        transform.append(np.repeat(placement.mesh_worlds.astype(np.float32), count, axis=0))
-        node.append(np.full(count * copies, placement.node, np.int32))
-    return Instances(np.concatenate(primitive), np.concatenate(transform), np.concatenate(node))
+def _place(
+    file: GltfFile, placements: Sequence[NodePlacements], ranges: dict[int, tuple[int, int]], most: int
+) -> Instances:
+    """Every primitive of every placed mesh, placement by placement; `most` in all, else InputError."""
+    placed = [placement for placement in placements if placement.mesh is not None]
+    of_mesh = np.array([ranges[p.mesh] for p in placed if p.mesh is not None], np.int64).reshape(-1, 2)
+    copies = np.array([len(p.mesh_worlds) for p in placed], np.int64)
+    rows = np.cumsum(of_mesh[:, 1] * copies)
+    if len(rows) and rows[-1] > most:
+        node = placed[int(np.searchsorted(rows, most, side="right"))].node
+        raise file.fail(f"nodes[{node}]", f"the scene has more than {most} instances; split it")
+    counts = np.repeat(of_mesh[:, 1], copies)
+    worlds = np.concatenate([np.zeros((0, 4, 4)), *(p.mesh_worlds for p in placed)]).astype(np.float32)
+    # Each placement lists its mesh's primitives one after another, starting anew.
+    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    return Instances(
+        primitive=(np.repeat(np.repeat(of_mesh[:, 0], copies), counts) + within).astype(np.int32),
+        transform=np.repeat(worlds, counts, axis=0),
+        node=np.repeat(np.repeat(np.array([p.node for p in placed], np.int32), copies), counts),
+    )
 
 
 def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -> None:

@@ -1,0 +1,160 @@
+"""Mutations that know what a reader reads: JSON, the containers around it, checksums; the rest is libFuzzer's."""
+
+import copy
+import json
+import random
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+Mutate = Callable[[bytes, int], bytes]
+"""libFuzzer's own mutation of at most so many bytes."""
+
+GLB_HEADER = 12
+CHUNK_JSON, CHUNK_BINARY = 0x4E4F534A, 0x004E4942
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+EXTREMES: tuple[Any, ...] = (
+    None, True, False, -1, 0, 1, 2, 3, 4, 5, 16, 127, 255, 256, 4096, 5121, 5123, 5125, 5126, 32768, 65535, 65536,
+    2**24, 2**28, 2**31 - 1, 2**31, 2**32, 2**53, 2**63, 2**64, 10**400, 0.5, -0.0, -0.5, 1e-320, 1e30, 1e38, 1e300,
+    float("nan"), float("inf"), "", "x", "VEC2", "VEC3", "SCALAR", "MAT4", "MASK", "BLEND", "data:,", "../../etc/passwd",
+    "/etc/passwd", "C:\\x", "file:///etc/passwd", "//host/x", "data:;base64,AAAA", "\ud800", "a\0b", "\x1b[2J", [], {},
+    [0], [[]], [0, 0], [0, 0, 0], [0, 0, 0, 1], [1e30, 1e30, 1e30], {"index": 0}, {"extensions": {}},
+)  # fmt: skip
+"""What a value of a JSON document is replaced by."""
+MOST_PLACES = 4000
+"""Values of a document that may still grow."""
+LARGEST_CHANGED = 1e30
+"""Numbers from here on are replaced, not multiplied."""
+
+
+def _extreme(source: random.Random) -> Any:
+    return copy.deepcopy(source.choice(EXTREMES))
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """(container, key) of every value in a JSON tree."""
+    pending = [value] if isinstance(value, dict | list) else []
+    while pending:
+        owner = pending.pop()
+        for key, child in list(owner.items() if isinstance(owner, dict) else enumerate(owner)):
+            yield owner, key
+            if isinstance(child, dict | list):
+                pending.append(child)
+
+
+def _change_number(value: int | float, source: random.Random) -> Any:
+    if not abs(value) < LARGEST_CHANGED:
+        return _extreme(source)
+    match source.randrange(5):
+        case 0:
+            return -value
+        case 1:
+            return value + source.choice((-1, 1))
+        case 2:
+            return value * source.choice((2, 0.5, 1000))
+        case 3:
+            return str(value)
+        case _:
+            return _extreme(source)
+
+
+def mutate_document(document: Any, source: random.Random) -> Any:
+    """`document` with one value replaced, dropped, repeated, renamed, moved or nested; changed in place."""
+    places = list(_places(document))
+    if not places:
+        return _extreme(source)
+    owner, key = source.choice(places)
+    action = source.randrange(8) if len(places) < MOST_PLACES else 0
+    if action == 0:
+        del owner[key]
+    elif action == 1:
+        other_owner, other = source.choice(places)
+        owner[key] = copy.deepcopy(other_owner[other])
+    elif action == 2 and isinstance(owner, list):
+        owner.extend([owner[key]] * source.choice((1, 1, 2, 30)))
+    elif action == 2:
+        other_owner, other = source.choice(places)
+        owner[str(other)] = owner.pop(key)
+    elif action == 3:
+        owner[key] = source.choice(([owner[key]], {"x": owner[key]}, {str(key): owner[key]}))
+    elif action in (4, 5) and isinstance(owner[key], int | float):
+        owner[key] = _change_number(owner[key], source)
+    else:
+        owner[key] = _extreme(source)
+    return document
+
+
+def _mutated_json(text: bytes, source: random.Random) -> bytes | None:
+    try:
+        document = json.loads(text)
+        for _ in range(source.choice((1, 1, 1, 2, 4))):
+            document = mutate_document(document, source)
+        return json.dumps(document).encode("utf-8", "replace")
+    except (ValueError, RecursionError):
+        return None
+
+
+def glb_bytes(text: bytes, binary: bytes) -> bytes:
+    """A GLB of a JSON text and a binary chunk."""
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), CHUNK_JSON) + text
+    if binary:
+        binary += bytes(-len(binary) % 4)
+        body += struct.pack("<II", len(binary), CHUNK_BINARY) + binary
+    return struct.pack("<4sII", b"glTF", 2, GLB_HEADER + len(body)) + body
+
+
+def mutate_gltf(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A .glb or .gltf with its JSON or its binary chunk changed and the container still whole."""
+    if data[:4] != b"glTF" or len(data) < GLB_HEADER + 8:
+        return _mutated_json(data, source) or mutate(data, limit)
+    (length,) = struct.unpack_from("<I", data, GLB_HEADER)
+    start = GLB_HEADER + 8
+    text, binary = data[start : start + length], data[start + length + 8 :]
+    if source.random() < 0.25 and binary:
+        return glb_bytes(text, mutate(binary, max(1, limit - length - 32)))
+    changed = _mutated_json(text, source)
+    return mutate(data, limit) if changed is None else glb_bytes(changed, binary)
+
+
+def mutate_json(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A JSON text with values changed."""
+    return _mutated_json(data, source) or mutate(data, limit)
+
+
+def mutate_pack(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A safetensors file with its header, the metadata in it, or its tensors changed."""
+    try:
+        (length,) = struct.unpack_from("<Q", data)
+        header = json.loads(data[8 : 8 + length])
+        rest = data[8 + length :]
+        if source.random() < 0.2:
+            rest = mutate(rest, max(1, limit - length))
+        elif source.random() < 0.3:
+            header = mutate_document(header, source)
+        else:
+            metadata = json.loads(header["__metadata__"]["ntc"])
+            for _ in range(source.choice((1, 1, 2))):
+                metadata = mutate_document(metadata, source)
+            header["__metadata__"]["ntc"] = json.dumps(metadata)
+        text = json.dumps(header).encode("utf-8", "replace")
+        return struct.pack("<Q", len(text)) + text + rest
+    except (ValueError, KeyError, TypeError, RecursionError, struct.error):
+        return mutate(data, limit)
+
+
+def mutate_image(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """An image changed anywhere; a PNG gets correct checksums again, so that what lies behind them is reached."""
+    changed = bytearray(mutate(data, limit))
+    if not changed.startswith(PNG_SIGNATURE) or source.random() < 0.2:
+        return bytes(changed)
+    at = len(PNG_SIGNATURE)
+    while at + 12 <= len(changed):
+        (length,) = struct.unpack_from(">I", changed, at)
+        if at + 12 + length > len(changed):
+            break
+        checksum = zlib.crc32(bytes(changed[at + 4 : at + 8 + length]))
+        struct.pack_into(">I", changed, at + 8 + length, checksum)
+        at += 12 + length
+    return bytes(changed)

@@ -1,0 +1,106 @@
+"""One reader in a process of its own under libFuzzer (through atheris): `python -m benchmarks.fuzzing.targets READER ...`.
+
+Whatever is neither read nor refused with InputError ends the process, and libFuzzer writes the input to a file.
+"""
+
+import contextlib
+import random
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import atheris
+
+from benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutate_json, mutate_pack
+from ntc.errors import InputError
+
+WATCHED = ["viewer.scene", "viewer.settings", "ntc.pack_file", "ntc.pack_metadata", "ntc.pack", "ntc.quantize"]
+
+with atheris.instrument_imports(include=WATCHED, enable_loader_override=False):
+    from ntc.pack_file import read_pack
+    from viewer.scene.cameras_file import read_cameras
+    from viewer.scene.gltf_container import parse_gltf
+    from viewer.scene.images import decode_image
+    from viewer.scene.load import build_scene
+    from viewer.scene.report import report_json, report_lines
+    from viewer.settings import parse_settings
+
+Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
+PLAIN_SHARE = 0.3
+"""Of the mutations that are libFuzzer's alone."""
+LONGEST_MESSAGE = 2000
+
+
+class Readers:
+    """The readers by name; those that need a path get a file in `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.by_name: dict[str, tuple[Callable[[bytes], None], Mutator]] = {
+            "scene": (self.scene, mutate_gltf),
+            "pack": (self.pack, mutate_pack),
+            "image": (self.image, mutate_image),
+            "cameras": (self.cameras, mutate_json),
+            "settings": (self.settings, mutate_json),
+        }
+
+    def scene(self, data: bytes) -> None:
+        """Read `data` as a scene, with a folder of its own in which nothing else lies."""
+        scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
+        report_json(scene)
+        "\n".join(report_lines(scene)).encode()
+
+    def pack(self, data: bytes) -> None:
+        """Read `data` as a pack."""
+        read_pack(self._file(data))
+
+    def image(self, data: bytes) -> None:
+        """Read `data` as an image."""
+        decode_image(data, "fuzz")
+
+    def cameras(self, data: bytes) -> None:
+        """Read `data` as a camera file."""
+        read_cameras(self._file(data))
+
+    def settings(self, data: bytes) -> None:
+        """Read `data` as settings, the way a file is turned into text."""
+        with contextlib.suppress(UnicodeDecodeError):
+            parse_settings(data.decode(), "fuzz")
+
+    def _file(self, data: bytes) -> Path:
+        path = self._folder / "fuzz.bin"
+        path.write_bytes(data)
+        return path
+
+
+def main() -> None:
+    """Fuzz the reader named first; the rest are libFuzzer's arguments."""
+    reader = sys.argv.pop(1)
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name:
+        folder = Path(name)
+        # decode_image writes its input to a temporary file: keep that off the disk too.
+        tempfile.tempdir = name
+        read, mutator = Readers(folder).by_name[reader]
+
+        def one_input(data: bytes) -> None:
+            try:
+                read(data)
+            except InputError as error:
+                line = str(error)
+                if "\n" in line or len(line) > LONGEST_MESSAGE or not line.isprintable():
+                    raise AssertionError(f"not one printable line: {line[:200]!r}") from error
+
+        def mutate(data: bytes, limit: int, seed: int) -> bytes:
+            source = random.Random(seed)
+            if source.random() < PLAIN_SHARE:
+                return atheris.Mutate(data, limit)
+            return mutator(data, limit, source, atheris.Mutate)[:limit]
+
+        atheris.Setup(sys.argv, one_input, custom_mutator=mutate)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
