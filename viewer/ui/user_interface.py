@@ -4,22 +4,14 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.session import Session
 from viewer.ui.annotations import draw_block, draw_help, draw_hints, draw_labels, draw_toasts
-from viewer.ui.compare_panel import draw_compare_panel
-from viewer.ui.divergence_panel import draw_divergence_panel
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
+from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
-from viewer.ui.scene_panel import OpenField, draw_scene_panel
-from viewer.ui.timings_panel import draw_timings_panel
 
 PANEL_WIDTH = 380.0
 EDGE = 8.0
 PANELS_TOP = 36.0
-
-
-def _scene_panel_height(window: float) -> float:
-    """Leaves room below for the panel Divergence."""
-    return min(max(window - 600.0, 120.0), 360.0)
 
 
 class UserInterface:
@@ -28,7 +20,7 @@ class UserInterface:
     def __init__(self) -> None:
         self.items = ItemPlaces()
         self._input = PictureInput()
-        self._open_field = OpenField()
+        self._all_panels = make_panels()
 
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -52,38 +44,20 @@ class UserInterface:
 
     def _panels(self, session: Session, facts: FrameFacts, size: tuple[float, float], emit: Emit) -> None:
         first = imgui.Cond_.first_use_ever
-        right = size[0] - PANEL_WIDTH - EDGE
-        imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(EDGE, 36), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 356), first)
-        if imgui.begin("Compare")[0]:
-            draw_compare_panel(session, facts, emit, self.items)
-        imgui.end()
-        imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(max(EDGE, right), PANELS_TOP), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, _scene_panel_height(size[1])), first)
-        if imgui.begin("Scene")[0]:
-            draw_scene_panel(session, self._open_field, emit, self.items)
-        imgui.end()
-        if session.view.overlay.kind != "none":
-            self._divergence(session, facts, size, emit)
-        imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(EDGE, 400), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, 270), first)
-        imgui.set_next_window_collapsed(size[1] < 640.0, first)
-        opened = imgui.begin("Timings")[0]
-        self.items.note("Timings")
-        if opened:
-            draw_timings_panel(facts)
-        imgui.end()
-
-    def _divergence(self, session: Session, facts: FrameFacts, size: tuple[float, float], emit: Emit) -> None:
-        first = imgui.Cond_.first_use_ever
-        top = PANELS_TOP + _scene_panel_height(size[1]) + EDGE
-        height = max(240.0, size[1] - top - 40.0)
-        imgui.set_next_window_bg_alpha(0.88)
-        imgui.set_next_window_pos(ImVec2(max(EDGE, size[0] - PANEL_WIDTH - EDGE), top), first)
-        imgui.set_next_window_size(ImVec2(PANEL_WIDTH, height), first)
-        if imgui.begin("Divergence")[0]:
-            draw_divergence_panel(session, facts, emit, self.items)
-        imgui.end()
+        context = PanelContext(session, facts, emit, self.items)
+        tops = {"left": PANELS_TOP, "right": PANELS_TOP}
+        for panel in self._all_panels:
+            height, top = panel.height(size[1]), tops[panel.side]
+            tops[panel.side] += height + EDGE
+            if not panel.shown(session):
+                continue
+            left = EDGE if panel.side == "left" else max(EDGE, size[0] - PANEL_WIDTH - EDGE)
+            imgui.set_next_window_bg_alpha(0.88)
+            imgui.set_next_window_pos(ImVec2(left, top), first)
+            imgui.set_next_window_size(ImVec2(PANEL_WIDTH, height), first)
+            imgui.set_next_window_collapsed(panel.folded(size[1]), first)
+            opened = imgui.begin(panel.title)[0]
+            self.items.note(panel.title)
+            if opened:
+                panel.draw(context)
+            imgui.end()
