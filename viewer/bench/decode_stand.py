@@ -117,13 +117,9 @@ class LoadedPack:
         programs = self._programs.of(self._pack)
         if path == "binned":
             if self._binned is None:
-                self._binned = DecodeBinnedPass(
-                    self._context, programs, self._buffers, self._ranges, self._pack, False
-                )
+                self._binned = DecodeBinnedPass(self._context, programs, self._buffers, self._ranges, self._pack, False)
             binned, decoders = self._binned, range(len(self._pack.decoders))
-            return lambda: stand.each_tile(
-                lambda: binned.run(stand.visibility, stand.material, stand.target, decoders)
-            )
+            return lambda: stand.each_tile(lambda: binned.run(stand.visibility, stand.material, stand.target, decoders))
         shared = 0 if path == "deferred, shared" else None
         deferred = DecodeDeferredPass(self._context, programs, self._buffers, self._ranges, False, shared)
         return lambda: stand.each_tile(lambda: deferred.run(stand.visibility, stand.material, stand.target))

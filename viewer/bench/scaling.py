@@ -99,7 +99,9 @@ def _setups(config: ScalingConfig) -> Iterator[list[_Setup]]:
         for layout in LAYOUTS
     ]
     yield [
-        _Setup("decoder size", width, "blocks", config.size, textures, decoders, replace(config.codec, hidden_width=width))
+        _Setup(
+            "decoder size", width, "blocks", config.size, textures, decoders, replace(config.codec, hidden_width=width)
+        )
         for width in config.widths
     ]
 
@@ -159,8 +161,10 @@ def _swept(
             packs[content] = LoadedPack(context, programs, square_pack(*content[:2], TEXTURE_SIDE, setup.codec), "fp32")
         candidates += [(setup, path, packs[content].decode(path, stands[seen])) for path in PATHS]
     spreads = take_turns(context, [run for _, _, run in candidates], config.repeats, progress)
-    for made in (*stands.values(), *packs.values()):
-        made.release()
+    for stand in stands.values():
+        stand.release()
+    for pack in packs.values():
+        pack.release()
     return [
         ScalingRow(
             sweep=setup.sweep,
