@@ -11,9 +11,10 @@ from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.training_config import recipe_codec
+from viewer.bench.figures import scaling_figure, time_error_figure
 from viewer.bench.scaling import ScalingConfig, scaling
 from viewer.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
-from viewer.bench.tables import scaling_figure, scaling_table, scene_table, time_error_figure, worst_case_table
+from viewer.bench.tables import scaling_table, scene_table, worst_case_table
 from viewer.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from viewer.bench.turns import Progress as Report
 from viewer.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
