@@ -1,7 +1,7 @@
 """Plots of `ntc-viewer bench`."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
