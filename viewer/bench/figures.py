@@ -50,7 +50,7 @@ def time_error_figure(table: Table, title: str) -> Figure:
     times, worths = [time for time, _ in front], [worth for _, worth in front]
     axes.plot(times, worths, color="grey", linewidth=1.0, zorder=0)
     axes.scatter(times, worths, s=130, facecolors="none", edgecolors="black")
-    plain: dict[str, Any] = {"linestyle": "none", "color": "black"}
+    plain: dict[str, Any] = {"linestyle": "none", "color": "black", "markeredgecolor": "black"}
     handles = [Line2D([], [], linestyle="none", marker="o", color=color, label=name) for name, color in colors.items()]
     handles += [Line2D([], [], marker=marker, label=name, **plain) for name, marker in markers.items()]
     handles += [
