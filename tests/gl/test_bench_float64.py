@@ -19,7 +19,7 @@ from viewer.view_state import DecodePath, Precision, Slot, ViewState
 
 SIZE = (80, 72)
 SIZES = ((64, 64), (40, 24))
-CODEC = CodecConfig(hidden_width=8, positional_octaves=1)
+CODEC = CodecConfig(hidden_width=4, positional_octaves=1)
 CLAMPED = Sampler(("mirror", "clamp"))
 MATERIALS = (
     Material("plain", 0, (1.0, 1.0, 1.0, 1.0)),
