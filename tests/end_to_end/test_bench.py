@@ -198,7 +198,7 @@ def test_candidates_take_turns() -> None:
         (["--worst-sizes", "99999x99999"], "99999x99999"),
         (["--worst-sizes"], "worst-sizes"),
         (["--scaling-sizes", "8"], "8"),
-        (["--size", "16384x16384", "--what", "scene"], "more than --memory-mb 2048"),
+        (["--size", "16384x16384", "--what", "scene"], "more than --memory-mb 4096"),
         (["--size", "2048x2048", "--memory-mb", "16"], "more than --memory-mb 16"),
         (["--memory-mb", "0"], "--memory-mb 0: must be at least"),
         (["--repeats", "0"], "--repeats 0: must be at least 1"),

@@ -49,9 +49,9 @@ class OneMaterial:
         self._buffer.release()
 
 
-def _words(texture: NDArray[np.int64]) -> NDArray[np.uint32]:
+def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
     """[H, W, 4] visibility words of pixels that see these textures [H, W], one texel a pixel."""
-    y, x = np.indices(texture.shape)
+    y, x = np.indices(texture.shape, np.int32)
     words = np.zeros((*texture.shape, 4), np.uint32)
     words[..., 0] = (texture + 1) | (1 << MATERIAL_SHIFT)
     words[..., 1] = ((x + 0.5) / TEXTURE_SIDE).astype(np.float32).view(np.uint32)
@@ -60,9 +60,9 @@ def _words(texture: NDArray[np.int64]) -> NDArray[np.uint32]:
     return words
 
 
-def _places(size: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _places(size: tuple[int, int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """([H, W] number of each pixel's block, [H, W] its place in the block)."""
-    y, x = np.indices((size[1], size[0]))
+    y, x = np.indices((size[1], size[0]), np.int32)
     block = (y // GROUP_SIDE) * -(-size[0] // GROUP_SIDE) + x // GROUP_SIDE
     return block, (y % GROUP_SIDE) * GROUP_SIDE + x % GROUP_SIDE
 

@@ -1,6 +1,6 @@
 """How the time of a decode pass grows with the picture, the textures, the decoders and the size of a decoder."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -117,23 +117,25 @@ def scaling(
     Raises InputError where `limits` leave no room for a tile, before anything is allocated.
     """
     sweeps = list(_setups(config))
-    stand_sizes = {(setup.size, setup.layout, setup.textures) for sweep in sweeps for setup in sweep}
-    tilings = {size: tiling(size, _bytes_each(sweeps), limits) for size, _, _ in stand_sizes}
+    tilings = [_tilings(sweep, limits) for sweep in sweeps]
     programs = DecodePrograms(context)
     rows: list[ScalingRow] = []
-    for number, sweep in enumerate(sweeps):
+    for number, (sweep, cut) in enumerate(zip(sweeps, tilings, strict=True)):
 
         def of_all(done: int, of: int, number: int = number) -> None:
             progress(number * of + done, len(sweeps) * of)
 
-        rows += _swept(context, config, sweep, tilings, programs, of_all)
+        rows += _swept(context, config, sweep, cut, programs, of_all)
     programs.release()
     return tuple(rows)
 
 
-def _bytes_each(sweeps: list[list[_Setup]]) -> int:
-    """Of a pixel, for the sweep that keeps most at once: the stands of both layouts for each point, and their lists."""
-    return max(len(sweep) for sweep in sweeps) * (PICTURE_BYTES + BINNED_BYTES)
+def _tilings(sweep: Sequence[_Setup], limits: PictureLimits) -> dict[tuple[int, int], Tiling]:
+    """How each size of a sweep is cut, so that the pictures of all its points fit at once."""
+    stands = {(setup.size, setup.layout, setup.textures) for setup in sweep}
+    packs = {(setup.textures, setup.decoders, setup.codec) for setup in sweep}
+    pixel_bytes = len(stands) * PICTURE_BYTES + len(packs) * BINNED_BYTES
+    return {size: tiling(size, pixel_bytes, limits) for size in dict.fromkeys(setup.size for setup in sweep)}
 
 
 def _stand(context: GraphicsContext, setup: _Setup, tiles: Tiling) -> DecodeStand:

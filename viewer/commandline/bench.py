@@ -12,6 +12,7 @@ from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.training_config import recipe_codec
 from viewer.bench.figures import scaling_figure, time_error_figure
+from viewer.bench.record import BenchRecord, machine
 from viewer.bench.scaling import ScalingConfig, scaling
 from viewer.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
 from viewer.bench.tables import scaling_table, scene_table, worst_case_table
@@ -20,7 +21,6 @@ from viewer.bench.turns import Progress as Report
 from viewer.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from viewer.camera import frame_all
 from viewer.commandline.bench_options import BenchOptions
-from viewer.commandline.bench_record import BenchRecord, machine
 from viewer.commandline.sources import open_scene, packs_for
 from viewer.commandline.views import ViewSource, cameras_of
 from viewer.gl.context import GraphicsContext, create_headless_context

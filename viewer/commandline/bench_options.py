@@ -41,7 +41,7 @@ class BenchOptions:
     """Whose codec the worst case and the scaling decode."""
     hidden_width: int | None = None
     """Neurons of each hidden layer of that codec. None: the recipe's."""
-    memory_mb: int = 2048
+    memory_mb: int = 4096
     """MiB that pictures may take: larger ones of worst case and scaling are decoded in tiles, one of a scene is refused."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     """Decode paths of the scene."""
