@@ -13,6 +13,8 @@ from viewer.bench.scene import SceneBenchRow
 from viewer.bench.worst_case import WorstCaseRow
 
 Number = TypeVar("Number", int, float)
+OTHER_PASSES = ("cull", "visibility", "composite")
+"""What a frame takes besides the pass that gives albedo."""
 WORST_CASE_COLUMNS = (
     Column("size", "pixels"),
     Column("cut", "decoded as"),
@@ -32,6 +34,7 @@ SCENE_COLUMNS = (
     Column("path", "path"),
     Column("precision", "precision"),
     Column("decode_ms", "decode ms"),
+    *(Column(f"{name}_ms", f"{name} ms") for name in OTHER_PASSES),
     Column("frame_ms", "frame ms"),
     Column("to_deferred", "times deferred fp32"),
     Column("decoded_pixels", "decoded pixels"),
@@ -100,6 +103,7 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
                 "precision": slot[2],
                 "decode_ms": _mean([row.decode_ms for row in same]),
                 "frame_ms": _mean([row.frame_ms for row in same]),
+                **{f"{name}_ms": _mean([row.passes_ms.get(name) for row in same]) for name in OTHER_PASSES},
                 "decoded_pixels": int(np.mean([row.decoded_pixels for row in same])),
                 "excess": sum(row.excess for row in same),
                 "psnr_db": _mean([row.psnr_db for row in same]),
