@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
-from viewer.bench.random_pack import random_pack
-from viewer.bench.worst_case import OneMaterial, interleaved_words
+from viewer.bench.decode_stand import OneMaterial, interleaved_words
+from viewer.bench.random_pack import square_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.passes.albedo_target import AlbedoTarget
@@ -61,7 +61,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     size: tuple[int, int],
     change: Callable[[Words], Words],
 ) -> None:
-    pack = random_pack(decoders, decoders, 16, codec)
+    pack = square_pack(decoders, decoders, 16, codec)
     words = change(interleaved_words(size, decoders))
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
     visibility.write(words)
@@ -86,7 +86,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
 
 
 def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> None:
-    pack = random_pack(4, 4, 16, SMALL)
+    pack = square_pack(4, 4, 16, SMALL)
     visibility = VisibilityTarget(graphics, (64, 64), SurfaceContent(False, False))
     visibility.write(same_texture(interleaved_words((64, 64), 4)))
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc import reference
 from ntc.color import linear_to_srgb
 from ntc.config import WrapMode
-from ntc.latents import latent_levels
 from ntc.pack import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
-from tests.support.sampling import selected_lod
+from viewer.bench.filtering import decode_filtered
 from viewer.gl.context import GraphicsContext
 from viewer.renderer import Renderer
 from viewer.scene.model import Material, Sampler
@@ -85,16 +83,12 @@ def shown(renderer: Renderer, name: str, path: DecodePath, precision: Precision 
     return linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
 
 
-def expected(pack: Pack, name: str, lod_offset: float = 0.0) -> NDArray[np.float64]:
+def expected(pack: Pack, name: str) -> NDArray[np.float64]:
     """[H * W, 3] what docs/codec.md says about a case."""
     case = CASES[name]
-    size, uv = SIZES[case.texture], case.map.uv(SIZE)
-    levels = latent_levels(*size, pack.config)
-    lod, linear = selected_lod(case.map.lod(size) + lod_offset, case.sampler, len(levels))
-    if not linear:
-        texels = np.array([levels[int(lod)].texel_width, levels[int(lod)].texel_height])
-        uv = (np.floor(uv * texels) + 0.5) / texels
-    return reference.decode_texels(pack, case.texture, uv, np.full(len(uv), lod), case.wrap)
+    lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]))
+    sampler = replace(case.sampler, wrap=case.wrap)
+    return decode_filtered(pack, case.texture, case.map.uv(SIZE), lod, sampler)
 
 
 @pytest.mark.parametrize("path", ["deferred", "forward", "binned"])

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.color import srgb_to_linear
 from ntc.mips import mip_chain
+from viewer.bench.filtering import selected_lod
 from viewer.scene.model import Sampler
 
 Array = NDArray[np.float64]
@@ -41,25 +42,16 @@ def fetch(mip: Array, uv: Array, sampler: Sampler, linear: bool) -> Array:
     return upper * (1.0 - y) + lower * y
 
 
-def selected_lod(lod: float, sampler: Sampler, levels: int) -> tuple[float, bool]:
-    """(level of detail that is read, whether the filter is linear within a level)."""
-    linear = sampler.magnify_linear if lod <= 0.0 else sampler.minify_linear
-    if sampler.mipmap == "none" or lod <= 0.0:
-        return 0.0, linear
-    if sampler.mipmap == "nearest":
-        return float(np.clip(np.ceil(lod + 0.5) - 1.0, 0, levels - 1)), linear
-    return float(np.clip(lod, 0.0, levels - 1)), linear
+def sample(pixels: NDArray[np.uint8], uv: Array, lod: float, sampler: Sampler) -> Array:
+    """[N, 3] float64 linear light of `pixels` [H, W, 3] sRGB at `uv` [N, 2] and one `lod`."""
+    return sample_chain([srgb_to_linear(mip / 255.0) for mip in mip_chain(pixels, "srgb")], uv, lod, sampler)
 
 
 def sample_chain(chain: Sequence[Array], uv: Array, lod: float, sampler: Sampler) -> Array:
     """[N, 3] float64 of mips [h, w, 3] in linear light at `uv` [N, 2] and one `lod`."""
-    level, linear = selected_lod(lod, sampler, len(chain))
+    selected, linears = selected_lod(np.array([lod]), sampler, len(chain))
+    level, linear = min(float(selected[0]), len(chain) - 1.0), bool(linears[0])
     lower = int(level)
     upper = min(lower + 1, len(chain) - 1)
     share = level - lower
     return fetch(chain[lower], uv, sampler, linear) * (1.0 - share) + fetch(chain[upper], uv, sampler, linear) * share
-
-
-def sample(pixels: NDArray[np.uint8], uv: Array, lod: float, sampler: Sampler) -> Array:
-    """[N, 3] float64 linear light of `pixels` [H, W, 3] sRGB at `uv` [N, 2] and one `lod`."""
-    return sample_chain([srgb_to_linear(mip / 255.0) for mip in mip_chain(pixels, "srgb")], uv, lod, sampler)

@@ -1,16 +1,23 @@
-"""Tables and the plot of `ntc-viewer bench`."""
+"""Tables of `ntc-viewer bench`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import TypeVar
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ntc.studies.table import Cell, Column, Table
+from viewer.bench.pareto import pareto_front
+from viewer.bench.scaling import ScalingRow
 from viewer.bench.scene import SceneBenchRow
 from viewer.bench.worst_case import WorstCaseRow
 
+Number = TypeVar("Number", int, float)
+OTHER_PASSES = ("cull", "visibility", "composite")
+"""What a frame takes besides the pass that gives albedo."""
 WORST_CASE_COLUMNS = (
+    Column("size", "pixels"),
+    Column("cut", "decoded as"),
     Column("decoders", "decoders in a wave"),
     Column("path", "path"),
     Column("precision", "precision"),
@@ -18,6 +25,7 @@ WORST_CASE_COLUMNS = (
     Column("least_ms", "least ms"),
     Column("most_ms", "most ms"),
     Column("to_shared", "times the shared decoder"),
+    Column("to_one", "times one decoder by this path"),
     Column("gigaflops", "GFLOP/s"),
     Column("largest_difference", "largest difference", 6),
 )
@@ -26,25 +34,59 @@ SCENE_COLUMNS = (
     Column("path", "path"),
     Column("precision", "precision"),
     Column("decode_ms", "decode ms"),
+    *(Column(f"{name}_ms", f"{name} ms") for name in OTHER_PASSES),
     Column("frame_ms", "frame ms"),
     Column("to_deferred", "times deferred fp32"),
     Column("decoded_pixels", "decoded pixels"),
     Column("excess", "excess"),
     Column("psnr_db", "PSNR dB"),
     Column("flip", "FLIP", 4),
+    Column("reference_step", "most 8-bit steps from the reference"),
+    Column("float64_millionths", "largest error against float64, millionths", 3),
+    Column("float64_psnr_db", "PSNR dB against float64"),
+    Column("float64_step", "most 8-bit steps from float64"),
     Column("largest_step", "most 8-bit steps from deferred fp32"),
     Column("pareto", "on the Pareto front"),
+)
+SCALING_COLUMNS = (
+    Column("sweep", "sweep"),
+    Column("value", "value"),
+    Column("layout", "layout"),
+    Column("path", "path"),
+    Column("size", "pixels"),
+    Column("tiles", "tiles"),
+    Column("textures", "textures"),
+    Column("decoders", "decoders"),
+    Column("hidden_width", "hidden neurons"),
+    Column("median_ms", "ms"),
+    Column("least_ms", "least ms"),
+    Column("most_ms", "most ms"),
+    Column("nanoseconds_per_pixel", "ns a pixel", 3),
 )
 
 
 def worst_case_table(rows: Sequence[WorstCaseRow]) -> Table:
-    """One row for each way to decode."""
-    return Table(WORST_CASE_COLUMNS, [asdict(row) for row in rows])
+    """One row for each size and way to decode."""
+
+    def cells(row: WorstCaseRow) -> dict[str, Cell]:
+        cut = "one picture" if row.tiles == 1 else f"{row.tiles} tiles of {row.tile_width}x{row.tile_height}"
+        return {**asdict(row), "size": f"{row.width}x{row.height}", "cut": cut}
+
+    return Table(WORST_CASE_COLUMNS, [cells(row) for row in rows])
+
+
+def scaling_table(rows: Sequence[ScalingRow]) -> Table:
+    """One row for each point of each curve."""
+    return Table(SCALING_COLUMNS, [{**asdict(row), "size": f"{row.width}x{row.height}"} for row in rows])
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
+
+
+def _most(values: Sequence[Number | None]) -> Number | None:
+    return max((value for value in values if value is not None), default=None)
 
 
 def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
@@ -53,7 +95,7 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
     table: list[dict[str, Cell]] = []
     for slot in slots:
         same = [row for row in rows if (row.source, row.path, row.precision) == slot]
-        steps = [row.largest_step for row in same if row.largest_step is not None]
+        largest = _most([row.float64_max for row in same])
         table.append(
             {
                 "source": slot[0],
@@ -61,11 +103,17 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
                 "precision": slot[2],
                 "decode_ms": _mean([row.decode_ms for row in same]),
                 "frame_ms": _mean([row.frame_ms for row in same]),
+                **{f"{name}_ms": _mean([row.passes_ms.get(name) for row in same]) for name in OTHER_PASSES},
                 "decoded_pixels": int(np.mean([row.decoded_pixels for row in same])),
                 "excess": sum(row.excess for row in same),
                 "psnr_db": _mean([row.psnr_db for row in same]),
                 "flip": _mean([row.flip for row in same]),
-                "largest_step": max(steps, default=None),
+                "reference_step": _most([row.reference_step for row in same]),
+                "float64_max": largest,
+                "float64_millionths": None if largest is None else largest * 1e6,
+                "float64_psnr_db": _mean([row.float64_psnr_db for row in same]),
+                "float64_step": _most([row.float64_step for row in same]),
+                "largest_step": _most([row.largest_step for row in same]),
             }
         )
     exact = {
@@ -74,40 +122,13 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
     for row in table:
         base = exact.get(row["source"])
         row["to_deferred"] = float(row["decode_ms"] or 0.0) / float(base) if base else None
-        row["pareto"] = "yes" if row["psnr_db"] is not None and not any(_beats(other, row) for other in table) else ""
+        row["pareto"] = ""
+    judged = [row for row in table if row["psnr_db"] is not None]
+    for row, kept in zip(judged, pareto_front([time_and_quality(row) for row in judged]), strict=True):
+        row["pareto"] = "yes" if kept else ""
     return Table(SCENE_COLUMNS, table)
 
 
-def _beats(other: Mapping[str, Cell], row: Mapping[str, Cell]) -> bool:
-    if other is row or other["psnr_db"] is None:
-        return False
-    better = float(other["psnr_db"]) - float(row["psnr_db"] or 0.0)
-    faster = float(row["decode_ms"] or 0.0) - float(other["decode_ms"] or 0.0)
-    return (better >= 0.0 and faster > 0.0) or (better > 0.0 and faster >= 0.0)
-
-
-def time_error_figure(table: Table, title: str) -> Figure:
-    """PSNR over the time of the decode pass, the Pareto front joined: up and to the left is better."""
-    figure = Figure(figsize=(9, 5.5), layout="constrained")
-    figure.suptitle(title, fontsize=10)
-    axes = figure.subplots()
-    shown = [row for row in table.rows if row["psnr_db"] is not None]
-    colors = {name: f"C{number}" for number, name in enumerate(dict.fromkeys(str(row["source"]) for row in shown))}
-    markers = {"deferred": "o", "forward": "s", "binned": "^"}
-    for row in shown:
-        axes.scatter(
-            float(row["decode_ms"] or 0.0),
-            float(row["psnr_db"] or 0.0),
-            color=colors[str(row["source"])],
-            marker=markers.get(str(row["path"]), "D"),
-            facecolors="none" if row["precision"] == "fp16" else None,
-            label=f"{row['source']}, {row['path']}, {row['precision']}",
-        )
-    front = sorted((float(row["decode_ms"] or 0.0), float(row["psnr_db"] or 0.0)) for row in shown if row["pareto"])
-    axes.plot([x for x, _ in front], [y for _, y in front], color="grey", linewidth=1.0, label="Pareto front")
-    axes.set_xlabel("decode pass, ms, mean of the cameras")
-    axes.set_ylabel("PSNR against the reference picture, dB")
-    axes.set_xlim(left=0.0)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7, ncols=2)
-    return figure
+def time_and_quality(row: Mapping[str, Cell]) -> tuple[float, float]:
+    """(ms of the decode pass, PSNR in dB) of a slot. Hundredths of a dB are the finest difference that counts."""
+    return float(row["decode_ms"] or 0.0), round(float(row["psnr_db"] or 0.0), 2)

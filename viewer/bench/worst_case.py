@@ -1,189 +1,179 @@
 """The worst case for a wave, as the paper times it: all decoders meet in every block of 8x8 pixels (paper, Sec. 4)."""
 
-import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import get_args
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
-from viewer.bench.random_pack import random_pack
+from viewer.bench.decode_stand import (
+    BINNED_BYTES,
+    PICTURE_BYTES,
+    TEXTURE_SIDE,
+    DecodePrograms,
+    DecodeStand,
+    LoadedPack,
+    StandPath,
+    interleaved_words,
+)
+from viewer.bench.random_pack import square_pack
+from viewer.bench.tiles import PictureLimits, Tiling, tiling
+from viewer.bench.turns import Progress, Spread, take_turns
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.gl.timer import PassTimer
-from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.decode_binned import DecodeBinnedPass
-from viewer.passes.decode_deferred import DecodeDeferredPass
-from viewer.passes.decoder_ranges import DecoderRanges
-from viewer.passes.layout import GROUP_SIDE, MATERIAL_RECORD, MATERIAL_SHIFT, StorageBinding, scene_layout_glsl
-from viewer.passes.pack_buffers import PackBuffers, codec_programs
-from viewer.passes.visibility import SurfaceContent, VisibilityTarget
-from viewer.resources import shaders_folder
+from viewer.passes.layout import GROUP_SIDE
 from viewer.view_state import Precision
 
-TEXTURE_SIDE = 256
 SHARED = 1
+BLOCK_PIXELS = GROUP_SIDE * GROUP_SIDE
+"""Of a block; it sees a texture for each, so that rows differ in decoders and in nothing else."""
 
 
 @dataclass(frozen=True)
 class WorstCaseConfig:
     """What is timed."""
 
-    size: tuple[int, int] = (512, 512)
+    sizes: tuple[tuple[int, int], ...] = ((512, 512),)
+    """(width, height) in pixels, one after the other."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
-    precisions: tuple[Precision, ...] = ("fp32", "fp16")
+    """1 to BLOCK_PIXELS each."""
+    precisions: tuple[Precision, ...] = get_args(Precision)
     repeats: int = 7
     codec: CodecConfig = field(default_factory=CodecConfig)
 
 
 @dataclass(frozen=True)
 class WorstCaseRow:
-    """One way to decode."""
+    """One way to decode one size."""
 
+    width: int
+    height: int
+    tile_width: int
+    tile_height: int
+    tiles: int
+    """More than 1: the picture is beyond a texture or the memory allowed, and was decoded as so many tiles, one after the other."""
     decoders: int
     """In every block."""
-    path: str
-    """`deferred` with a decoder index for each pixel, `deferred, shared` where there is only one decoder, or `binned`."""
-    precision: str
+    path: StandPath
+    precision: Precision
     median_ms: float
     least_ms: float
     most_ms: float
-    to_shared: float
-    """Median, as a multiple of the shared decoder's in the same precision."""
+    to_shared: float | None
+    """Median, as a multiple of the one shared decoder's by `deferred, shared` in the same precision; None if that was not timed."""
+    to_one: float | None
+    """Median, as a multiple of the same path's with one decoder in the same precision; None if that was not timed."""
     gigaflops: float
     """Multiplications and additions of the decoders' layers, 10^9 a second."""
     largest_difference: float
-    """Of the albedo, to the path `deferred` with a decoder index; linear, 0 to 1."""
+    """Of the albedo of a tile, to the path `deferred` with a decoder index; linear, 0 to 1."""
 
 
-class OneMaterial:
-    """White, repeated, trilinear."""
-
-    def __init__(self, gl: moderngl.Context) -> None:
-        record = np.zeros(1, MATERIAL_RECORD)
-        record["factor"] = 1.0
-        self._buffer = gl.buffer(record.tobytes())
-
-    def bind_materials(self) -> None:
-        """Bind the materials to their storage binding."""
-        self._buffer.bind_to_storage_buffer(int(StorageBinding.MATERIALS))
-
-    def release(self) -> None:
-        """Free the buffer."""
-        self._buffer.release()
-
-
-def interleaved_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
-    """[H, W, 4] visibility words: pixels take the textures in turn, the same in every block, one texel a pixel."""
-    width, height = size
-    x, y = np.meshgrid(np.arange(width), np.arange(height))
-    texture = ((y % GROUP_SIDE) * GROUP_SIDE + x % GROUP_SIDE) % textures
-    words = np.zeros((height, width, 4), np.uint32)
-    words[..., 0] = (texture + 1) | (1 << MATERIAL_SHIFT)
-    words[..., 1] = ((x + 0.5) / TEXTURE_SIDE).astype(np.float32).view(np.uint32)
-    words[..., 2] = ((y + 0.5) / TEXTURE_SIDE).astype(np.float32).view(np.uint32)
-    words[..., 3] = np.float32(1.0 / TEXTURE_SIDE).view(np.uint32)
-    return words
-
-
-@dataclass(eq=False)
+@dataclass(frozen=True)
 class _Candidate:
     decoders: int
-    path: str
+    path: StandPath
     precision: Precision
-    run: Callable[[], None]
-    read: Callable[[], NDArray[np.float32]]
+
+
+def _candidates(config: WorstCaseConfig) -> list[_Candidate]:
+    found = []
+    for decoders in config.decoders:
+        paths: tuple[StandPath, ...] = ("deferred", "deferred, shared", "binned")
+        for precision in config.precisions:
+            own = [path for path in paths if decoders == SHARED or path != "deferred, shared"]
+            found += [_Candidate(decoders, path, precision) for path in own]
+    return found
 
 
 def worst_case(
-    context: GraphicsContext, config: WorstCaseConfig, progress: Callable[[int, int], None] = lambda done, of: None
-) -> tuple[WorstCaseRow, ...]:
-    """Times of every path, number of decoders and precision; candidates take turns, so that drift hits all alike."""
-    gl = context.gl
-    material = OneMaterial(gl)
-    target = AlbedoTarget(context, config.size)
-    candidates: list[_Candidate] = []
-    released: list[Callable[[], None]] = [material.release, target.release]
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    programs: ProgramFactory | None = None
-    for decoders in config.decoders:
-        pack = random_pack(decoders, decoders, TEXTURE_SIDE, config.codec)
-        visibility = VisibilityTarget(context, config.size, SurfaceContent(False, False))
-        visibility.write(interleaved_words(config.size, decoders))
-        programs = programs or codec_programs(ProgramFactory(gl, library), pack)
-        for precision in config.precisions:
-            buffers = PackBuffers(context, pack, range(decoders), precision)
-            ranges = DecoderRanges(context, pack, precision)
-            released += [buffers.release, ranges.release]
-            indexed = DecodeDeferredPass(context, programs, buffers, ranges, False, None)
-
-            def deferred(run: DecodeDeferredPass = indexed, seen: VisibilityTarget = visibility) -> None:
-                run.run(seen, material, target)
-
-            candidates.append(_Candidate(decoders, "deferred", precision, deferred, target.read))
-            if decoders == SHARED:
-                shared = DecodeDeferredPass(context, programs, buffers, ranges, False, 0)
-
-                def alone(run: DecodeDeferredPass = shared, seen: VisibilityTarget = visibility) -> None:
-                    run.run(seen, material, target)
-
-                candidates.append(_Candidate(decoders, "deferred, shared", precision, alone, target.read))
-            binned = DecodeBinnedPass(context, programs, buffers, ranges, pack, False)
-            released.append(binned.release)
-
-            def sorted_by_decoder(
-                run: DecodeBinnedPass = binned, seen: VisibilityTarget = visibility, count: int = decoders
-            ) -> None:
-                run.run(seen, material, target, range(count))
-
-            candidates.append(_Candidate(decoders, "binned", precision, sorted_by_decoder, target.read))
-    rows = _timed(context, candidates, config, progress)
-    for release in released:
-        release()
-    return rows
-
-
-def _timed(
     context: GraphicsContext,
-    candidates: Sequence[_Candidate],
     config: WorstCaseConfig,
-    progress: Callable[[int, int], None],
+    limits: PictureLimits,
+    progress: Progress = lambda done, of: None,
 ) -> tuple[WorstCaseRow, ...]:
-    timer = PassTimer(context)
-    times: list[list[float]] = [[] for _ in candidates]
-    differences: list[float] = []
+    """Times of every size, path, number of decoders and precision; the candidates of a size take turns.
+
+    Raises InputError where `limits` leave no room for a tile, before anything is allocated.
+    """
+    candidates = _candidates(config)
+    bytes_each = PICTURE_BYTES + BINNED_BYTES * sum(candidate.path == "binned" for candidate in candidates)
+    tilings = [tiling(size, bytes_each, limits) for size in config.sizes]
+    programs = DecodePrograms(context)
+    rows: list[WorstCaseRow] = []
+    for number, (size, tiles) in enumerate(zip(config.sizes, tilings, strict=True)):
+
+        def of_all(done: int, of: int, number: int = number) -> None:
+            progress(number * of + done, len(config.sizes) * of)
+
+        rows += _of_size(context, config, size, tiles, programs, of_all)
+    programs.release()
+    return tuple(rows)
+
+
+def _of_size(
+    context: GraphicsContext,
+    config: WorstCaseConfig,
+    size: tuple[int, int],
+    tiles: Tiling,
+    programs: DecodePrograms,
+    progress: Progress,
+) -> list[WorstCaseRow]:
+    stand = DecodeStand(context, tiles, interleaved_words(tiles.tile, BLOCK_PIXELS))
+    loaded: dict[tuple[int, Precision], LoadedPack] = {}
+    for decoders in config.decoders:
+        pack = square_pack(BLOCK_PIXELS, decoders, TEXTURE_SIDE, config.codec)
+        for precision in config.precisions:
+            loaded[decoders, precision] = LoadedPack(context, programs, pack, precision)
+    candidates = _candidates(config)
+    runs = [loaded[each.decoders, each.precision].decode(each.path, stand) for each in candidates]
+    differences = []
     truth: NDArray[np.float32] = np.zeros(0, np.float32)
-    for candidate in candidates:
-        candidate.run()
-        albedo = candidate.read()
+    for candidate, run in zip(candidates, runs, strict=True):
+        run()
+        albedo = stand.target.read()
         truth = albedo if candidate.path == "deferred" else truth
         differences.append(float(np.abs(albedo - truth).max()))
-    for repeat in range(config.repeats):
-        for number, candidate in enumerate(candidates):
-            with timer.measure("decode"):
-                candidate.run()
-            times[number].append(timer.last_ms)
-        progress(repeat + 1, config.repeats)
-    medians = [statistics.median(values) for values in times]
-    shared = {
-        candidate.precision: median
-        for candidate, median in zip(candidates, medians, strict=True)
-        if candidate.path == "deferred, shared"
-    }
-    work = 2.0 * config.codec.multiply_adds * config.size[0] * config.size[1]
-    return tuple(
+    spreads = take_turns(context, runs, config.repeats, progress)
+    for pack_on_gpu in loaded.values():
+        pack_on_gpu.release()
+    stand.release()
+    return _rows(config, size, tiles, candidates, spreads, differences)
+
+
+def _rows(
+    config: WorstCaseConfig,
+    size: tuple[int, int],
+    tiles: Tiling,
+    candidates: Sequence[_Candidate],
+    spreads: Sequence[Spread],
+    differences: Sequence[float],
+) -> list[WorstCaseRow]:
+    medians = {candidate: spread.median_ms for candidate, spread in zip(candidates, spreads, strict=True)}
+
+    def multiple(candidate: _Candidate, path: StandPath) -> float | None:
+        base = medians.get(_Candidate(SHARED, path, candidate.precision))
+        return medians[candidate] / base if base else None
+
+    work = 2.0 * config.codec.multiply_adds * tiles.pixels
+    return [
         WorstCaseRow(
+            width=size[0],
+            height=size[1],
+            tile_width=tiles.tile[0],
+            tile_height=tiles.tile[1],
+            tiles=tiles.count,
             decoders=candidate.decoders,
             path=candidate.path,
             precision=candidate.precision,
-            median_ms=median,
-            least_ms=min(values),
-            most_ms=max(values),
-            to_shared=median / shared.get(candidate.precision, median),
-            gigaflops=work / median / 1e6,
+            median_ms=spread.median_ms,
+            least_ms=spread.least_ms,
+            most_ms=spread.most_ms,
+            to_shared=multiple(candidate, "deferred, shared"),
+            to_one=multiple(candidate, candidate.path),
+            gigaflops=work / max(spread.median_ms, 1e-6) / 1e6,
             largest_difference=difference,
         )
-        for candidate, median, values, difference in zip(candidates, medians, times, differences, strict=True)
-    )
+        for candidate, spread, difference in zip(candidates, spreads, differences, strict=True)
+    ]

@@ -35,6 +35,7 @@ Size = Annotated[
         str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
     ),
 ]
+Sizes = tuple[Size, ...]
 OptionalScene = Annotated[Path | None, tyro.conf.arg(metavar="SCENE"), tyro.conf.Positional]
 
 

@@ -66,9 +66,21 @@ class VisibilityTarget:
         for unit, texture in self._textures.items():
             texture.use(int(unit))
 
+    def words(self) -> NDArray[np.uint32]:
+        """[H, W, 4] uint32, row 0 on top: what is seen (docs/decode-paths.md)."""
+        return np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)[::-1]
+
+    def colors(self) -> NDArray[np.float64] | None:
+        """[H, W, 3] linear vertex colours, row 0 on top; None where the scene has none."""
+        if not self.content.colors:
+            return None
+        words = np.frombuffer(self._textures[TextureUnit.SURFACE_COLOR].read(), np.uint32)
+        bits = words.reshape(self.size[1], self.size[0])[::-1]
+        roots = np.stack([(bits >> np.uint32(shift)) & np.uint32(1023) for shift in (0, 10, 20)], axis=-1)
+        return (roots / 1023.0) ** 2
+
     def _ids(self) -> NDArray[np.uint32]:
-        words = np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)
-        return words[::-1, :, 0]
+        return self.words()[..., 0]
 
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel, -1 where no texture is seen."""

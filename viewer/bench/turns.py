@@ -1,0 +1,51 @@
+"""Timing by turns: what is compared runs one after the other, round by round, so that drift hits all alike."""
+
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.timer import PassTimer
+
+Progress = Callable[[int, int], None]
+"""(rounds done, rounds in all)."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Times of one candidate, in ms."""
+
+    median_ms: float
+    least_ms: float
+    most_ms: float
+
+
+def spread_of(times: Sequence[float]) -> Spread:
+    """Median, least and most of times in ms; at least one."""
+    return Spread(statistics.median(times), min(times), max(times))
+
+
+def warm_up_rounds(context: GraphicsContext) -> int:
+    """Rounds before the first timed one: a GPU raises its clock under load, a software renderer has none to raise."""
+    return 1 if context.info.is_software else 10
+
+
+def take_turns(
+    context: GraphicsContext,
+    candidates: Sequence[Callable[[], None]],
+    repeats: int,
+    progress: Progress = lambda done, of: None,
+) -> tuple[Spread, ...]:
+    """Run each candidate once a round, `repeats` (at least 1) timed rounds after the warm-up; a spread for each."""
+    timer = PassTimer(context)
+    times: list[list[float]] = [[] for _ in candidates]
+    warm_up = warm_up_rounds(context)
+    for number in range(warm_up + repeats):
+        for candidate, own in zip(candidates, times, strict=True):
+            with timer.measure("candidate"):
+                candidate()
+            if number >= warm_up:
+                own.append(timer.last_ms)
+        timer.take()
+        progress(number + 1, warm_up + repeats)
+    return tuple(spread_of(own) for own in times)
