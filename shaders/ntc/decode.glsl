@@ -13,7 +13,16 @@ layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
     uint latent_words[];
 };
 
+#if WEIGHTS_IN_IMAGE
 #if PRECISION_FP16
+layout(rgba16f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
+#else
+layout(rgba32f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
+#endif
+vec4 weight(int block) {
+    return imageLoad(weight_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS));
+}
+#elif PRECISION_FP16
 layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
     uvec2 weights[];
 };

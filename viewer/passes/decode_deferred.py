@@ -5,7 +5,7 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import GROUP_SIDE, ImageUnit
-from viewer.passes.network import PIXELS
+from viewer.passes.network_config import NetworkConfig
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
@@ -28,7 +28,7 @@ class DecodeDeferredPass:
     ) -> None:
         self._gl = context.gl
         self._pack, self._ranges, self._shared_decoder = pack, ranges, shared_decoder
-        defines = {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")}
+        defines = {"VERTEX_COLORS": int(colors), **pack.defines}
         if shared_decoder is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
@@ -45,6 +45,6 @@ class DecodeDeferredPass:
         rows = GROUP_SIDE
         if self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
-            rows = GROUP_SIDE * PIXELS
+            rows = GROUP_SIDE * NetworkConfig().pixels
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()

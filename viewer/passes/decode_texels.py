@@ -27,10 +27,8 @@ class GlTexelDecoder:
         self._pack = pack
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         programs = codec_programs(ProgramFactory(context.gl, library), pack)
-        self._program = programs.compute(
-            "passes/decode_texels/decode.comp", {"PRECISION_FP16": int(precision == "fp16")}
-        )
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision)
+        self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
 
     def decode_texels(
         self,

@@ -1,5 +1,6 @@
 """The decoder network as GLSL, unrolled for its shape, and the buffer of weights that it reads."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
 from ntc.pack import Adapter, Decoder
+from viewer.passes.network_config import NetworkConfig
 from viewer.view_state import Precision
 
 PARTS = "xyzw"
@@ -129,11 +131,7 @@ def network_glsl(config: CodecConfig) -> str:
     return "\n".join(lines)
 
 
-PIXELS = 4
-"""Pixels that one invocation decodes with the same decoder: each weight is fetched once for all of them."""
-
-
-def shared_network_glsl(config: CodecConfig) -> str:
+def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     """The include `generated/shared_network.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
     alone, so that their addresses do not depend on the pixel.
 
@@ -142,15 +140,25 @@ def shared_network_glsl(config: CodecConfig) -> str:
     """
     layout = NetworkLayout(config)
     slope = repr(float(config.leaky_slope))
-    pixels = range(PIXELS)
+    pixels = range(network.pixels)
+    unrolled = math.gcd(layout.hidden_blocks, network.unrolled)
 
     def start(bias: int) -> list[str]:
         first = "vec4(0.0)" if config.adapters else f"decoder_weight({bias} + k)"
         return [f"        vec4 first = {first};", *(f"        vec4 sum{p} = first;" for p in pixels)]
 
-    def add(row: str, values: Sequence[str]) -> str:
-        sums = " ".join(f"sum{p} += w * {value};" for p, value in enumerate(values))
-        return f"        {{ vec4 w = decoder_weight({row}); {sums} }}"
+    def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
+        """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
+        lines = []
+        for first in range(0, len(values[0]), network.chunk):
+            numbers = range(first, min(first + network.chunk, len(values[0])))
+            lines.append("        {")
+            lines += [f"          vec4 w{i - first} = decoder_weight({row} + {i});" for i in numbers]
+            lines += [
+                "          " + " ".join(f"sum{p} += w{i - first} * {values[p][i]};" for i in numbers) for p in pixels
+            ]
+            lines.append("        }")
+        return lines
 
     def finish(hidden_layer: int) -> list[str]:
         lines = []
@@ -166,18 +174,26 @@ def shared_network_glsl(config: CodecConfig) -> str:
     lines = [
         "// Generated from viewer/passes/network.py for one CodecConfig.",
         f"#define DECODER_BLOCKS {layout.blocks}",
-        f"#define PIXELS {PIXELS}",
+        f"#define PIXELS {network.pixels}",
         '#include "ntc/decoder_weights.glsl"',
         "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
-        *(f"    vec4 hidden{p}[{layout.hidden_blocks}];" for p in pixels),
-        "    for (int k = 0; k < blocks; ++k) {",
-        f"        int row = k * {layout.inputs};",
-        *start(layout.first_bias),
-        *(add(f"row + {i}", [f"x[{p}][{i}]" for p in pixels]) for i in range(layout.inputs)),
-        *finish(0),
-        *(f"        hidden{p}[k] = sum{p};" for p in pixels),
-        "    }",
+        *(f"    vec4 hidden{p}_{k} = vec4(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
+        f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
+    for number in range(unrolled):
+        lines += [
+            f"        {{ int k = step + {number};",
+            f"        int row = k * {layout.inputs};",
+            *start(layout.first_bias),
+            *products("row", [[f"x[{p}][{i}]" for i in range(layout.inputs)] for p in pixels]),
+            *finish(0),
+        ]
+        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        for k in range(number, layout.hidden_blocks, unrolled):
+            lines.append(f"        bool at{k} = k == {k};")
+            lines += [f"        hidden{p}_{k} = at{k} ? sum{p} : hidden{p}_{k};" for p in pixels]
+        lines.append("        }")
+    lines.append("    }")
     for p in pixels:
         bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
         lines.append(f"    results[{p}] = {bias if config.adapter_output else f'decoder_weight({layout.third_bias})'};")
@@ -186,10 +202,9 @@ def shared_network_glsl(config: CodecConfig) -> str:
         f"        int row = {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
     ]
-    for block in range(layout.hidden_blocks):
-        lines += [
-            add(f"row + {4 * block + part}", [f"hidden{p}[{block}].{PARTS[part]}" for p in pixels]) for part in range(4)
-        ]
+    lines += products(
+        "row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels]
+    )
     lines += finish(1)
     for output in range(layout.outputs):
         offset = output * layout.hidden_blocks

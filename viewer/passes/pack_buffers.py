@@ -11,8 +11,9 @@ from ntc.pack import Adapter, Pack
 from ntc.quantize import packed_cells
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.passes.layout import LEVEL_RECORD, StorageBinding, cell_words, codec_layout_glsl, texture_record
+from viewer.passes.layout import LEVEL_RECORD, WEIGHT_COLUMN_BITS, ImageUnit, StorageBinding, cell_words, codec_layout_glsl, texture_record
 from viewer.passes.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
+from viewer.passes.network_config import NetworkConfig
 from viewer.view_state import Precision
 
 
@@ -64,7 +65,16 @@ class PackBuffers:
             StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
             StorageBinding.LEVELS: gl.buffer(np.array(levels or [(0,) * 8], LEVEL_RECORD).tobytes()),
             StorageBinding.LATENTS: gl.buffer(np.ascontiguousarray(cells).tobytes()),
-            StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, adapters, precision)),
+        }
+        weights = weight_bytes(config, pack.decoders, adapters, precision)
+        self._weight_image: moderngl.Texture | None = None
+        if context.info.is_software:
+            self._weight_image = weight_image(gl, weights, precision)
+        else:
+            self._buffers[StorageBinding.WEIGHTS] = gl.buffer(weights)
+        self.defines = {
+            "PRECISION_FP16": int(precision == "fp16"),
+            "WEIGHTS_IN_IMAGE": int(self._weight_image is not None),
         }
         self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values())
 
@@ -72,19 +82,34 @@ class PackBuffers:
         """Bind all buffers to their storage bindings."""
         for binding, buffer in self._buffers.items():
             buffer.bind_to_storage_buffer(int(binding))
+        if self._weight_image is not None:
+            self._weight_image.bind_to_image(int(ImageUnit.WEIGHTS), read=True, write=False)
 
     def release(self) -> None:
         """Free the buffers."""
         for buffer in self._buffers.values():
             buffer.release()
+        if self._weight_image is not None:
+            self._weight_image.release()
 
 
-def codec_programs(factory: ProgramFactory, pack: Pack) -> ProgramFactory:
+def weight_image(gl: moderngl.Context, weights: bytes, precision: Precision) -> moderngl.Texture:
+    """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
+    kind = "f2" if precision == "fp16" else "f4"
+    block_bytes = 4 * np.dtype(kind).itemsize
+    rows = -(-len(weights) // (block_bytes << WEIGHT_COLUMN_BITS))
+    padded = weights.ljust(rows * (block_bytes << WEIGHT_COLUMN_BITS), b"\0")
+    return gl.texture((1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
+
+
+def codec_programs(
+    factory: ProgramFactory, pack: Pack, network: NetworkConfig = NetworkConfig()
+) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
         {
             "generated/codec.glsl": codec_layout_glsl(pack.config),
             "generated/network.glsl": network_glsl(pack.config),
-            "generated/shared_network.glsl": shared_network_glsl(pack.config),
+            "generated/shared_network.glsl": shared_network_glsl(pack.config, network),
         }
     )
