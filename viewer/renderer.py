@@ -1,8 +1,9 @@
 """The frame: which passes run, in which order, and which of them may be skipped because nothing they read has changed."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -84,11 +85,19 @@ class _DecodePasses:
     decoders: tuple[int, ...]
     """Decoder of every texture of the scene; -1 where nothing is decoded."""
     buffers: PackBuffers
-    ranges: DecoderRanges
+    make_ranges: Callable[[], DecoderRanges]
     programs: ProgramFactory
+    made_ranges: DecoderRanges | None = None
     deferred: DecodeDeferredPass | None = None
     forward: DecodeForwardPass | None = None
     binned: DecodeBinnedPass | None = None
+
+    @property
+    def ranges(self) -> DecoderRanges:
+        """Made when a path asks for them: the others need no second copy of the weights."""
+        if self.made_ranges is None:
+            self.made_ranges = self.make_ranges()
+        return self.made_ranges
 
     @property
     def shared_decoder(self) -> int | None:
@@ -100,12 +109,14 @@ class _DecodePasses:
     def bytes_on_gpu(self) -> int:
         """All buffers."""
         binned = self.binned.bytes_on_gpu if self.binned is not None else 0
-        return self.buffers.bytes_on_gpu + self.ranges.bytes_on_gpu + binned
+        ranges = self.made_ranges.bytes_on_gpu if self.made_ranges is not None else 0
+        return self.buffers.bytes_on_gpu + ranges + binned
 
     def release(self) -> None:
         """Free all buffers."""
         self.buffers.release()
-        self.ranges.release()
+        if self.made_ranges is not None:
+            self.made_ranges.release()
         if self.binned is not None:
             self.binned.release()
 
@@ -264,7 +275,7 @@ class Renderer:
             pack = self._packs[slot.source]
             match = self._matches[slot.source]
             buffers = PackBuffers(self._context, pack, match.texture_index, slot.precision)
-            ranges = DecoderRanges(self._context, pack, slot.precision)
+            ranges = partial(DecoderRanges, self._context, pack, slot.precision)
             # Packs of one codec share their programs: those take seconds to compile.
             if pack.config not in self._codec_programs:
                 self._codec_programs[pack.config] = codec_programs(self._programs, pack)
@@ -280,7 +291,7 @@ class Renderer:
                 self._context,
                 passes.programs,
                 passes.buffers,
-                passes.ranges,
+                passes.ranges if passes.shared_decoder is not None else None,
                 self._scene_buffers.has_colors,
                 passes.shared_decoder,
             )

@@ -5,7 +5,6 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import GROUP_SIDE, ImageUnit
-from viewer.passes.network_config import NetworkConfig
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
@@ -14,7 +13,8 @@ from viewer.passes.visibility import VisibilityTarget
 class DecodeDeferredPass:
     """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
 
-    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
+    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels; `ranges` may be
+    None where they have not.
     """
 
     def __init__(
@@ -22,17 +22,18 @@ class DecodeDeferredPass:
         context: GraphicsContext,
         programs: ProgramFactory,
         pack: PackBuffers,
-        ranges: DecoderRanges,
+        ranges: DecoderRanges | None,
         colors: bool,
         shared_decoder: int | None,
     ) -> None:
         self._gl = context.gl
-        self._pack, self._ranges, self._shared_decoder = pack, ranges, shared_decoder
+        self._pack, self._shared_decoder = pack, shared_decoder
+        self._ranges = ranges if shared_decoder is not None else None
         defines = {"VERTEX_COLORS": int(colors), **pack.defines}
-        if shared_decoder is None:
+        if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
-            shared = {**defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+            shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
     def run(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
@@ -43,8 +44,8 @@ class DecodeDeferredPass:
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
         set_uniforms(self._program, {"network_blocks": self._pack.hidden_blocks})
         rows = GROUP_SIDE
-        if self._shared_decoder is not None:
+        if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
-            rows = GROUP_SIDE * NetworkConfig().pixels
+            rows = GROUP_SIDE * self._ranges.pixels
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()

@@ -7,6 +7,7 @@ from ntc.pack import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.passes.layout import StorageBinding, UniformBinding
 from viewer.passes.network import NetworkLayout, weight_bytes
+from viewer.passes.network_config import DEFAULT_NETWORK, NetworkConfig
 from viewer.view_state import Precision
 
 LARGEST_ALIGNMENT = 256
@@ -16,9 +17,19 @@ LARGEST_ALIGNMENT = 256
 class DecoderRanges:
     """All decoders of a pack, each at an aligned place: a uniform buffer, or storage where a decoder is too large for one."""
 
-    def __init__(self, context: GraphicsContext, pack: Pack, precision: Precision) -> None:
+    def __init__(
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        precision: Precision,
+        network: NetworkConfig = DEFAULT_NETWORK,
+        weights_in_image: bool | None = None,
+    ) -> None:
+        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then a range holds
+        only where the decoder begins among all weights."""
+        self.pixels = network.pixels
         blocks = NetworkLayout(pack.config).blocks
-        if context.info.is_software:
+        if context.info.is_software if weights_in_image is None else weights_in_image:
             parts = [np.array([number * blocks, 0, 0, 0], "<i4").tobytes() for number in range(len(pack.decoders))]
             self._size = 16
         else:

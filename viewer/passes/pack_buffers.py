@@ -11,9 +11,18 @@ from ntc.pack import Adapter, Pack
 from ntc.quantize import packed_cells
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.passes.layout import LEVEL_RECORD, WEIGHT_COLUMN_BITS, ImageUnit, StorageBinding, cell_words, codec_layout_glsl, texture_record
+from viewer.passes.layout import (
+    LEVEL_RECORD,
+    WEIGHT_COLUMN_BITS,
+    ImageUnit,
+    StorageBinding,
+    cell_words,
+    codec_layout_glsl,
+    texture_record,
+)
 from viewer.passes.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
-from viewer.passes.network_config import NetworkConfig
+from viewer.passes.network_config import DEFAULT_NETWORK, NetworkConfig
+from viewer.passes.precision import precision_defines
 from viewer.view_state import Precision
 
 
@@ -28,8 +37,15 @@ class PackBuffers:
     """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1."""
 
     def __init__(
-        self, context: GraphicsContext, pack: Pack, texture_index: Sequence[int], precision: Precision
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        texture_index: Sequence[int],
+        precision: Precision,
+        emulate_half: bool = False,
+        weights_in_image: bool | None = None,
     ) -> None:
+        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers."""
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks
@@ -68,15 +84,17 @@ class PackBuffers:
         }
         weights = weight_bytes(config, pack.decoders, adapters, precision)
         self._weight_image: moderngl.Texture | None = None
-        if context.info.is_software:
+        if context.info.is_software if weights_in_image is None else weights_in_image:
             self._weight_image = weight_image(gl, weights, precision)
         else:
             self._buffers[StorageBinding.WEIGHTS] = gl.buffer(weights)
+        self.weights_in_image = self._weight_image is not None
         self.defines = {
-            "PRECISION_FP16": int(precision == "fp16"),
-            "WEIGHTS_IN_IMAGE": int(self._weight_image is not None),
+            **precision_defines(context, precision, emulate_half),
+            "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
         }
-        self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values())
+        own_weights = len(weights) if self._weight_image is not None else 0
+        self.bytes_on_gpu = sum(buffer.size for buffer in self._buffers.values()) + own_weights
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
@@ -95,16 +113,14 @@ class PackBuffers:
 
 def weight_image(gl: moderngl.Context, weights: bytes, precision: Precision) -> moderngl.Texture:
     """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
-    kind = "f2" if precision == "fp16" else "f4"
+    kind = "f4" if precision == "fp32" else "f2"
     block_bytes = 4 * np.dtype(kind).itemsize
     rows = -(-len(weights) // (block_bytes << WEIGHT_COLUMN_BITS))
     padded = weights.ljust(rows * (block_bytes << WEIGHT_COLUMN_BITS), b"\0")
     return gl.texture((1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
 
 
-def codec_programs(
-    factory: ProgramFactory, pack: Pack, network: NetworkConfig = NetworkConfig()
-) -> ProgramFactory:
+def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
         {
