@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from ntc.files import write_text
 from ntc.pack import Pack
+from viewer.actions import SetSlot
 from viewer.block_content import BlockContent, BlockPlace, block_content
 from viewer.commands import run_command
 from viewer.gl.context import GraphicsContext
@@ -119,6 +120,12 @@ class Frontend:
             self._moved_at = time.monotonic()
         self._camera = camera
 
+    def _leave_half_arithmetic(self) -> None:
+        """Keep the weights as halves, but compute in fp32: what every driver can."""
+        for side, slot in (("a", self.session.view.slot_a), ("b", self.session.view.slot_b)):
+            if slot.precision not in ("fp32", "fp16"):
+                self.session.apply(SetSlot("a" if side == "a" else "b", replace(slot, precision="fp16")))
+
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
         renderer = self._current_renderer()
@@ -126,7 +133,12 @@ class Frontend:
         view = self._view(size)
         if view == self._last_view:
             return
-        self._last = renderer.render(view)
+        try:
+            self._last = renderer.render(view)
+        except InputError as error:
+            self.session.say(str(error), "error")
+            self._leave_half_arithmetic()
+            return
         self._last_view = view
         self.session.note_drawable()
         self.frames_drawn += 1
