@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from ntc.files import write_text
 from ntc.pack import Pack
+from viewer.actions import SetSlot
 from viewer.block_content import BlockContent, BlockPlace, block_content
 from viewer.commands import run_command
 from viewer.gl.context import GraphicsContext
@@ -130,6 +131,12 @@ class Frontend:
         """Whether tiles of the last picture are still to come."""
         return self._last is not None and self._last.waiting > 0
 
+    def _leave_half_arithmetic(self) -> None:
+        """Keep the weights as halves, but compute in fp32: what every driver can."""
+        for side, slot in (("a", self.session.view.slot_a), ("b", self.session.view.slot_b)):
+            if slot.precision not in ("fp32", "fp16"):
+                self.session.apply(SetSlot("a" if side == "a" else "b", replace(slot, precision="fp16")))
+
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
         renderer = self._current_renderer()
@@ -138,7 +145,12 @@ class Frontend:
         whole = self.session.measure_requested or self.session.screenshot_requested
         if view == self._last_view and not self._is_waiting:
             return
-        self._last = renderer.render(view, whole)
+        try:
+            self._last = renderer.render(view, whole)
+        except InputError as error:
+            self.session.say(str(error), "error")
+            self._leave_half_arithmetic()
+            return
         self._last_view = view
         self.session.note_drawable()
         self.frames_drawn += 1

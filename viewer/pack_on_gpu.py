@@ -82,7 +82,7 @@ class PackOnGpu:
     def buffers(self) -> PackBuffers:
         """Latents, tables and weights."""
         made = PackBuffers(
-            self.drawing.context, self.pack, self.match.texture_index, self.precision, self.drawing.latents
+            self.drawing.context, self.pack, self.match.texture_index, self.precision, on_demand=self.drawing.latents
         )
         self._made.append(made)
         return made

@@ -9,7 +9,8 @@ from viewer.zoom import WHOLE, Zoom
 
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
-Precision = Literal["fp32", "fp16"]
+Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
+"""fp32; weights stored as halves; besides, products in halves; besides, sums in halves."""
 CompareMode = Literal["a", "b", "wipe"]
 OverlayKind = Literal["none", "divergence"]
 BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
@@ -30,7 +31,7 @@ class Slot:
     path: PathChoice = "deferred"
     """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for the reference."""
     precision: Precision = "fp32"
-    """Storage of decoder weights on the GPU; of no effect for the reference."""
+    """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for the reference."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,20 @@ layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
     uint latent_words[];
 };
 
+// Defined to 1 where weights lie in an image: a software renderer fetches from one several times faster than from a buffer.
+#ifndef WEIGHTS_IN_IMAGE
+#define WEIGHTS_IN_IMAGE 0
+#endif
+#if WEIGHTS_IN_IMAGE
 #if PRECISION_FP16
+layout(rgba16f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
+#else
+layout(rgba32f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
+#endif
+vec4 weight(int block) {
+    return imageLoad(weight_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS));
+}
+#elif PRECISION_FP16
 layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
     uvec2 weights[];
 };
@@ -33,6 +46,7 @@ vec4 weight(int block) {
 // Hidden blocks of the decoder: a uniform, so that its loops stay loops (see viewer/passes/network.py).
 uniform int network_blocks;
 
+#include "ntc/half.glsl"
 #include "generated/network.glsl"
 
 int neighbour(int cell, int cells, int mode) {
@@ -99,6 +113,7 @@ void decoder_input(TextureRecord record, vec2 uv, float lod, ivec2 wrap, out flo
 #if LOD_INPUTS
     x[DECODER_INPUTS - 1] = lod * LOD_INPUT_SCALE;
 #endif
+    for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = to_half(x[input_number]);
 }
 
 // Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.

@@ -5,31 +5,43 @@
 
 layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D albedo;
 
-// `inside`: which of the pixels there are. A pixel that decodes nothing shows its factor.
-void decode_pixels(ivec2 pixels[PIXELS], bool inside[PIXELS]) {
-    WantedTexel wanted[PIXELS];
-    bool covered[PIXELS];
+// Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
+ivec2 own_pixel(int p, out bool inside);
+
+// Decodes pixels 0 to PIXELS - 1. One that decodes nothing shows its factor.
+void decode_pixels() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
+    vec4 decoded[PIXELS];
     bool any_wanted = false;
-    for (int p = 0; p < PIXELS; ++p) {
-        Surface surface = read_surface(pixels[p]);
-        covered[p] = surface.material >= 0;
-        wanted[p] = wanted_texel(surface);
-        int id = max(wanted[p].texture_id, 0);
-        adapters[p] = textures[id].adapter;
-        if (wanted[p].texture_id >= 0 && inside[p]) {
+    // The loops over pixels have a length that the compiler does not know: what it knows it unrolls, and compiles many times.
+    // What they hand over is chosen with conditions, for arrays with a varying index are stored lane by lane on a CPU.
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        bool inside;
+        WantedTexel wanted = wanted_texel(read_surface(own_pixel(p, inside)));
+        int id = max(wanted.texture_id, 0);
+        float inputs[DECODER_INPUTS];
+        for (int i = 0; i < DECODER_INPUTS; ++i) inputs[i] = 0.0;
+        if (wanted.texture_id >= 0 && inside) {
             any_wanted = true;
-            decoder_input(textures[id], wanted[p].uv, wanted[p].lod, wanted[p].wrap, x[p]);
-        } else {
-            for (int i = 0; i < DECODER_INPUTS; ++i) x[p][i] = 0.0;
+            decoder_input(textures[id], wanted.uv, wanted.lod, wanted.wrap, inputs);
+        }
+        int adapter = textures[id].adapter;
+        for (int q = 0; q < PIXELS; ++q) {
+            adapters[q] = q == p ? adapter : adapters[q];
+            for (int i = 0; i < DECODER_INPUTS; ++i) x[q][i] = q == p ? inputs[i] : x[q][i];
         }
     }
-    vec4 decoded[PIXELS];
     run_decoders(adapters, x, any_wanted ? network_blocks : 0, decoded);
-    for (int p = 0; p < PIXELS; ++p) {
-        if (!inside[p]) continue;
-        vec3 shown = shown_albedo(wanted[p], clamp(decoded[p], 0.0, 1.0));
-        imageStore(albedo, pixels[p], vec4(shown, covered[p] ? 1.0 : 0.0));
+    for (int p = 0; p < count; ++p) {
+        bool inside;
+        ivec2 pixel = own_pixel(p, inside);
+        if (!inside) continue;
+        vec4 own = decoded[0];
+        for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
+        Surface surface = read_surface(pixel);
+        vec3 shown = shown_albedo(wanted_texel(surface), clamp(own, 0.0, 1.0));
+        imageStore(albedo, pixel, vec4(shown, surface.material >= 0 ? 1.0 : 0.0));
     }
 }

@@ -4,6 +4,16 @@
 #define DECODER_IN_STORAGE 0
 #endif
 
+#if WEIGHTS_IN_IMAGE
+layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
+    ivec4 decoder_place;    // x: its first block among all weights
+};
+
+vec4 decoder_weight(int block) {
+    return weight(decoder_place.x + block);
+}
+#else
+
 #if PRECISION_FP16
 // Two blocks of four halves in each element, for uniform arrays are padded to 16 bytes.
 #define DECODER_ELEMENT uvec4
@@ -32,3 +42,4 @@ vec4 decoder_weight(int block) {
     return decoder_elements[block];
 #endif
 }
+#endif

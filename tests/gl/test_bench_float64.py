@@ -13,6 +13,7 @@ from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, te
 from viewer.bench.float64_error import Float64Error, float64_pixels
 from viewer.bench.random_pack import random_pack
 from viewer.gl.context import GraphicsContext
+from viewer.passes.precision import EVERYWHERE
 from viewer.renderer import Renderer
 from viewer.scene.model import Material, Sampler
 from viewer.view_state import DecodePath, Precision, Slot, ViewState
@@ -71,7 +72,7 @@ def test_paths_are_close_to_float64(renderer: Renderer, pack: Pack, layer: int, 
     assert error.largest_step <= (3 if cached else 1)
 
 
-@pytest.mark.parametrize("precision", get_args(Precision))
+@pytest.mark.parametrize("precision", EVERYWHERE)
 def test_precisions_stay_within_their_bound(renderer: Renderer, pack: Pack, precision: Precision) -> None:
     assert error_of(renderer, pack, 0, Slot("good", "deferred", precision)).largest <= (
         1e-4 if precision == "fp32" else 2e-2

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import get_args
 
+import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.model import Camera, Material
-from viewer.view_state import Overlay, Slot, ViewState
+from viewer.view_state import DecodePath, Overlay, Slot, ViewState
 from viewer.zoom import Zoom
 
 SIZE = (64, 40)
@@ -213,3 +215,27 @@ def test_the_magnifying_glass_draws_nothing_anew(renderer: Renderer) -> None:
     zoomed = renderer.render(replace(VIEW, zoom=Zoom(4.0, (0.25, 0.75))))
     assert passes(zoomed) == {"composite"}
     assert passes(renderer.render(VIEW)) == {"composite"}
+
+
+def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    modes = [Slot("p", path, precision) for path in get_args(DecodePath) for precision in ("fp32", "fp16")]
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode))
+    compiled: list[str] = []
+    for name in ("compute_shader", "program"):
+        monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode))
+    assert compiled == []
+
+
+def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Renderer) -> None:
+    renderer.render(replace(VIEW, slot_b=FORWARD))
+    forward = renderer.gpu_bytes(FORWARD)
+    renderer.render(VIEW)
+    assert renderer.gpu_bytes(DEFERRED) == forward, "two decoders: the deferred path reads them by index"
+    renderer.render(replace(VIEW, slot_b=Slot("p", "binned")))
+    binned = renderer.gpu_bytes(Slot("p", "binned"))
+    assert forward is not None
+    assert binned is not None
+    assert binned > forward

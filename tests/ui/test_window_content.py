@@ -45,6 +45,16 @@ def test_slots_are_chosen_from_lists(app: HeadlessApp) -> None:
     assert app.session.view.slot_b == Slot("clustered")
 
 
+def test_a_precision_that_the_driver_lacks_is_a_message(app: HeadlessApp) -> None:
+    app.click("A precision")
+    app.click("A precision: fp16-accumulate")
+    app.settle()
+    if app.session.view.slot_a.precision == "fp16-accumulate":
+        pytest.skip("this driver has half arithmetic")
+    assert app.session.view.slot_a == Slot("clustered", "deferred", "fp16")
+    assert any("no half arithmetic" in toast.text for toast in app.session.toasts)
+
+
 @pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])
 def test_modes(app: HeadlessApp, label: str, mode: str) -> None:
     app.click(label)

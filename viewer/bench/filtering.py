@@ -83,4 +83,4 @@ def filter_decoded(pack: Pack, texture_index: int, uv: Array, lod: Array, sample
             centre = (texel + 0.5) / size
             decoded = reference.decode_texels(pack, texture_index, centre, level.astype(np.float64), sampler.wrap)
             total += weight[:, None] * (srgb_to_linear(decoded) if texture.color_space == "srgb" else decoded)
-    return linear_to_srgb(total) if texture.color_space == "srgb" else total
+    return np.asarray(linear_to_srgb(total) if texture.color_space == "srgb" else total, np.float64)

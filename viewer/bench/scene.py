@@ -17,6 +17,7 @@ from ntc.pack import Pack
 from viewer.bench.float64_error import Float64Pixels, float64_pixels
 from viewer.bench.turns import Progress, spread_of, warm_up_rounds
 from viewer.gl.context import GraphicsContext
+from viewer.passes.precision import EVERYWHERE
 from viewer.renderer import Renderer
 from viewer.scene.model import Camera, Scene
 from viewer.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState
@@ -35,7 +36,7 @@ class SceneBenchConfig:
 
     size: tuple[int, int] = (640, 360)
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
-    precisions: tuple[Precision, ...] = get_args(Precision)
+    precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 5
 
 

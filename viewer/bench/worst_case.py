@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from viewer.bench.tiles import PictureLimits, Tiling, tiling
 from viewer.bench.turns import Progress, Spread, take_turns
 from viewer.gl.context import GraphicsContext
 from viewer.passes.layout import GROUP_SIDE
+from viewer.passes.precision import EVERYWHERE
 from viewer.view_state import Precision
 
 SHARED = 1
@@ -38,7 +38,7 @@ class WorstCaseConfig:
     """(width, height) in pixels, one after the other."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
     """1 to BLOCK_PIXELS each."""
-    precisions: tuple[Precision, ...] = get_args(Precision)
+    precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 7
     codec: CodecConfig = field(default_factory=CodecConfig)
 

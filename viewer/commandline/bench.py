@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from typing import get_args
 
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
@@ -24,7 +25,9 @@ from viewer.commandline.bench_options import BenchOptions
 from viewer.commandline.sources import open_scene, packs_for
 from viewer.commandline.views import ViewSource, cameras_of
 from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.passes.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
+from viewer.view_state import Precision
 
 MOST = 2000
 """Textures, and decoders, of the scaling."""
@@ -97,10 +100,24 @@ def _open(options: BenchOptions) -> _SceneToBench:
     return _SceneToBench(scene, packs, cameras)
 
 
+def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precision, ...]:
+    """The wanted precisions; those that this driver has where all are wanted. Raises InputError for one that it has not."""
+    supported = supported_precisions(context)
+    if set(options.precisions) == set(get_args(Precision)):
+        return supported
+    for precision in options.precisions:
+        if precision not in supported:
+            raise InputError(
+                f"--precisions {precision}: {context.info.renderer} has no half arithmetic in shaders; name fp32 or fp16"
+            )
+    return options.precisions
+
+
 def bench(options: BenchOptions) -> int:
     """Run `ntc-viewer bench`. Raises InputError for bad input, before anything is timed."""
     _check(options)
     context = create_headless_context()
+    options = replace(options, precisions=_precisions(options, context))
     limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
     wanted = ("worst-case", "scene", "scaling") if options.what == "all" else (options.what,)
     opened = None

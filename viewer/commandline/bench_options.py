@@ -46,7 +46,7 @@ class BenchOptions:
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     """Decode paths of the scene."""
     precisions: tuple[Precision, ...] = get_args(Precision)
-    """Storage of decoder weights."""
+    """Storage of decoder weights and arithmetic with them. All of them: those that the driver has."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """JSON file of cameras. None: the scene's own, or the whole of it."""
     repeats: int = 5

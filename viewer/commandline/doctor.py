@@ -11,6 +11,7 @@ from typing import Any
 from ntc.errors import InputError
 from viewer.commandline.options import DoctorOptions
 from viewer.gl.context import create_headless_context
+from viewer.gl.half_arithmetic import half_arithmetic
 
 PACKAGES = (
     "moderngl",
@@ -50,12 +51,14 @@ def examine() -> dict[str, Any]:
         },
     }
     try:
-        information = create_headless_context().info
+        context = create_headless_context()
+        information = context.info
         findings["opengl"] = {
             "renderer": information.renderer,
             "vendor": information.vendor,
             "version": information.version,
             "software": information.is_software,
+            "half_arithmetic": half_arithmetic(context.gl) or "none (--precision fp32 and fp16 only)",
         }
     except InputError as error:
         findings["opengl"] = {"error": str(error)}

@@ -8,6 +8,8 @@ from pathlib import Path, PurePosixPath
 import moderngl
 
 Defines = Mapping[str, int | float | str]
+EXTENSION = "extension"
+"""A define of this name is none: its value is a GLSL extension that the shader requires."""
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
 _VERSION = re.compile(r"^\s*#\s*version\b.*$")
@@ -65,7 +67,10 @@ class ShaderLibrary:
         self._append(name, files, output)
         for position, line in enumerate(output):
             if _VERSION.match(line):
-                lines = [f"#define {key} {value}" for key, value in (defines or {}).items()]
+                given = dict(defines or {})
+                extension = given.pop(EXTENSION, None)
+                lines = [f"#extension {extension} : require"] if extension is not None else []
+                lines += [f"#define {key} {value}" for key, value in given.items()]
                 # The line after #version is line 2 of file 0, whatever was inserted.
                 output[position + 1 : position + 1] = [*lines, "#line 2 0"]
                 return ShaderSource("\n".join(output) + "\n", tuple(files))

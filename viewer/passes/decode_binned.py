@@ -13,7 +13,6 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
-from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
@@ -38,7 +37,7 @@ class DecodeBinnedPass:
         self._bin_count = len(pack.decoders)
         defines = {
             "VERTEX_COLORS": int(colors),
-            "PRECISION_FP16": int(buffers.precision == "fp16"),
+            **buffers.defines,
             "DECODER_IN_STORAGE": int(ranges.in_storage),
         }
         self._count = programs.compute(f"{FOLDER}/count.comp", defines)
@@ -68,7 +67,7 @@ class DecodeBinnedPass:
         blocks = tuple(-(-side // GROUP_SIDE) for side in target.size)
         self._count.run(*blocks)
         self._gl.memory_barrier()
-        set_uniforms(self._scan, {"bin_count": self._bin_count, "pixels_per_group": BIN_GROUP * PIXELS})
+        set_uniforms(self._scan, {"bin_count": self._bin_count, "pixels_per_group": BIN_GROUP * self._ranges.pixels})
         self._scan.run(1)
         self._gl.memory_barrier()
         self._scatter.run(*blocks)

@@ -22,7 +22,6 @@ from viewer.passes.layout import (
     StorageBinding,
     TextureUnit,
 )
-from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.page_pool import PagePool
 from viewer.passes.scene_buffers import MaterialsSource
@@ -63,7 +62,7 @@ class DecodeCachedPass:
         self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
         defines = {
             "VERTEX_COLORS": int(colors),
-            "PRECISION_FP16": int(buffers.precision == "fp16"),
+            **buffers.defines,
             "DECODER_IN_STORAGE": int(ranges.in_storage),
         }
         self._programs, self._defines = programs, defines
@@ -191,7 +190,7 @@ class DecodeCachedPass:
             for first in range(start, end, TILES_AT_ONCE):
                 number = min(TILES_AT_ONCE, end - first)
                 set_uniforms(self._decode, {"first_tile": first, "tile_count": number})
-                self._decode.run(-(-number * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * PIXELS)))
+                self._decode.run(-(-number * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
         self._gl.memory_barrier()
 
     def _write_tiles(self, data: bytes) -> None:

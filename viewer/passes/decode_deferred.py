@@ -5,7 +5,6 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.decoder_ranges import DecoderRanges
 from viewer.passes.layout import GROUP_SIDE, ImageUnit
-from viewer.passes.network import PIXELS
 from viewer.passes.pack_buffers import PackBuffers
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.visibility import VisibilityTarget
@@ -14,7 +13,8 @@ from viewer.passes.visibility import VisibilityTarget
 class DecodeDeferredPass:
     """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
 
-    Where the scene's textures have one decoder between them (`shared_decoder`, in `ranges`), an invocation decodes several pixels.
+    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels; `ranges` may be
+    None where they have not.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class DecodeDeferredPass:
         self._gl = context.gl
         self._pack, self._shared_decoder = pack, shared_decoder
         self._ranges = ranges if shared_decoder is not None else None
-        defines = {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")}
+        defines = {"VERTEX_COLORS": int(colors), **pack.defines}
         if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
@@ -46,6 +46,6 @@ class DecodeDeferredPass:
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
-            rows = GROUP_SIDE * PIXELS
+            rows = GROUP_SIDE * self._ranges.pixels
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()

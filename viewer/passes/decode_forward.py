@@ -21,7 +21,7 @@ class DecodeForwardPass:
         self._program = programs.program(
             "common/scene.vert",
             "passes/decode_forward/decode.frag",
-            {"VERTEX_COLORS": int(colors), "PRECISION_FP16": int(pack.precision == "fp16")},
+            {"VERTEX_COLORS": int(colors), **pack.defines},
         )
 
     def run(

@@ -22,15 +22,15 @@ TEXELS_AT_ONCE = 1 << 18
 class GlTexelDecoder:
     """The GLSL twin of `ntc.reference` for one pack."""
 
-    def __init__(self, context: GraphicsContext, pack: Pack, precision: Precision = "fp32") -> None:
+    def __init__(
+        self, context: GraphicsContext, pack: Pack, precision: Precision = "fp32", emulate_half: bool = False
+    ) -> None:
         self._gl: moderngl.Context = context.gl
         self._pack = pack
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         programs = codec_programs(ProgramFactory(context.gl, library), pack)
-        self._program = programs.compute(
-            "passes/decode_texels/decode.comp", {"PRECISION_FP16": int(precision == "fp16")}
-        )
-        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision)
+        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half)
+        self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
 
     def decode_texels(
         self,

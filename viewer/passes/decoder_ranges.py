@@ -7,6 +7,7 @@ from ntc.pack import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.passes.layout import StorageBinding, UniformBinding
 from viewer.passes.network import NetworkLayout, weight_bytes
+from viewer.passes.network_config import DEFAULT_NETWORK, NetworkConfig
 from viewer.view_state import Precision
 
 LARGEST_ALIGNMENT = 256
@@ -16,11 +17,25 @@ LARGEST_ALIGNMENT = 256
 class DecoderRanges:
     """All decoders of a pack, each at an aligned place: a uniform buffer, or storage where a decoder is too large for one."""
 
-    def __init__(self, context: GraphicsContext, pack: Pack, precision: Precision) -> None:
-        parts = [weight_bytes(pack.config, [decoder], [], precision) for decoder in pack.decoders]
+    def __init__(
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        precision: Precision,
+        network: NetworkConfig = DEFAULT_NETWORK,
+        weights_in_image: bool | None = None,
+    ) -> None:
+        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then a range holds
+        only where the decoder begins among all weights."""
+        self.pixels = network.pixels
         blocks = NetworkLayout(pack.config).blocks
-        # Halves are read in pairs of blocks, and there may be an odd number of those.
-        self._size = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
+        if context.info.is_software if weights_in_image is None else weights_in_image:
+            parts = [np.array([number * blocks, 0, 0, 0], "<i4").tobytes() for number in range(len(pack.decoders))]
+            self._size = 16
+        else:
+            parts = [weight_bytes(pack.config, [decoder], [], precision) for decoder in pack.decoders]
+            # Halves are read in pairs of blocks, and there may be an odd number of those.
+            self._size = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
         table = np.zeros((max(1, len(parts)), self._stride), np.uint8)
         for row, part in zip(table, parts, strict=False):

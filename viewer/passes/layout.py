@@ -54,7 +54,8 @@ class ImageUnit(IntEnum):
 
     ALBEDO = 0
     DIVERGENCE = 1
-    ATLAS = 2
+    WEIGHTS = 2
+    ATLAS = 3
 
 
 class WrapCode(IntEnum):
@@ -89,6 +90,8 @@ WRAP_CODES: dict[WrapMode, WrapCode] = {
 }
 ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
 
+WEIGHT_COLUMN_BITS = 11
+"""Weights in an image lie in rows of 2^11 blocks."""
 GROUP_SIDE = 8
 """Side of a compute work group in pixels: the block of the divergence map."""
 TEXEL_GROUP = 64
@@ -248,6 +251,7 @@ def scene_layout_glsl() -> str:
     ):
         lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
     lines += [
+        f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
         f"#define BIN_GROUP {BIN_GROUP}",

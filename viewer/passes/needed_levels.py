@@ -17,9 +17,7 @@ class NeededLevelsPass:
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, textures: int, colors: bool) -> None:
         self._gl = context.gl
-        self._program = programs.compute(
-            "passes/needed_levels/needed_levels.comp", {"VERTEX_COLORS": int(colors), "PRECISION_FP16": 0}
-        )
+        self._program = programs.compute("passes/needed_levels/needed_levels.comp", {"VERTEX_COLORS": int(colors)})
         self._none = np.full(max(1, textures), NOT_SEEN, np.int32).tobytes()
         self._levels = context.gl.buffer(self._none)
 

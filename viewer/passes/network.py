@@ -1,5 +1,6 @@
 """The decoder network as GLSL, unrolled for its shape, and the buffer of weights that it reads."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.config import CodecConfig
 from ntc.pack import Adapter, Decoder
+from viewer.passes.network_config import NetworkConfig
 from viewer.view_state import Precision
 
 PARTS = "xyzw"
@@ -62,14 +64,14 @@ def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
 def weight_bytes(
     config: CodecConfig, decoders: Sequence[Decoder], adapters: Sequence[Adapter], precision: Precision
 ) -> bytes:
-    """Contents of the weight buffer: all decoders, then all adapters, as fp32 or as fp16 storage.
+    """Contents of the weight buffer: all decoders, then all adapters, as fp32 or, for every other precision, as halves.
 
     Weights beyond the range of fp16 become its largest number, not infinity. Adapters are exact in either.
     """
     layout = NetworkLayout(config)
     parts = [layout.arrange(decoder) for decoder in decoders] + [arrange_adapter(adapter) for adapter in adapters]
     numbers = np.concatenate(parts) if parts else np.zeros((1, 4), np.float32)
-    if precision == "fp16":
+    if precision != "fp32":
         return np.clip(numbers, -65504.0, 65504.0).astype("<f2").tobytes()
     return numbers.astype("<f4").tobytes()
 
@@ -86,7 +88,9 @@ def network_glsl(config: CodecConfig) -> str:
 
     def start(bias: int) -> list[str]:
         return [
-            "        vec4 sum = vec4(0.0);" if config.adapters else f"        vec4 sum = weight(base + {bias} + k);"
+            "        SUMS sum = SUMS(0.0);"
+            if config.adapters
+            else f"        SUMS sum = SUMS(weight(base + {bias} + k));"
         ]
 
     def finish(hidden_layer: int) -> list[str]:
@@ -94,7 +98,7 @@ def network_glsl(config: CodecConfig) -> str:
             return []
         scales = 2 * hidden_layer * layout.hidden_blocks
         biases = scales + layout.hidden_blocks
-        return [f"        sum = weight(adapter + {scales} + k) * sum + weight(adapter + {biases} + k);"]
+        return [f"        sum = ADAPTED(sum, weight(adapter + {scales} + k), weight(adapter + {biases} + k));"]
 
     third, third_bias = f"base + {layout.third}", f"base + {layout.third_bias}"
     if config.adapter_output:
@@ -103,37 +107,36 @@ def network_glsl(config: CodecConfig) -> str:
         "// Generated from viewer/passes/network.py for one CodecConfig.",
         "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
         f"    int base = decoder * {layout.blocks};",
-        f"    vec4 hidden[{layout.hidden_blocks}];",
+        f"    FACTORS hidden[{layout.hidden_blocks}];",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + k * {layout.inputs};",
         *start(layout.first_bias),
-        *[f"        sum += weight(row + {i}) * x[{i}];" for i in range(layout.inputs)],
+        *[f"        ADD_PRODUCT(sum, FACTORS(weight(row + {i})), FACTOR(x[{i}]));" for i in range(layout.inputs)],
         *finish(0),
-        f"        hidden[k] = max(sum, {slope} * sum);",
+        f"        hidden[k] = AS_FACTORS(LEAKY(sum, {slope}));",
         "    }",
-        f"    vec4 result = weight({third_bias});",
+        f"    SUMS result = SUMS(weight({third_bias}));",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
     ]
     for block in range(layout.hidden_blocks):
-        lines.append(f"        {{ vec4 h = hidden[{block}];")
-        lines += [f"          sum += weight(row + {4 * block + part}) * h.{PARTS[part]};" for part in range(4)]
+        lines.append(f"        {{ FACTORS h = hidden[{block}];")
+        lines += [
+            f"          ADD_PRODUCT(sum, FACTORS(weight(row + {4 * block + part})), h.{PARTS[part]});"
+            for part in range(4)
+        ]
         lines.append("        }")
-    lines += [*finish(1), f"        sum = max(sum, {slope} * sum);"]
+    lines += [*finish(1), f"        sum = LEAKY(sum, {slope});"]
     lines += [
-        f"        result.{PARTS[output]} += dot(sum, weight({third} + {output * layout.hidden_blocks} + k));"
+        f"        ADD_OUTPUT(result.{PARTS[output]}, PRODUCT_SUM(sum, weight({third} + {output * layout.hidden_blocks} + k)));"
         for output in range(layout.outputs)
     ]
-    lines += ["    }", "    return result;", "}", ""]
+    lines += ["    }", "    return vec4(result);", "}", ""]
     return "\n".join(lines)
 
 
-PIXELS = 4
-"""Pixels that one invocation decodes with the same decoder: each weight is fetched once for all of them."""
-
-
-def shared_network_glsl(config: CodecConfig) -> str:
+def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     """The include `generated/shared_network.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
     alone, so that their addresses do not depend on the pixel.
 
@@ -142,15 +145,26 @@ def shared_network_glsl(config: CodecConfig) -> str:
     """
     layout = NetworkLayout(config)
     slope = repr(float(config.leaky_slope))
-    pixels = range(PIXELS)
+    pixels = range(network.pixels)
+    unrolled = math.gcd(layout.hidden_blocks, network.unrolled)
 
     def start(bias: int) -> list[str]:
-        first = "vec4(0.0)" if config.adapters else f"decoder_weight({bias} + k)"
-        return [f"        vec4 first = {first};", *(f"        vec4 sum{p} = first;" for p in pixels)]
+        first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
+        return [f"        SUMS first = SUMS({first});", *(f"        SUMS sum{p} = first;" for p in pixels)]
 
-    def add(row: str, values: Sequence[str]) -> str:
-        sums = " ".join(f"sum{p} += w * {value};" for p, value in enumerate(values))
-        return f"        {{ vec4 w = decoder_weight({row}); {sums} }}"
+    def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
+        """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
+        lines = []
+        for first in range(0, len(values[0]), network.chunk):
+            numbers = range(first, min(first + network.chunk, len(values[0])))
+            lines.append("        {")
+            lines += [f"          FACTORS w{i - first} = FACTORS(decoder_weight({row} + {i}));" for i in numbers]
+            lines += [
+                "          " + " ".join(f"ADD_PRODUCT(sum{p}, w{i - first}, {values[p][i]});" for i in numbers)
+                for p in pixels
+            ]
+            lines.append("        }")
+        return lines
 
     def finish(hidden_layer: int) -> list[str]:
         lines = []
@@ -159,37 +173,45 @@ def shared_network_glsl(config: CodecConfig) -> str:
                 scales = 2 * hidden_layer * layout.hidden_blocks
                 biases = scales + layout.hidden_blocks
                 own = f"adapters[{p}]"
-                lines.append(f"        sum{p} = weight({own} + {scales} + k) * sum{p} + weight({own} + {biases} + k);")
-            lines.append(f"        sum{p} = max(sum{p}, {slope} * sum{p});")
+                lines.append(
+                    f"        sum{p} = ADAPTED(sum{p}, weight({own} + {scales} + k), weight({own} + {biases} + k));"
+                )
+            lines.append(f"        sum{p} = LEAKY(sum{p}, {slope});")
         return lines
 
     lines = [
         "// Generated from viewer/passes/network.py for one CodecConfig.",
         f"#define DECODER_BLOCKS {layout.blocks}",
-        f"#define PIXELS {PIXELS}",
+        f"#define PIXELS {network.pixels}",
         '#include "ntc/decoder_weights.glsl"',
         "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
-        *(f"    vec4 hidden{p}[{layout.hidden_blocks}];" for p in pixels),
-        "    for (int k = 0; k < blocks; ++k) {",
-        f"        int row = k * {layout.inputs};",
-        *start(layout.first_bias),
-        *(add(f"row + {i}", [f"x[{p}][{i}]" for p in pixels]) for i in range(layout.inputs)),
-        *finish(0),
-        *(f"        hidden{p}[k] = sum{p};" for p in pixels),
-        "    }",
+        *(f"    FACTORS hidden{p}_{k} = FACTORS(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
+        f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
+    for number in range(unrolled):
+        lines += [
+            f"        {{ int k = step + {number};",
+            f"        int row = k * {layout.inputs};",
+            *start(layout.first_bias),
+            *products("row", [[f"FACTOR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
+            *finish(0),
+        ]
+        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        for k in range(number, layout.hidden_blocks, unrolled):
+            lines.append(f"        bool at{k} = k == {k};")
+            lines += [f"        hidden{p}_{k} = at{k} ? AS_FACTORS(sum{p}) : hidden{p}_{k};" for p in pixels]
+        lines.append("        }")
+    lines.append("    }")
     for p in pixels:
         bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
-        lines.append(f"    results[{p}] = {bias if config.adapter_output else f'decoder_weight({layout.third_bias})'};")
+        own = bias if config.adapter_output else f"decoder_weight({layout.third_bias})"
+        lines.append(f"    SUMS result{p} = SUMS({own});")
     lines += [
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
     ]
-    for block in range(layout.hidden_blocks):
-        lines += [
-            add(f"row + {4 * block + part}", [f"hidden{p}[{block}].{PARTS[part]}" for p in pixels]) for part in range(4)
-        ]
+    lines += products("row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels])
     lines += finish(1)
     for output in range(layout.outputs):
         offset = output * layout.hidden_blocks
@@ -198,6 +220,6 @@ def shared_network_glsl(config: CodecConfig) -> str:
         for p in pixels:
             own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
             weight = own if config.adapter_output else f"out{output}"
-            lines.append(f"        results[{p}].{PARTS[output]} += dot(sum{p}, {weight});")
-    lines += ["    }", "}", ""]
+            lines.append(f"        ADD_OUTPUT(result{p}.{PARTS[output]}, PRODUCT_SUM(sum{p}, {weight}));")
+    lines += ["    }", *(f"    results[{p}] = vec4(result{p});" for p in pixels), "}", ""]
     return "\n".join(lines)

@@ -10,8 +10,16 @@ from ntc.pack import Adapter, Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.latent_store import LatentBudget, LatentCounts, LatentStore
-from viewer.passes.layout import StorageBinding, codec_layout_glsl, texture_record
+from viewer.passes.layout import (
+    WEIGHT_COLUMN_BITS,
+    ImageUnit,
+    StorageBinding,
+    codec_layout_glsl,
+    texture_record,
+)
 from viewer.passes.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
+from viewer.passes.network_config import DEFAULT_NETWORK, NetworkConfig
+from viewer.passes.precision import precision_defines
 from viewer.view_state import Precision
 
 
@@ -27,8 +35,11 @@ class PackBuffers:
         pack: Pack,
         texture_index: Sequence[int],
         precision: Precision,
+        emulate_half: bool = False,
+        weights_in_image: bool | None = None,
         on_demand: LatentBudget | None = None,
     ) -> None:
+        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers."""
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks
@@ -56,7 +67,18 @@ class PackBuffers:
         self._buffers: dict[StorageBinding, moderngl.Buffer] = {
             StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
             StorageBinding.LEVELS: gl.buffer(self._latents.levels.tobytes()),
-            StorageBinding.WEIGHTS: gl.buffer(weight_bytes(config, pack.decoders, adapters, precision)),
+        }
+        weights = weight_bytes(config, pack.decoders, adapters, precision)
+        self._weight_image: moderngl.Texture | None = None
+        if context.info.is_software if weights_in_image is None else weights_in_image:
+            self._weight_image = weight_image(gl, weights, precision)
+        else:
+            self._buffers[StorageBinding.WEIGHTS] = gl.buffer(weights)
+        self.weights_in_image = self._weight_image is not None
+        self._image_bytes = len(weights) if self._weight_image is not None else 0
+        self.defines = {
+            **precision_defines(context, precision, emulate_half),
+            "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
         }
         if on_demand is None:
             self.need(self._latents.all_levels())
@@ -69,7 +91,7 @@ class PackBuffers:
     @property
     def bytes_on_gpu(self) -> int:
         """All buffers."""
-        return self._latents.buffer.size + sum(buffer.size for buffer in self._buffers.values())
+        return self._image_bytes + self._latents.buffer.size + sum(buffer.size for buffer in self._buffers.values())
 
     def has(self, wanted: Mapping[int, int]) -> bool:
         """Whether these mips, given as finest mip by texture, are on the GPU."""
@@ -90,20 +112,33 @@ class PackBuffers:
         for binding, buffer in self._buffers.items():
             buffer.bind_to_storage_buffer(int(binding))
         self._latents.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
+        if self._weight_image is not None:
+            self._weight_image.bind_to_image(int(ImageUnit.WEIGHTS), read=True, write=False)
 
     def release(self) -> None:
         """Free the buffers."""
         self._latents.release()
         for buffer in self._buffers.values():
             buffer.release()
+        if self._weight_image is not None:
+            self._weight_image.release()
 
 
-def codec_programs(factory: ProgramFactory, pack: Pack) -> ProgramFactory:
+def weight_image(gl: moderngl.Context, weights: bytes, precision: Precision) -> moderngl.Texture:
+    """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
+    kind = "f4" if precision == "fp32" else "f2"
+    block_bytes = 4 * np.dtype(kind).itemsize
+    rows = -(-len(weights) // (block_bytes << WEIGHT_COLUMN_BITS))
+    padded = weights.ljust(rows * (block_bytes << WEIGHT_COLUMN_BITS), b"\0")
+    return gl.texture((1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
+
+
+def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
         {
             "generated/codec.glsl": codec_layout_glsl(pack.config),
             "generated/network.glsl": network_glsl(pack.config),
-            "generated/shared_network.glsl": shared_network_glsl(pack.config),
+            "generated/shared_network.glsl": shared_network_glsl(pack.config, network),
         }
     )

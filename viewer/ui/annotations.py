@@ -28,7 +28,7 @@ def slot_label(slot: Slot) -> str:
     """What a slot shows, in a few words."""
     if slot.source == REFERENCE:
         return "reference"
-    return f"{slot.source}, {slot.path}" + (", fp16" if slot.precision == "fp16" else "")
+    return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
 
 
 def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0) -> float:

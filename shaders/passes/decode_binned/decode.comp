@@ -7,18 +7,15 @@ layout(local_size_x = BIN_GROUP) in;
 
 uniform int bin;
 
-void main() {
+// Neighbours in a work group read neighbours in the list.
+ivec2 own_pixel(int p, out bool inside) {
     uint count = bins[bin].pixels;
-    uint first = gl_WorkGroupID.x * uint(BIN_GROUP * PIXELS) + gl_LocalInvocationID.x;
-    if (first >= count) return;
-    ivec2 pixels[PIXELS];
-    bool inside[PIXELS];
-    for (int p = 0; p < PIXELS; ++p) {
-        // Neighbours in a work group read neighbours in the list.
-        uint place = first + uint(p * BIN_GROUP);
-        inside[p] = place < count;
-        uint place_on_screen = bin_pixels[bins[bin].first + min(place, count - 1u)];
-        pixels[p] = ivec2(place_on_screen & 65535u, place_on_screen >> 16);
-    }
-    decode_pixels(pixels, inside);
+    uint place = gl_WorkGroupID.x * uint(BIN_GROUP * PIXELS) + gl_LocalInvocationID.x + uint(p * BIN_GROUP);
+    inside = place < count;
+    uint place_on_screen = bin_pixels[bins[bin].first + min(place, count - 1u)];
+    return ivec2(place_on_screen & 65535u, place_on_screen >> 16);
+}
+
+void main() {
+    decode_pixels();
 }

@@ -27,39 +27,54 @@ int wrapped_texel(int texel, int size, int mode) {
     return inside < size ? inside : period - 1 - inside;
 }
 
-void main() {
+// Texel number `p` of this invocation: its tile and its place on the page; `inside` says whether there is one.
+TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     int texels = tile_count * PAGE_TEXELS;
-    int first = int(gl_WorkGroupID.x) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x);
-    if (first >= texels) return;
+    int number = int(gl_WorkGroupID.x) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x) + p * BIN_GROUP;
+    inside = number < texels;
+    number = min(number, texels - 1);
+    int on_page = number % PAGE_TEXELS;
+    place = ivec2(on_page % PAGE_SIDE, on_page / PAGE_SIDE);
+    return tiles[first_tile + number / PAGE_TEXELS];
+}
+
+void main() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
-    for (int p = 0; p < PIXELS; ++p) {
-        int number = min(first + p * BIN_GROUP, texels - 1);
-        TileRecord tile = tiles[first_tile + number / PAGE_TEXELS];
-        int place = number % PAGE_TEXELS;
+    vec4 decoded[PIXELS];
+    // As in decode_pixels.glsl: loops of a length that the compiler does not know, and no array with a varying index.
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        ivec2 place;
+        bool inside;
+        TileRecord tile = own_tile(p, place, inside);
         TextureRecord record = textures[tile.texture_id];
         LevelRecord level = levels[record.first_level + tile.level];
         ivec2 size = ivec2(level.texel_width, level.texel_height);
-        ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + ivec2(place % PAGE_SIDE, place / PAGE_SIDE) - TILE_BORDER;
         ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
+        ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
         texel = ivec2(wrapped_texel(texel.x, size.x, wrap.x), wrapped_texel(texel.y, size.y, wrap.y));
-        decoder_input(record, (vec2(texel) + 0.5) / vec2(size), float(tile.level), wrap, x[p]);
-        adapters[p] = record.adapter;
+        float inputs[DECODER_INPUTS];
+        decoder_input(record, (vec2(texel) + 0.5) / vec2(size), float(tile.level), wrap, inputs);
+        for (int q = 0; q < PIXELS; ++q) {
+            adapters[q] = q == p ? record.adapter : adapters[q];
+            for (int i = 0; i < DECODER_INPUTS; ++i) x[q][i] = q == p ? inputs[i] : x[q][i];
+        }
     }
-    vec4 decoded[PIXELS];
     run_decoders(adapters, x, network_blocks, decoded);
-    for (int p = 0; p < PIXELS; ++p) {
-        int number = first + p * BIN_GROUP;
-        if (number >= texels) continue;
-        TileRecord tile = tiles[first_tile + number / PAGE_TEXELS];
-        int place = number % PAGE_TEXELS;
-        vec4 value = clamp(decoded[p], 0.0, 1.0);
+    for (int p = 0; p < count; ++p) {
+        ivec2 place;
+        bool inside;
+        TileRecord tile = own_tile(p, place, inside);
+        if (!inside) continue;
+        vec4 value = decoded[0];
+        for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
+        value = clamp(value, 0.0, 1.0);
         vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
         // The atlas holds sRGB, whatever the texture: the hardware filters it in linear light.
         if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
         ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
-        ivec2 texel = page * PAGE_SIDE + ivec2(place % PAGE_SIDE, place / PAGE_SIDE);
-        imageStore(atlas, ivec3(texel, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));
-        if (place == 0) tile_entries[tile.entry] = uint(tile.page + 1);
+        imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));
+        if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
     }
 }

@@ -3,13 +3,12 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "ntc/decode_pixels.glsl"
 
+ivec2 own_pixel(int p, out bool inside) {
+    ivec2 pixel = ivec2(gl_WorkGroupID.xy) * ivec2(8, 8 * PIXELS) + ivec2(gl_LocalInvocationID.xy) + ivec2(0, 8 * p);
+    inside = all(lessThan(pixel, imageSize(albedo)));
+    return min(pixel, imageSize(albedo) - 1);
+}
+
 void main() {
-    ivec2 pixels[PIXELS];
-    bool inside[PIXELS];
-    for (int p = 0; p < PIXELS; ++p) {
-        ivec2 pixel = ivec2(gl_WorkGroupID.xy) * ivec2(8, 8 * PIXELS) + ivec2(gl_LocalInvocationID.xy) + ivec2(0, 8 * p);
-        inside[p] = all(lessThan(pixel, imageSize(albedo)));
-        pixels[p] = min(pixel, imageSize(albedo) - 1);
-    }
-    decode_pixels(pixels, inside);
+    decode_pixels();
 }

@@ -1,0 +1,89 @@
+// The arithmetic of the network: single precision, or halves as far as HALF_ARITHMETIC says.
+// 1: products are halves, sums are not. 2: everything is a half. HALF_EMULATED rounds single precision after each step instead.
+#ifndef HALF_ARITHMETIC
+#define HALF_ARITHMETIC 0
+#endif
+#ifndef HALF_EMULATED
+#define HALF_EMULATED 0
+#endif
+
+#if HALF_ARITHMETIC && HALF_EMULATED
+// To the nearest half, ties to even. Not by packHalf2x16, whose rounding is the driver's own choice.
+float to_half(float value) {
+    uint bits = floatBitsToUint(abs(value));
+    uint kept = (bits + 0xFFFu + ((bits >> 13) & 1u)) & ~0x1FFFu;
+    // Below 2^-14 halves lie 2^-24 apart.
+    float rounded = bits < 0x38800000u ? roundEven(abs(value) * 16777216.0) / 16777216.0 : uintBitsToFloat(kept);
+    rounded = kept > 0x477FE000u ? uintBitsToFloat(0x7F800000u) : rounded;
+    if (isnan(value)) return value;
+    return value < 0.0 ? -rounded : rounded;
+}
+vec4 to_half(vec4 value) {
+    return vec4(to_half(value.x), to_half(value.y), to_half(value.z), to_half(value.w));
+}
+#elif HALF_ARITHMETIC
+float to_half(float value) {
+    return float(float16_t(value));
+}
+#else
+float to_half(float value) {
+    return value;
+}
+#endif
+
+#if HALF_ARITHMETIC && !HALF_EMULATED
+#define FACTOR float16_t
+#define FACTORS f16vec4
+#else
+#define FACTOR float
+#define FACTORS vec4
+#endif
+#if HALF_ARITHMETIC == 2 && !HALF_EMULATED
+#define SUMS f16vec4
+#define SUM float16_t
+#else
+#define SUMS vec4
+#define SUM float
+#endif
+
+#if HALF_ARITHMETIC == 0
+#define ADD_PRODUCT(sum, w, value) sum += w * value
+#define ADAPTED(sum, scale, bias) (scale * sum + bias)
+#define LEAKY(sum, slope) max(sum, slope * sum)
+#define AS_FACTORS(sum) (sum)
+#define PRODUCT_SUM(values, w) dot(values, w)
+#define ADD_OUTPUT(result, value) result += value
+#elif !HALF_EMULATED
+#define ADD_PRODUCT(sum, w, value) sum += SUMS(w * value)
+#define ADAPTED(sum, scale, bias) (SUMS(scale) * sum + SUMS(bias))
+#define LEAKY(sum, slope) max(sum, SUM(slope) * sum)
+#define AS_FACTORS(sum) FACTORS(sum)
+SUM product_sum(FACTORS values, FACTORS w) {
+    SUMS products = SUMS(values * w);
+    return (products.x + products.y) + (products.z + products.w);
+}
+#define PRODUCT_SUM(values, w) product_sum(FACTORS(values), FACTORS(w))
+#define ADD_OUTPUT(result, value) result += value
+#elif HALF_ARITHMETIC == 1
+#define ADD_PRODUCT(sum, w, value) sum += to_half(w * value)
+#define ADAPTED(sum, scale, bias) (scale * sum + bias)
+#define LEAKY(sum, slope) max(sum, slope * sum)
+#define AS_FACTORS(sum) to_half(sum)
+float product_sum(vec4 values, vec4 w) {
+    vec4 products = to_half(to_half(values) * w);
+    return (products.x + products.y) + (products.z + products.w);
+}
+#define PRODUCT_SUM(values, w) product_sum(values, w)
+#define ADD_OUTPUT(result, value) result += value
+#else
+#define ADD_PRODUCT(sum, w, value) sum = to_half(sum + to_half(w * value))
+#define ADAPTED(sum, scale, bias) to_half(to_half(scale * sum) + bias)
+#define LEAKY(sum, slope) max(sum, to_half(to_half(slope) * sum))
+#define AS_FACTORS(sum) (sum)
+float product_sum(vec4 values, vec4 w) {
+    vec4 products = to_half(values * w);
+    return to_half(to_half(products.x + products.y) + to_half(products.z + products.w));
+}
+#define PRODUCT_SUM(values, w) product_sum(values, w)
+#define ADD_OUTPUT(result, value) result = to_half(result + value)
+#endif
