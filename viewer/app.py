@@ -134,7 +134,7 @@ class WindowApp:
                 self._awake = max(0, self._awake - 1)
                 self._frame((width, height))
                 drawn += 1
-            else:
+            elif not self.frontend.prepare_next():
                 glfw.wait_events_timeout(IDLE_SECONDS)
 
     def _keys_held(self) -> bool:

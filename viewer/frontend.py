@@ -7,6 +7,7 @@ from collections import defaultdict, deque
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import moderngl
 import numpy as np
@@ -31,7 +32,7 @@ from viewer.session import Session
 from viewer.tile_cache import TileCacheConfig
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
-from viewer.view_state import BLOCKS, REFERENCE, Slot, ViewState
+from viewer.view_state import BLOCKS, REFERENCE, DecodePath, Slot, ViewState
 
 FRAMES_REMEMBERED = 15
 """Frames over which times are medians."""
@@ -277,6 +278,21 @@ class Frontend:
             self.session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")
         except InputError as error:
             self.session.say(str(error), "error")
+
+    def prepare_next(self) -> bool:
+        """Compile the next thing that the user may toggle to: for when there is nothing else to do. False when all is ready."""
+        view, renderer = self.session.view, self._renderer
+        if renderer is None or renderer.scene is not self.session.scene or self._packs is not self.session.packs:
+            return False
+        for slot in dict.fromkeys((view.slot_a, view.slot_b)):
+            for path in get_args(DecodePath):
+                try:
+                    if renderer.prepare(replace(slot, path=path)):
+                        return True
+                except (InputError, ShaderError):
+                    # It is said when the user asks for it.
+                    continue
+        return False
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""

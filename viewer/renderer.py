@@ -95,6 +95,10 @@ class _Targets:
             target.release()
 
 
+PREPARED_SIZE = (16, 16)
+"""Pixels that `Renderer.prepare` draws."""
+
+
 class Renderer:
     """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
 
@@ -125,6 +129,7 @@ class Renderer:
         self._version = self._draws = 0
         self._matches: dict[str, PackMatch] = {}
         self._decode: dict[tuple[str, Precision], PackOnGpu] = {}
+        self._prepared: set[Slot] = set()
         self._path_times: dict[tuple[str, Precision], PathTimes] = {}
         self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
         self._targets: _Targets | None = None
@@ -161,6 +166,7 @@ class Renderer:
             elif replaced is not on_gpu.pack:
                 self._decode[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
         self._matches = {name: match for name, match in self._matches.items() if name in packs}
+        self._prepared = {slot for slot in self._prepared if slot.source in packs}
         self._packs = dict(packs)
 
     def gpu_bytes(self, slot: Slot) -> int | None:
@@ -260,6 +266,28 @@ class Renderer:
         targets.visibility_key = key
         return self._draw_list
 
+    def prepare(self, slot: Slot) -> bool:
+        """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
+
+        Drivers compile shaders when they are first used: done while there is nothing else to do, a first toggle costs what any other does.
+        """
+        if self._targets is None or self._draw_list is None or slot.source == REFERENCE or slot.path == "auto":
+            return False
+        if slot in self._prepared or slot.source not in self._packs:
+            return False
+        self._prepared.add(slot)
+        visibility = VisibilityTarget(self._context, PREPARED_SIZE, self._targets.visibility.content)
+        target = AlbedoTarget(self._context, PREPARED_SIZE)
+        try:
+            self._visibility.run(visibility, self._matrix)
+            seen = SeenSurfaces(visibility, self._draw_list, self._matrix, 1, ("prepared", slot))
+            self._on_gpu(slot).decode(slot.path, seen, target, whole=False)
+        finally:
+            self._timer.take()
+            visibility.release()
+            target.release()
+        return True
+
     def _update_albedo(
         self,
         view: ViewState,
@@ -293,6 +321,7 @@ class Renderer:
                 targets.visibility, draw_list, self._matrix, anisotropy, (view.camera, view.size, anisotropy)
             )
             targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
+            self._prepared.add(slot)
         self._draws += 1
         targets.drawn[slot] = _Drawn(key, self._draws)
 

@@ -229,6 +229,24 @@ def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pyt
     assert compiled == []
 
 
+def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer.render(VIEW)
+    before = renderer.albedo(VIEW.slot_a)
+    modes = [Slot("p", path, "fp16") for path in get_args(DecodePath)]
+    assert all(renderer.prepare(mode) for mode in modes)
+    assert not any(renderer.prepare(mode) for mode in (*modes, VIEW.slot_a, Slot(), Slot("absent")))
+    assert passes(renderer.render(VIEW)) == set()
+    np.testing.assert_array_equal(renderer.albedo(VIEW.slot_a), before)
+    compiled: list[str] = []
+    for name in ("compute_shader", "program"):
+        monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode, compare="wipe"))
+    assert compiled == []
+
+
 def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Renderer) -> None:
     renderer.render(replace(VIEW, slot_b=FORWARD))
     forward = renderer.gpu_bytes(FORWARD)
