@@ -269,7 +269,7 @@ class Renderer:
     def prepare(self, slot: Slot) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
 
-        Drivers compile shaders when they are first used: done while there is nothing else to do, a first toggle costs what any other does.
+        Drivers compile shaders when they are first used. Done while nothing else is to do, a first toggle costs what any other does.
         """
         if self._targets is None or self._draw_list is None or slot.source == REFERENCE or slot.path == "auto":
             return False
