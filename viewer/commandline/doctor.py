@@ -11,7 +11,6 @@ from typing import Any
 from ntc.errors import InputError
 from viewer.commandline.options import DoctorOptions
 from viewer.gl.context import create_headless_context
-from viewer.gl.half_arithmetic import half_arithmetic
 
 PACKAGES = (
     "moderngl",
@@ -58,7 +57,11 @@ def examine() -> dict[str, Any]:
             "vendor": information.vendor,
             "version": information.version,
             "software": information.is_software,
-            "half_arithmetic": half_arithmetic(context.gl) or "none (--precision fp32 and fp16 only)",
+            "largest_uniform_block": context.features.uniform_block_bytes,
+            "anisotropy": context.features.anisotropy,
+            "timer_queries": context.features.timer_queries,
+            "weights_in_image": context.features.weights_in_image,
+            "half_arithmetic": context.features.half_arithmetic or "none (--precision fp32 and fp16 only)",
         }
     except InputError as error:
         findings["opengl"] = {"error": str(error)}

@@ -6,9 +6,13 @@ from typing import Any
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.features import Features, find_features
 from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
 
 REQUIRED_VERSION = 430
+VERSION = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION // 10 % 10}"
+OLDEST_VERSION = 330
+"""Asked for to say what is there."""
 SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swr", "swiftshader")
 
 
@@ -33,12 +37,17 @@ class GraphicsContext:
     gl: moderngl.Context
     info: ContextInformation
     functions: GlFunctions
+    features: Features
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader) -> GraphicsContext:
-    """A GraphicsContext around a current moderngl context."""
+    """A GraphicsContext around a current moderngl context. Raises InputError where it lacks something that is needed."""
     information = ContextInformation(gl.info["GL_RENDERER"], gl.info["GL_VENDOR"], gl.info["GL_VERSION"])
-    return GraphicsContext(gl, information, GlFunctions(load))
+    try:
+        functions = GlFunctions(load)
+    except RuntimeError as error:
+        raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
+    return GraphicsContext(gl, information, functions, find_features(gl, information.is_software))
 
 
 def create_headless_context() -> GraphicsContext:
@@ -46,9 +55,27 @@ def create_headless_context() -> GraphicsContext:
     try:
         settings: Any = {"backend": "egl"}
         gl = moderngl.create_standalone_context(require=REQUIRED_VERSION, **settings)
-        return wrap_context(gl, egl_loader())
     except Exception as error:
+        older = _older_context()
+        if older is not None:
+            raise InputError(
+                f"OpenGL {VERSION} is needed, and {older} is there; update the driver, or use Mesa's llvmpipe: "
+                "LIBGL_ALWAYS_SOFTWARE=1"
+            ) from error
         raise InputError(
-            f"OpenGL 4.3 without a window is not available ({error}); install EGL and a driver, "
+            f"OpenGL {VERSION} without a window is not available ({error}); install EGL and a driver, "
             "on Debian: apt-get install libegl1 libgl1 libgl1-mesa-dri"
         ) from error
+    return wrap_context(gl, egl_loader())
+
+
+def _older_context() -> str | None:
+    """Version and renderer of what the machine offers below what is needed; None for nothing at all."""
+    try:
+        settings: Any = {"backend": "egl"}
+        gl = moderngl.create_standalone_context(require=OLDEST_VERSION, **settings)
+    except Exception:
+        return None
+    found = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
+    gl.release()
+    return found

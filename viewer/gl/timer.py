@@ -15,8 +15,7 @@ class PassTimer:
 
     def __init__(self, context: GraphicsContext) -> None:
         self._gl = context.gl
-        # llvmpipe's timer queries return nonsense.
-        self._by_wall = context.info.is_software
+        self._by_wall = not context.features.timer_queries
         self._query = None if self._by_wall else context.gl.query(time=True)
         self._times: dict[str, float] = {}
         self.last_ms = 0.0

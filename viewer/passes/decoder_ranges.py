@@ -29,7 +29,8 @@ class DecoderRanges:
         only where the decoder begins among all weights."""
         self.pixels = network.pixels
         blocks = NetworkLayout(pack.config).blocks
-        if context.info.is_software if weights_in_image is None else weights_in_image:
+        in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        if in_image:
             parts = [np.array([number * blocks, 0, 0, 0], "<i4").tobytes() for number in range(len(pack.decoders))]
             self._size = 16
         else:
@@ -40,7 +41,7 @@ class DecoderRanges:
         table = np.zeros((max(1, len(parts)), self._stride), np.uint8)
         for row, part in zip(table, parts, strict=False):
             row[: len(part)] = np.frombuffer(part, np.uint8)
-        self.in_storage = self._size > int(context.gl.info["GL_MAX_UNIFORM_BLOCK_SIZE"])
+        self.in_storage = not in_image and self._size > context.features.uniform_block_bytes
         self._buffer: moderngl.Buffer = context.gl.buffer(table.tobytes())
 
     @property

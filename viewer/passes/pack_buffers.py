@@ -70,7 +70,7 @@ class PackBuffers:
         }
         weights = weight_bytes(config, pack.decoders, adapters, precision)
         self._weight_image: moderngl.Texture | None = None
-        if context.info.is_software if weights_in_image is None else weights_in_image:
+        if context.features.weights_in_image if weights_in_image is None else weights_in_image:
             self._weight_image = weight_image(gl, weights, precision)
         else:
             self._buffers[StorageBinding.WEIGHTS] = gl.buffer(weights)

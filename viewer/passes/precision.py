@@ -2,7 +2,6 @@
 
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.half_arithmetic import half_arithmetic
 from viewer.gl.program import EXTENSION
 from viewer.view_state import Precision
 
@@ -15,7 +14,7 @@ EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
 
 def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
     """What this driver can compute in."""
-    return tuple(LEVELS) if half_arithmetic(context.gl) is not None else EVERYWHERE
+    return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE
 
 
 def precision_defines(
@@ -30,7 +29,7 @@ def precision_defines(
         return defines
     defines |= {"HALF_ARITHMETIC": LEVELS[precision], "HALF_EMULATED": int(emulated)}
     if not emulated:
-        extension = half_arithmetic(context.gl)
+        extension = context.features.half_arithmetic
         if extension is None:
             raise InputError(
                 f"precision {precision}: {context.info.renderer} has no half arithmetic in shaders; use --precision fp16"

@@ -23,10 +23,12 @@ class SamplerCache:
 
     def __init__(self, context: GraphicsContext) -> None:
         self._gl = context.gl
+        self._most = context.features.anisotropy
         self._samplers: dict[tuple[Sampler, int], moderngl.Sampler] = {}
 
     def get(self, sampler: Sampler, anisotropy: int = 1) -> moderngl.Sampler:
-        """The OpenGL sampler; `anisotropy` from 1 (none) to 16."""
+        """The OpenGL sampler; `anisotropy` from 1 (none) to 16, as far as the driver has it."""
+        anisotropy = min(anisotropy, self._most)
         key = (sampler, anisotropy)
         if key not in self._samplers:
             self._samplers[key] = self._gl.sampler(
