@@ -16,6 +16,7 @@ from viewer.commandline.options import (
 )
 from viewer.commandline.study_options import (
     ClusterStudyOptions,
+    FilteringStudyOptions,
     PaperScenesOptions,
     PaperStudyOptions,
     TrainingStudyOptions,
@@ -56,6 +57,10 @@ def run(options: Options) -> int:
             from viewer.commandline.study_clusters import study_clusters
 
             return study_clusters(options)
+        case FilteringStudyOptions():
+            from viewer.commandline.study_filtering import study_filtering
+
+            return study_filtering(options)
         case PaperScenesOptions():
             from viewer.commandline.study_paper import study_paper_scenes
 

@@ -160,3 +160,32 @@ def test_a_folder_is_no_scene(tmp_path: Path, images: Path, capsys: pytest.Captu
     assert cli.main(study("paper-scenes", images, tmp_path / "o")) == 2
     assert "is no scene; use study paper-textures" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_filtering(encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [
+        "study",
+        "filtering",
+        str(encoded_scene),
+        "--out",
+        str(tmp_path / "f"),
+        "--size",
+        "24x16",
+        "--frames",
+        "2",
+    ]
+    assert cli.main([*arguments, "--grouping", "single"]) == 0
+    record = json.loads((tmp_path / "f" / "filtering.json").read_text())
+    assert {row["sweep"] for row in record["rows"]} == {"shrinking", "tilting", "moving"}
+    assert {"reference", "deferred", "cached", "cached, anisotropic"} <= {row["way"] for row in record["rows"]}
+    by_way = {
+        way: [row["psnr_db"] for row in record["rows"] if row["way"] == way and row["sweep"] == "shrinking"]
+        for way in ("reference", "cached", "deferred")
+    }
+    # The originals are nearest to themselves, supersampled.
+    assert np.mean(by_way["reference"]) > np.mean(by_way["cached"])
+    flickers = [row["flicker"] for row in record["rows"] if row["sweep"] == "moving" and row["value"] == 1.0]
+    assert all(flicker >= 0.0 for flicker in flickers)
+    assert read_image(tmp_path / "f" / "filtering.png").shape[2] >= 3
+    assert cli.main([*arguments, "--frames", "1"]) == 2
+    assert "--frames 1: must be at least 2" in capsys.readouterr().err

@@ -23,6 +23,7 @@ from viewer.commandline.options import (
 from viewer.commandline.study_options import (
     AblationStudyOptions,
     ClusterStudyOptions,
+    FilteringStudyOptions,
     FreezingStudyOptions,
     MipStudyOptions,
     MlpSizeStudyOptions,
@@ -32,7 +33,7 @@ from viewer.commandline.study_options import (
 )
 from viewer.pack_files import PACK_SUFFIX
 
-StudyOptions = ClusterStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
+StudyOptions = ClusterStudyOptions | FilteringStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
 Options = (
     ViewOptions
     | RenderOptions
@@ -56,6 +57,7 @@ _Subcommands = (
 SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "bench", "doctor")
 STUDIES: dict[str, type[StudyOptions]] = {
     "clusters": ClusterStudyOptions,
+    "filtering": FilteringStudyOptions,
     "paper-textures": PaperStudyOptions,
     "paper-scenes": PaperScenesOptions,
     "freezing": FreezingStudyOptions,
@@ -144,7 +146,9 @@ def _study(words: list[str]) -> type[StudyOptions]:
 def _with_scene_found(options: Options) -> Options:
     """A scene written behind `--pack F ...` was read as a pack: take it back."""
     if (
-        not isinstance(options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions)
+        not isinstance(
+            options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions | FilteringStudyOptions
+        )
         or options.scene is not None
     ):
         return options

@@ -43,6 +43,24 @@ class ClusterStudyOptions:
 
 
 @dataclass(frozen=True)
+class FilteringStudyOptions:
+    """How well each path filters: against the supersampled originals, over distance, tilt and motion."""
+
+    out: Path
+    """Folder for filtering.md, filtering.csv, filtering.json and filtering.png."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """Grouping of the pack to look at. None: clustered, else the first pack."""
+    size: Size = (128, 96)
+    """Pixels of the pictures; the truth has 16 samples in each."""
+    frames: int = 10
+    """Of the moving camera, at least 2."""
+
+
+@dataclass(frozen=True)
 class TrainingStudyOptions:
     """What studies that train have in common."""
 
