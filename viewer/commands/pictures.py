@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import get_args
 
+from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
 from viewer.picture_request import PictureKind, PictureRequest
 from viewer.session import Session
@@ -12,7 +13,10 @@ DATED = ""
 
 
 def _picture(session: Session, kind: PictureKind, file: Path) -> None:
-    session.want_picture(PictureRequest(kind, None if file == Path(DATED) else file))
+    dated = file == Path(DATED)
+    if not dated and file.suffix.lower() != ".png":
+        raise InputError(f"{file}: the name of a picture must end in .png")
+    session.want_picture(PictureRequest(kind, None if dated else file))
 
 
 def _screenshot(session: Session, file: Path) -> None:

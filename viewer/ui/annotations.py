@@ -102,6 +102,7 @@ def draw_toasts(toasts: tuple[Toast, ...], size: tuple[float, float]) -> None:
 
 def draw_hints(session: Session, size: tuple[float, float]) -> None:
     """One line at the lower edge."""
-    text = f"{session.settings.camera_mode} camera   Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
+    keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
+    text = f"{session.settings.camera_mode} camera   {keys}"
     extent = imgui.calc_text_size(text)
     _boxed_text(ImVec2((size[0] - extent.x) / 2.0, size[1] - extent.y - 8.0), text, SHADE)

@@ -17,8 +17,8 @@ class KeySheet:
         self._was_open = False
         self._typing = False
 
-    def draw(self, session: Session, size: tuple[float, float], items: ItemPlaces) -> None:
-        """The sheet, where the session says that it is open."""
+    def draw(self, session: Session, size: tuple[float, float], top: float, items: ItemPlaces) -> None:
+        """The sheet, where the session says that it is open; below `top` in window units."""
         opening = session.show_help and not self._was_open
         self._was_open = session.show_help
         if not session.show_help:
@@ -30,9 +30,9 @@ class KeySheet:
             if self._text.lower() in f"{key} {description}".lower()
         ]
         scale = imgui.get_font_size() / 13.0
-        middle = ImVec2(size[0] / 2.0, size[1] / 2.0)
+        middle = ImVec2(size[0] / 2.0, (top + size[1]) / 2.0)
         imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-        imgui.set_next_window_size(ImVec2(min(WIDTH * scale, size[0] - 16.0), min(800.0 * scale, size[1] - 16.0)))
+        imgui.set_next_window_size(ImVec2(min(WIDTH * scale, size[0] - 16.0), min(800.0 * scale, size[1] - top - 16.0)))
         flags = imgui.WindowFlags_
         if opening:
             self._text = ""

@@ -63,6 +63,9 @@ class Keyboard:
 
     def run_commands(self, session: Session, emit: Emit, typing: bool) -> None:
         """Run the commands whose keys went down; while a field is typed into, only those of function keys."""
+        if not typing:
+            # Else ImGui takes Tab to go from field to field of the focused panel, and letters are typed from then on.
+            imgui.internal.set_key_owner(imgui.Key.tab, imgui.get_id("commands"))
         bound = self.bindings(session)
         for command in COMMANDS:
             chords = bound.chords.get(command.id, ())

@@ -43,7 +43,7 @@ class UserInterface:
         if session.show_panels:
             self._panels(session, facts, size, emit)
             draw_hints(session, size)
-        self._key_sheet.draw(session, size, self.items)
+        self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)
         draw_toasts(session.toasts, size)
         self._input.handle(session, size, emit, keys=not list_is_open)
