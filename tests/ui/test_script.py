@@ -26,13 +26,13 @@ def test_inputs(app: HeadlessApp) -> None:
         app,
         "key H",
         "expect panels off",
+        "drag 50% 50% 75% 50%",
+        "expect divider 0.75",
+        "expect mode wipe",
         "key h",
         "click A source",
         "click 'A source: single'",
         "expect source single",
-        "drag 50% 50% 75% 50%",
-        "expect divider 0.75",
-        "expect mode wipe",
         "hold Space",
         "release Space",
         "move 10 10",
@@ -120,7 +120,9 @@ def test_a_turntable_turns_until_it_is_stopped(app: HeadlessApp) -> None:
     with pytest.raises(InputError, match=r"test:1: wait settled: the camera moves"):
         play(app, "wait settled")
     play(app, "camera.stop", "expect moving off", "wait settled")
-    play(app, "camera.toggle-turntable", "expect moving on", "drag 10% 80% 20% 80%", "expect moving off")
+    play(
+        app, "window.panels", "camera.toggle-turntable", "expect moving on", "drag 10% 80% 20% 80%", "expect moving off"
+    )
 
 
 def test_paths_are_played(app: HeadlessApp, tmp_path: Path) -> None:

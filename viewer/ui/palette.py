@@ -68,7 +68,7 @@ class Palette:
         chosen = self._field(rows, items)
         clicked = self._list(rows, size[1] * ROWS_SHARE, items)
         outside = imgui.is_mouse_clicked(imgui.MouseButton_.left) and not imgui.is_window_hovered(
-            imgui.HoveredFlags_.root_and_child_windows
+            imgui.HoveredFlags_.root_and_child_windows | imgui.HoveredFlags_.allow_when_blocked_by_active_item
         )
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False) or (outside and clicked is None):
