@@ -15,6 +15,7 @@ from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
 from viewer.scene.model import Camera
 from viewer.script.parse import parse_script
+from viewer.zoom import Zoom
 
 
 def play(app: HeadlessApp, *lines: str) -> None:
@@ -45,6 +46,13 @@ def test_inputs(app: HeadlessApp) -> None:
         "expect size 400x300",
     )
     assert app.screenshot().shape == (300, 400, 3)
+
+
+def test_the_mouse_with_a_modifier(app: HeadlessApp) -> None:
+    play(app, "window.panels", "move 40% 50%", "hold Ctrl", "wheel 3", "release Ctrl")
+    assert app.session.view.zoom.factor == pytest.approx(1.25**3)
+    play(app, "view.magnify 8 0.25 0.75")
+    assert app.session.view.zoom == Zoom(8.0, (0.25, 0.75))
 
 
 def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:

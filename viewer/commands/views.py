@@ -9,6 +9,7 @@ from ntc.reading import read_file
 from viewer.commands.command import Command, Parameter
 from viewer.session import Session
 from viewer.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_open_sources
+from viewer.zoom import LARGEST, Zoom
 
 
 def _present(session: Session) -> SavedView:
@@ -58,9 +59,23 @@ def _paste(session: Session) -> None:
     _restore(session, text, "clipboard")
 
 
+def _magnify(session: Session, factor: float, x: float, y: float) -> None:
+    if not (1.0 <= factor <= LARGEST and 0.0 <= x <= 1.0 and 0.0 <= y <= 1.0):
+        raise InputError(f"view.magnify: factor must be 1 to {LARGEST:g}, x and y 0 to 1")
+    session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
+
+
+FACTOR = Parameter("factor", "number", f"shown pixels along a side of one of the picture, 1 to {LARGEST:g}")
+PLACE = tuple(
+    Parameter(
+        axis, "number", f"share of the picture's {side} that is in the middle, from the upper left", default="0.5"
+    )
+    for axis, side in (("x", "width"), ("y", "height"))
+)
 SAVE_FILE = Parameter("file", "path", "a .json, in the folder of pictures unless it is absolute", default="view.json")
 LOAD_FILE = Parameter("file", "path", "what view.save wrote")
 COMMANDS = (
+    Command("view.magnify", "Magnify", "look at the pixels themselves", "View", _magnify, (FACTOR, *PLACE)),
     Command("view.save", "Save view", "write the whole view as JSON", "View", _save, (SAVE_FILE,), key="Ctrl+S"),
     Command("view.load", "Load view", "see what view.save wrote", "View", _load, (LOAD_FILE,)),
     Command("view.copy", "Copy view", "put the whole view on the clipboard as JSON", "View", _copy, key="Ctrl+C"),

@@ -124,14 +124,20 @@ def _key(arguments: Sequence[str]) -> Play:
     return lambda _stage: inputs.press(chord)
 
 
+def _held(text: str, down: bool) -> Play:
+    modifier = text.capitalize()
+    if modifier in inputs.MODIFIER_KEYS:
+        return lambda _stage: inputs.hold_modifier(modifier, down)
+    chord = parse_chord(text)
+    return lambda _stage: inputs.hold(chord, down)
+
+
 def _hold(arguments: Sequence[str]) -> Play:
-    chord = parse_chord(arguments[0])
-    return lambda _stage: inputs.hold(chord, True)
+    return _held(arguments[0], True)
 
 
 def _release(arguments: Sequence[str]) -> Play:
-    chord = parse_chord(arguments[0])
-    return lambda _stage: inputs.hold(chord, False)
+    return _held(arguments[0], False)
 
 
 def _click(arguments: Sequence[str]) -> Play:
@@ -184,7 +190,7 @@ DIRECTIONS = {
         "screenshot FILE", "write the window's content as a PNG, without a message", 1, 1, _screenshot
     ),
     "key": Direction("key KEY", "press a key and let it go, e.g. `Ctrl+P`", 1, 1, _key),
-    "hold": Direction("hold KEY", "press a key", 1, 1, _hold),
+    "hold": Direction("hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, _hold),
     "release": Direction("release KEY", "let a key go", 1, 1, _release),
     "click": Direction("click LABEL", "click on the widget of this label", 1, MANY, _click),
     "move": Direction("move X Y", "move the mouse; pixels, or per cent of the window as `50%`", 2, 2, _move),

@@ -12,6 +12,7 @@ from viewer.script.stage import Stage
 from viewer.ui.keyboard import imgui_key
 
 LABELS_SHOWN = 3
+MODIFIER_KEYS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift, "Alt": imgui.Key.mod_alt}
 
 
 def rest() -> Iterator[None]:
@@ -23,14 +24,16 @@ def rest() -> Iterator[None]:
 def hold(chord: Chord, down: bool) -> Iterator[None]:
     """Press a key with its modifiers, or let them go."""
     io = imgui.get_io()
-    for held, modifier in (
-        (chord.ctrl, imgui.Key.mod_ctrl),
-        (chord.shift, imgui.Key.mod_shift),
-        (chord.alt, imgui.Key.mod_alt),
-    ):
-        if held:
+    for is_held, modifier in zip((chord.ctrl, chord.shift, chord.alt), MODIFIER_KEYS.values(), strict=True):
+        if is_held:
             io.add_key_event(modifier, down)
     io.add_key_event(imgui_key(chord.key), down)
+    yield
+
+
+def hold_modifier(name: str, down: bool) -> Iterator[None]:
+    """Press one of MODIFIER_KEYS, for the mouse, or let it go."""
+    imgui.get_io().add_key_event(MODIFIER_KEYS[name], down)
     yield
 
 

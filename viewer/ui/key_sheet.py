@@ -33,6 +33,7 @@ class KeySheet:
         middle = ImVec2(size[0] / 2.0, (top + size[1]) / 2.0)
         imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
         imgui.set_next_window_size(ImVec2(min(WIDTH * scale, size[0] - 16.0), min(800.0 * scale, size[1] - top - 16.0)))
+        imgui.set_next_window_bg_alpha(1.0)
         flags = imgui.WindowFlags_
         if opening:
             self._text = ""

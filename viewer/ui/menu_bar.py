@@ -25,6 +25,9 @@ def draw_menu_bar(session: Session, emit: Emit, items: ItemPlaces) -> float:
     if not imgui.begin_main_menu_bar():
         return 0.0
     bound = bindings(session.settings.keys)
+    # Opaque: menus hang over panels, whose text would shine through.
+    ground = imgui.get_style_color_vec4(imgui.Col_.popup_bg)
+    imgui.push_style_color(imgui.Col_.popup_bg, imgui.ImVec4(ground.x, ground.y, ground.z, 1.0))
     height = imgui.get_window_size().y
     for menu in get_args(Menu):
         if not commands[menu]:
@@ -37,6 +40,7 @@ def draw_menu_bar(session: Session, emit: Emit, items: ItemPlaces) -> float:
             if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
                 imgui.close_current_popup()
             imgui.end_menu()
+    imgui.pop_style_color()
     imgui.end_main_menu_bar()
     return float(height)
 

@@ -33,6 +33,15 @@ class _Row:
     key: str = ""
 
 
+def _shortened(text: str, width: float) -> str:
+    """As much of `text` as fits."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    while text and imgui.calc_text_size(f"{text}...").x > width:
+        text = text[:-1]
+    return f"{text.rstrip()}..."
+
+
 class Palette:
     """What has been typed and chosen so far."""
 
@@ -57,6 +66,7 @@ class Palette:
         width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
         imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] * TOP_SHARE), imgui.Cond_.always, ImVec2(0.5, 0.0))
         imgui.set_next_window_size(ImVec2(width, 0.0))
+        imgui.set_next_window_bg_alpha(1.0)
         flags = imgui.WindowFlags_
         imgui.set_next_window_focus()
         imgui.begin(
@@ -163,11 +173,12 @@ class Palette:
                 imgui.set_scroll_here_y(0.5)
             imgui.same_line(6.0)
             imgui.text(row.text)
+            key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0
             if row.note:
                 imgui.same_line()
-                imgui.text_disabled(row.note)
+                imgui.text_disabled(_shortened(row.note, key_left - imgui.get_cursor_pos_x() - 8.0))
             if row.key:
-                imgui.same_line(imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0)
+                imgui.same_line(key_left)
                 imgui.text_disabled(row.key)
         imgui.end_child()
         return clicked

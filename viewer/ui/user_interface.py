@@ -42,7 +42,8 @@ class UserInterface:
         draw_block(session, facts, size)
         if session.show_panels:
             self._panels(session, facts, size, emit)
-            draw_hints(session, size)
+            if not session.show_help:
+                draw_hints(session, size)
         self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)
         draw_toasts(session.toasts, size)
