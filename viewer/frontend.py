@@ -318,6 +318,8 @@ class Frontend:
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
     """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
-    width, height = framebuffer.size
-    pixels = np.frombuffer(framebuffer.read(components=3, alignment=1), np.uint8)
+    # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
+    viewport = framebuffer.viewport
+    width, height = viewport[2:]
+    pixels = np.frombuffer(framebuffer.read(viewport=viewport, components=3, alignment=1), np.uint8)
     return np.ascontiguousarray(pixels.reshape(height, width, 3)[::-1])

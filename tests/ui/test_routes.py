@@ -1,6 +1,7 @@
 """Every command is reached by key, menu, palette and script, with the arguments that were chosen there."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFact
     """One app for all: what reaches a command here is noted and not carried out."""
     made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path_factory.mktemp("pictures"))
     made.session.keep_bookmarks({"here": Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))})
-    made.session.scene.__dict__["cameras"] = made.session.scene.cameras or tuple(made.session.bookmarks.values())
+    made.session.scene = replace(scene, cameras=scene.cameras or tuple(made.session.bookmarks.values()))
     made.settle()
     yield made
     made.close()

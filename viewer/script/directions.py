@@ -20,6 +20,8 @@ MOST_FRAMES = 100_000
 LONGEST_WAIT = 3600.0
 SETTLING_SECONDS = 300.0
 """A picture that is not whole by then never will be."""
+RESIZING_SECONDS = 5.0
+"""A window that has not the wanted size by then never will."""
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192
 BUTTONS = {"left": 0, "right": 1, "middle": 2}
 
@@ -102,6 +104,12 @@ def _size(arguments: Sequence[str]) -> Play:
 
     def play(stage: Stage) -> Iterator[None]:
         stage.resize(size)
+        end = time.monotonic() + RESIZING_SECONDS
+        yield
+        while stage.size != size:
+            if time.monotonic() > end:
+                raise InputError("size: the window system gave {}x{}".format(*stage.size))
+            yield
         yield from inputs.rest()
 
     return play
