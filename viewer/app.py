@@ -2,7 +2,7 @@
 
 import ctypes
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ from viewer.folders import config_folder
 from viewer.frontend import SETTLING_FRAMES, Frontend
 from viewer.gl.context import REQUIRED_VERSION, wrap_context
 from viewer.scene.model import Scene
+from viewer.script.parse import Script
+from viewer.script.play import play_script
 from viewer.session import FirstLook, Session
 from viewer.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
 
@@ -37,6 +39,12 @@ class WindowContent:
     scene: Scene
     packs: Mapping[str, Pack]
     first: FirstLook
+    script: Script = ()
+    """What is played when it has opened; then it stays open, unless the script closes it."""
+    size: tuple[int, int] | None = None
+    """(width, height) in screen units; None: as it was last."""
+    pictures: Path = PICTURES
+    """Folder for pictures, views and paths."""
 
 
 def _open_window(size: tuple[int, int]) -> Window:
@@ -61,7 +69,7 @@ class WindowApp:
             make_config_folder(folder)
         except InputError as error:
             self._folder, problem = None, f"{error}; settings are not kept"
-        self._window = _open_window(settings.window_size)
+        self._window = _open_window(content.size or settings.window_size)
         self._handle: Any = self._window._window
         self._context = wrap_context(self._window.ctx, self._address)
         imgui.create_context()
@@ -76,7 +84,8 @@ class WindowApp:
         imgui.backends.glfw_init_for_opengl(address, True)
         imgui.backends.opengl3_init("#version 330")
         self.session = Session(content.scene, content.packs, settings, content.first)
-        self.frontend = Frontend(self._context, self.session, PICTURES)
+        self.frontend = Frontend(self._context, self.session, content.pictures)
+        self._playing: Iterator[None] | None = play_script(content.script, self) if content.script else None
         if problem is not None:
             self.session.say(problem, "error")
 
@@ -116,6 +125,34 @@ class WindowApp:
         self.frontend.paint(screen, draw_data)
         glfw.swap_buffers(self._handle)
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the content in pixels."""
+        width, height = glfw.get_framebuffer_size(self._handle)
+        return width, height
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Ask the window system for this size of the content."""
+        framebuffer, window = self.size, glfw.get_window_size(self._handle)
+        # Screen units may be larger than pixels.
+        width, height = (
+            max(1, round(side * window[axis] / max(framebuffer[axis], 1))) for axis, side in enumerate(size)
+        )
+        glfw.set_window_size(self._handle, width, height)
+
+    def _play_on(self) -> None:
+        """Let the script go on to where it needs the next frame; a line that cannot be carried out ends it."""
+        if self._playing is None:
+            return
+        try:
+            next(self._playing)
+        except StopIteration:
+            self._playing = None
+        except InputError as error:
+            self._playing = None
+            self.session.say(f"{error}; the script ends here", "error")
+        self._wake()
+
     def run(self, frames: int | None = None) -> None:
         """Draw until the window is closed, or `frames` frames have been drawn."""
         drawn = 0
@@ -130,6 +167,8 @@ class WindowApp:
             if (width, height) != last_size or self.frontend.needs_frame((width, height)):
                 self._wake()
             last_size = (width, height)
+            if drawn > 0:
+                self._play_on()
             if self._awake > 0 or self._keys_held() or frames is not None:
                 self._awake = max(0, self._awake - 1)
                 self._frame((width, height))

@@ -19,17 +19,19 @@ from ntc.files import write_text
 from ntc.pack import Pack
 from viewer.actions import SetSlot
 from viewer.block_content import BlockContent, BlockPlace, block_content
-from viewer.commands import run_command
+from viewer.commands import bindings, run_command
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.picture_request import PictureRequest
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
 from viewer.scene.model import Camera, Scene
 from viewer.session import Session
 from viewer.tile_cache import TileCacheConfig
+from viewer.ui.clipboard import WindowClipboard
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
 from viewer.view_state import BLOCKS, REFERENCE, DecodePath, Slot, ViewState
@@ -48,6 +50,8 @@ TILE_MILLISECONDS = 25.0
 """Of a frame, for decoding tiles that have come into sight."""
 RECORDING_SECONDS = 0.25
 """A recorded path has a camera so often."""
+LONGEST_STEP = 0.1
+"""Seconds that a camera moves by itself in one frame: a slow one must not make it jump."""
 MOVING_SECONDS = 0.3
 """A camera moves until it has rested for so long."""
 
@@ -59,6 +63,10 @@ class Frontend:
         self._context, self.session = context, session
         self.pictures = pictures
         session.use_commands(run_command)
+        session.pictures_folder = pictures
+        session.clipboard = WindowClipboard()
+        for problem in bindings(session.settings.keys).problems:
+            session.say(problem, "error")
         self.interface = UserInterface()
         self._scene: Scene | None = None
         self._renderer: Renderer | None = None
@@ -115,7 +123,7 @@ class Frontend:
 
     def _is_coarse(self) -> bool:
         session = self.session
-        if session.measure_requested or session.screenshot_requested or not session.settings.coarse_while_moving:
+        if session.measure_requested or session.picture_requests or not session.settings.coarse_while_moving:
             return False
         return self._whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
@@ -143,7 +151,7 @@ class Frontend:
         renderer = self._current_renderer()
         coarse = self._is_coarse()
         view = self._view(size)
-        whole = self.session.measure_requested or self.session.screenshot_requested
+        whole = self.session.measure_requested or bool(self.session.picture_requests)
         if view == self._last_view and not self._is_waiting:
             return
         try:
@@ -228,6 +236,7 @@ class Frontend:
         """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
         session = self.session
         session.picture_size = size
+        session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         try:
             self._draw_picture(size)
             if session.measure_requested:
@@ -256,20 +265,33 @@ class Frontend:
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
         self._context.gl.enable_only(moderngl.NOTHING)
-        if self.session.screenshot_requested:
-            self.session.screenshot_requested = False
-            self._write_screenshot(read_pixels(framebuffer))
+        requests, self.session.picture_requests = self.session.picture_requests, ()
+        for request in requests:
+            self._write_picture(request, framebuffer)
         if self.session.recorded_path is not None:
             self._write_path(self.session.recorded_path)
             self.session.recorded_path = None
 
-    def _write_screenshot(self, pixels: NDArray[np.uint8]) -> None:
-        path = self.pictures / f"{self.session.scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+    def _write_picture(self, request: PictureRequest, framebuffer: moderngl.Framebuffer) -> None:
+        suffix = "" if request.kind == "window" else f"-{request.kind}"
+        dated = f"{self.session.scene.name}{suffix}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+        path = self.pictures / (request.file or dated)
         try:
-            write_png(path, pixels)
-            self.session.say(f"wrote {path}")
-        except InputError as error:
-            self.session.say(str(error), "error")
+            write_png(path, read_pixels(framebuffer) if request.kind == "window" else self._picture_alone(request))
+            if not request.quiet:
+                self.session.say(f"wrote {path}")
+        except (InputError, ShaderError) as error:
+            self.session.say(" ".join(str(error).split()), "error")
+
+    def _picture_alone(self, request: PictureRequest) -> NDArray[np.uint8]:
+        """[H, W, 3] uint8 sRGB, row 0 on top: the picture without the interface."""
+        assert self._renderer is not None
+        view = request.view(self._view(self.session.picture_size))
+        image = self._renderer.render(view, whole=True).image
+        # The next frame draws what is shown again: both have one target.
+        self._last_view = None
+        pixels = np.frombuffer(image.read(alignment=1), np.uint8).reshape(image.height, image.width, 4)
+        return np.ascontiguousarray(pixels[::-1, :, :3])
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
         path = self.pictures / f"{self.session.scene.name}-path-{time.strftime('%Y%m%d-%H%M%S')}.json"
@@ -297,10 +319,15 @@ class Frontend:
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""
         session = self.session
-        waiting = session.measure_requested or session.screenshot_requested or session.recorded_path is not None
+        waiting = session.measure_requested or bool(session.picture_requests) or session.recorded_path is not None
+        waiting = waiting or session.motion is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
         return waiting or ending or opened or self._is_waiting or self._view(size) != self._last_view
+
+    def is_settled(self, size: tuple[int, int]) -> bool:
+        """Whether the next frames would show the same: the picture is whole, and nothing is under way."""
+        return not (self.needs_frame(size) or self._is_coarse())
 
     @property
     def skipped(self) -> Mapping[str, int]:
@@ -319,6 +346,8 @@ class Frontend:
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
     """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
-    width, height = framebuffer.size
-    pixels = np.frombuffer(framebuffer.read(components=3, alignment=1), np.uint8)
+    # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
+    viewport = framebuffer.viewport
+    width, height = viewport[2:]
+    pixels = np.frombuffer(framebuffer.read(viewport=viewport, components=3, alignment=1), np.uint8)
     return np.ascontiguousarray(pixels.reshape(height, width, 3)[::-1])

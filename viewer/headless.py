@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import moderngl
 import numpy as np
 from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from viewer.actions import OpenFile
 from viewer.frontend import SETTLING_FRAMES, Frontend, read_pixels
 from viewer.gl.context import create_headless_context
 from viewer.scene.model import Scene
+from viewer.script.parse import Script
+from viewer.script.play import play_script
 from viewer.session import FirstLook, Session
 from viewer.settings import ViewerSettings
 
@@ -32,8 +35,7 @@ class HeadlessApp:
     ) -> None:
         self._size = size
         self._context = create_headless_context()
-        gl = self._context.gl
-        self._framebuffer = gl.framebuffer([gl.texture(size, 4)])
+        self._framebuffer = self._make_framebuffer(size)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
         implot.create_context()
@@ -43,6 +45,32 @@ class HeadlessApp:
         imgui.backends.opengl3_init("#version 330")
         self.session = Session(scene, packs, settings or ViewerSettings(), first or FirstLook())
         self.frontend = Frontend(self._context, self.session, pictures)
+
+    def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        gl = self._context.gl
+        return gl.framebuffer([gl.texture(size, 4)])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self._size
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Give the content this size, from the next frame on."""
+        framebuffer = self._make_framebuffer(size)
+        self._release_framebuffer()
+        self._framebuffer, self._size = framebuffer, size
+        imgui.get_io().display_size = imgui.ImVec2(*size)
+
+    def _release_framebuffer(self) -> None:
+        for texture in self._framebuffer.color_attachments:
+            texture.release()
+        self._framebuffer.release()
+
+    def play(self, script: Script) -> None:
+        """Play a script to its end. Raises InputError with its file and line where a line cannot be carried out."""
+        for _ in play_script(script, self):
+            self.frame()
 
     def frame(self, count: int = 1) -> None:
         """Draw this many frames."""
@@ -119,5 +147,5 @@ class HeadlessApp:
         imgui.backends.opengl3_shutdown()
         implot.destroy_context()
         imgui.destroy_context(self._imgui)
-        self._framebuffer.release()
+        self._release_framebuffer()
         self._context.gl.release()

@@ -25,8 +25,11 @@ from viewer.actions import (
     SetZoom,
 )
 from viewer.camera import frame_all
+from viewer.camera_motion import Motion
+from viewer.clipboard import Clipboard, LocalClipboard
 from viewer.measurement import SlotMeasurement
 from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_source, source_of_grouping, unused_name
+from viewer.picture_request import PictureRequest
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
@@ -74,7 +77,19 @@ class Session:
         self.measurements: dict[str, SlotMeasurement] = {}
         self.measured_view: ViewState | None = None
         self.measure_requested = False
-        self.screenshot_requested = False
+        self.picture_requests: tuple[PictureRequest, ...] = ()
+        """Pictures that the next frame is to write."""
+        self.pictures_folder = Path()
+        """Where they go; set by the frontend."""
+        self.clipboard: Clipboard = LocalClipboard()
+        """Set by the frontend."""
+        self.motion: Motion | None = None
+        """What moves the camera; None while it rests, or is moved by hand."""
+        self.last_path: tuple[Camera, ...] = ()
+        """The path that was recorded last."""
+        self.palette: str | None = None
+        """The command that the palette asks arguments for; "" while it lists all; None while it is closed."""
+        self._bookmarks: dict[str, Mapping[str, Camera]] = {}
         self.recording: tuple[Camera, ...] | None = None
         """The camera's path so far; None while it is not recorded."""
         self.recorded_path: tuple[Camera, ...] | None = None
@@ -100,6 +115,7 @@ class Session:
         self.packs = packs
         self.measurements = {}
         self.inspected = None
+        self.motion = None
         source = self._first_source(first.grouping)
         camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, self.settings.fov_degrees)
         self.view = ViewState(
@@ -134,6 +150,34 @@ class Session:
         """How RunCommand is carried out: `viewer.commands.run_command`."""
         self._commands = run
 
+    def run_command(self, command_id: str, arguments: tuple[str, ...] = ()) -> None:
+        """Run a command by its id. Raises InputError."""
+        if self._commands is not None:
+            self._commands(command_id, arguments, self)
+
+    @property
+    def bookmarks(self) -> Mapping[str, Camera]:
+        """Cameras that the user has named, of this scene."""
+        return self._bookmarks.get(str(self.scene.path or self.scene.name), {})
+
+    def keep_bookmarks(self, bookmarks: Mapping[str, Camera]) -> None:
+        """Replace the bookmarks of this scene."""
+        self._bookmarks[str(self.scene.path or self.scene.name)] = dict(bookmarks)
+
+    def want_picture(self, request: PictureRequest) -> None:
+        """Ask the next frame for a picture as a file."""
+        self.picture_requests = (*self.picture_requests, request)
+
+    def file_named(self, file: Path) -> Path:
+        """A file to read: as given, else in the folder of pictures, where views and paths are written."""
+        return file if file.is_absolute() or file.exists() else self.pictures_folder / file
+
+    def move_camera(self, seconds: float) -> None:
+        """Let what moves the camera do so for `seconds`."""
+        if self.motion is not None:
+            camera, self.motion = self.motion.advance(self.view.camera, self.scene.bounds, seconds)
+            self.view = replace(self.view, camera=camera)
+
     def say(self, text: str, kind: Literal["message", "error"] = "message") -> None:
         """Show a message for a while."""
         self.toasts = (*self.toasts[-4:], Toast(text, kind))
@@ -155,6 +199,7 @@ class Session:
             case MoveDivider(position=position):
                 self.view = replace(self.view, wipe_position=min(max(position, 0.0), 1.0))
             case SetCamera(camera=camera):
+                self.motion = None
                 self.view = replace(self.view, camera=camera)
             case SetAnisotropy(value=value):
                 self.view = replace(self.view, anisotropy=value)
@@ -170,8 +215,7 @@ class Session:
                 self.settings = replace(self.settings, coarse_while_moving=value)
             case RunCommand(id=command_id, arguments=arguments):
                 try:
-                    if self._commands is not None:
-                        self._commands(command_id, arguments, self)
+                    self.run_command(command_id, arguments)
                 except InputError as error:
                     self.say(str(error), "error")
             case OpenFile(path=path):

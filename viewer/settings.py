@@ -1,7 +1,8 @@
 """What the window remembers from one run to the next, as JSON in the user's configuration folder."""
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -20,6 +21,7 @@ UI_SCALE_RANGE = (0.5, 3.0)
 TILE_CACHE_MEGABYTES = (1, 16384)
 SMALLEST_WINDOW = (320, 200)
 LARGEST_WINDOW = (16384, 16384)
+MOST_KEYS = 1000
 LARGEST_FILE = 1 << 20
 """Bytes: a settings file is a few hundred; anything beyond this is not one."""
 
@@ -44,6 +46,8 @@ class ViewerSettings:
     """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
+    keys: Mapping[str, str] = field(default_factory=dict)
+    """Keys in the place of the commands' own, by command id; "" for none."""
 
 
 def _number(value: Any, low: float, high: float) -> float:
@@ -73,6 +77,14 @@ def _window_size(value: Any) -> tuple[int, int]:
     return width, height
 
 
+def _keys(value: Any) -> dict[str, str]:
+    if not isinstance(value, dict) or len(value) > MOST_KEYS:
+        raise ValueError(f"must be an object of at most {MOST_KEYS} commands and their keys")
+    if not all(isinstance(key, str) for key in value.values()):
+        raise ValueError("must give each command a key as text, e.g. Ctrl+S")
+    return value
+
+
 _READERS: dict[str, Any] = {
     "show_panels": _flag,
     "camera_mode": lambda value: _choice(value, get_args(CameraMode)),
@@ -83,6 +95,7 @@ _READERS: dict[str, Any] = {
     "coarse_while_moving": _flag,
     "tile_cache_megabytes": lambda value: int(_number(value, *TILE_CACHE_MEGABYTES)),
     "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
+    "keys": _keys,
 }
 
 

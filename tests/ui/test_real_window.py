@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from viewer.scene.images import read_image
+
 
 @pytest.fixture
 def display() -> Iterator[str]:
@@ -88,3 +90,19 @@ def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scen
     )
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Path, tmp_path: Path) -> None:
+    lines = "wait settled; key H; expect panels off; size 320x240; wait frames 5; screenshot a.png; window.close"
+    result = subprocess.run(
+        [sys.executable, "-m", "viewer", "view", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out"],
+        cwd=tmp_path,
+        env={**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings")},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr
+    assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)

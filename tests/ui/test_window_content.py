@@ -13,9 +13,12 @@ from tests.end_to_end.conftest import two_squares
 from tests.support.packs import random_pack
 from tests.ui.conftest import SIZE, write_scene
 from viewer.commands import COMMANDS
+from viewer.commands.chords import parse_chord
+from viewer.commands.command import Command
 from viewer.headless import HeadlessApp
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
+from viewer.script.inputs import hold
 from viewer.view_state import REFERENCE, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
@@ -296,15 +299,14 @@ def test_resolution(app: HeadlessApp) -> None:
 
 
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.key], ids=lambda command: command.id)
-def test_every_key_runs_its_command(app: HeadlessApp, command: object) -> None:
+def test_every_key_runs_its_command(app: HeadlessApp, command: Command) -> None:
     moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
     app.session.view = replace(app.session.view, camera=moved)
     before = vars(app.session).copy()
-    name = command.key  # type: ignore[attr-defined]
-    key = getattr(imgui.Key, {"Tab": "tab", "Escape": "escape"}.get(name, name.lower()))
-    app.key(key, True)
-    assert vars(app.session) != before or app.session.toasts
-    app.key(key, False)
+    for down in (True, False):
+        for _ in hold(parse_chord(command.key), down):
+            app.frame()
+        assert vars(app.session) != before or app.session.toasts
 
 
 def test_help_lists_the_keys(app: HeadlessApp) -> None:

@@ -57,6 +57,7 @@ Vector = Annotated[
     ),
 ]
 Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
+Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
 
 
@@ -74,6 +75,16 @@ class ViewOptions:
     """Decode path of slot A; `auto` times all of them first."""
     precision: Precision = "fp32"
     """Storage of the decoder weights on the GPU."""
+    script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Play the commands of this file (docs/scripts.md); then the window stays open."""
+    exec: Lines = ()
+    """Play these commands after the script's; may be repeated."""
+    headless: Switch = False
+    """Open no window: play the script, or write one picture."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("ntc-viewer-pictures")
+    """Folder for pictures, views and recorded paths."""
+    size: Size | None = None
+    """Size of the window's content. None: as it was last; 1280x720 without a window."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from ntc.errors import InputError
 from viewer.commandline.doctor import has_display
 from viewer.commandline.options import RenderOptions, ViewOptions
 from viewer.commandline.render import render
@@ -10,7 +11,6 @@ from viewer.commandline.sources import choose_source, open_scene, packs_for
 from viewer.session import FirstLook
 from viewer.view_state import REFERENCE
 
-PICTURES_FOLDER = Path("ntc-viewer-pictures")
 PICTURES_SIZE = (960, 540)
 
 
@@ -24,14 +24,22 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
 
 def view(options: ViewOptions) -> int:
     """Run `ntc-viewer view`. Raises InputError for bad input."""
+    from viewer.commandline.play import play_headless, script_of
+
+    if options.headless:
+        return play_headless(options, options.out)
+    script = script_of(options)
     if has_display():
         from viewer.app import WindowContent, run_window
 
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        return run_window(WindowContent(scene, packs, FirstLook(source, options.path, options.precision)))
+        first = FirstLook(source, options.path, options.precision)
+        return run_window(WindowContent(scene, packs, first, script, options.size, options.out))
+    if script:
+        raise InputError("no display (DISPLAY and WAYLAND_DISPLAY are unset) to play a script on; add --headless")
     sys.stdout.write("no display (DISPLAY and WAYLAND_DISPLAY are unset): drawing without a window\n")
-    draw_pictures(options, PICTURES_FOLDER)
-    sys.stdout.write(f"the pictures are in {PICTURES_FOLDER.resolve()}\n")
+    draw_pictures(options, options.out)
+    sys.stdout.write(f"the pictures are in {options.out.resolve()}\n")
     return 0

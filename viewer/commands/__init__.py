@@ -1,16 +1,23 @@
 """Every command of the window: one registry feeds menus, keys, the palette, the help, scripts and README's key table."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, overlay, window
-from viewer.commands.command import Command, words
+from viewer.commands import camera, compare, motion, overlay, pictures, views, window
+from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
+from viewer.commands.command import Command, FixedChoices, words
 from viewer.session import Session
 
-COMMANDS: tuple[Command, ...] = (*compare.COMMANDS, *overlay.COMMANDS, *camera.COMMANDS, *window.COMMANDS)
-HOLD_KEY = "Space"
-"""While held, the other slot is shown."""
+COMMANDS: tuple[Command, ...] = (
+    *compare.COMMANDS,
+    *overlay.COMMANDS,
+    *camera.COMMANDS,
+    *motion.COMMANDS,
+    *pictures.COMMANDS,
+    *views.COMMANDS,
+    *window.COMMANDS,
+)
 PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),
     ("right or middle drag", "pan"),
@@ -47,13 +54,34 @@ def run_line(line: str, session: Session) -> None:
         run_command(parts[0], parts[1:], session)
 
 
-def key_table() -> tuple[tuple[str, str], ...]:
+def bindings(keys: Mapping[str, str]) -> Bindings:
+    """Which key runs which command, with the user's `keys` (command id: key) in the place of the commands' own."""
+    return bind_keys(COMMANDS, keys)
+
+
+def key_table(bound: Bindings) -> tuple[tuple[str, str], ...]:
     """(key, what it does) of everything that has a key or is done with the mouse, keys first."""
-    keys = tuple((command.key, command.help) for command in COMMANDS if command.key)
+    keys = tuple((bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id))
     return ((HOLD_KEY, "hold: show the other slot"), *keys, ("1 to 9", "go to a camera of the scene"), *PICTURE_HINTS)
 
 
 def key_table_markdown() -> str:
     """The key table of README."""
-    rows = [f"| {key} | {description} |" for key, description in key_table()]
+    rows = [f"| {key} | {description} |" for key, description in key_table(bindings({}))]
     return "\n".join(["| key or mouse | what it does |", "|---|---|", *rows])
+
+
+def command_table_markdown() -> str:
+    """The table of commands of docs/scripts.md."""
+    bound = bindings({})
+    rows = [f"| `{c.usage}` | {c.help} | {_parameters(c)} | {bound.text(c.id)} |" for c in COMMANDS]
+    return "\n".join(["| command | what it does | parameters | key |", "|---|---|---|---|", *rows])
+
+
+def _parameters(command: Command) -> str:
+    parts = []
+    for parameter in command.parameters:
+        choices = parameter.choices.names if isinstance(parameter.choices, FixedChoices) else ()
+        what = " \\| ".join(f"`{choice}`" for choice in choices) or parameter.help
+        parts.append(f"{parameter.name.upper()}: {what}" + (f" ({parameter.default})" if parameter.default else ""))
+    return "; ".join(parts)

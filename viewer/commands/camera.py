@@ -55,6 +55,7 @@ def _record(session: Session) -> None:
         session.say("recording the camera's path; the same key ends it")
     else:
         session.recorded_path, session.recording = session.recording, None
+        session.last_path = session.recorded_path
 
 
 NAME = Parameter("name", "choice", "camera of the scene", lambda s: tuple(camera.name for camera in s.scene.cameras))

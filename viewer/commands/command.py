@@ -16,9 +16,19 @@ Value = str | float | int | Path
 Choices = Callable[["Session"], tuple[str, ...]]
 
 
-def fixed(*choices: str) -> Choices:
+@dataclass(frozen=True)
+class FixedChoices:
+    """Choices that do not depend on what is open: a script is checked against them before it starts."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, _session: "Session") -> tuple[str, ...]:
+        return self.names
+
+
+def fixed(*choices: str) -> FixedChoices:
     """Choices that do not depend on what is open."""
-    return lambda _session: choices
+    return FixedChoices(choices)
 
 
 @dataclass(frozen=True)
@@ -33,23 +43,37 @@ class Parameter:
     default: str | None = None
     """None: it must be given."""
 
+    def options(self, session: "Session") -> tuple[str, ...]:
+        """What it can be now, for kind `choice`."""
+        return self.choices(session) if self.choices is not None else ()
+
+    def check(self, text: str) -> None:
+        """Raise InputError where `text` is wrong whatever is open."""
+        if isinstance(self.choices, FixedChoices) and text not in self.choices.names:
+            raise InputError(f"{self.name} {text!r}: must be one of {', '.join(self.choices.names)}")
+        if self.kind in ("number", "whole"):
+            self._number(text)
+
     def read(self, text: str, session: "Session") -> Value:
         """The value that `text` stands for. Raises InputError."""
         if self.kind == "choice":
-            choices = self.choices(session) if self.choices is not None else ()
+            choices = self.options(session)
             if text not in choices:
                 raise InputError(f"{self.name} {text!r}: must be one of {', '.join(choices) or 'nothing yet'}")
             return text
         if self.kind in ("number", "whole"):
-            try:
-                number = float(text) if self.kind == "number" else int(text)
-            except ValueError as error:
-                what = "a number" if self.kind == "number" else "a whole number"
-                raise InputError(f"{self.name} {text!r}: must be {what}") from error
-            if not abs(number) < 1e30:
-                raise InputError(f"{self.name} {text!r}: must be finite")
-            return number
+            return self._number(text)
         return Path(text).expanduser() if self.kind == "path" else text
+
+    def _number(self, text: str) -> float | int:
+        try:
+            number = float(text) if self.kind == "number" else int(text)
+        except ValueError as error:
+            what = "a number" if self.kind == "number" else "a whole number"
+            raise InputError(f"{self.name} {text!r}: must be {what}") from error
+        if not abs(number) < 1e30:
+            raise InputError(f"{self.name} {text!r}: must be finite")
+        return number
 
 
 @dataclass(frozen=True)
@@ -67,7 +91,9 @@ class Command:
     """(session, *values of the parameters). Raises InputError."""
     parameters: tuple[Parameter, ...] = ()
     key: str = ""
-    """Default key as ImGui spells it, after `Ctrl+` or `Shift+`; "" for none. Only for commands that need no arguments."""
+    """Default key as `viewer.commands.chords` spells it; "" for none. Only for commands that need no arguments."""
+    second_key: str = ""
+    """Another one."""
 
     @property
     def usage(self) -> str:
@@ -75,16 +101,34 @@ class Command:
         parts = [p.name if p.default is None else f"[{p.name}]" for p in self.parameters]
         return " ".join([self.id, *(part.upper() for part in parts)])
 
-    def values(self, arguments: Sequence[str], session: "Session") -> tuple[Value, ...]:
-        """Values of the parameters. Raises InputError."""
+    @property
+    def needs_arguments(self) -> bool:
+        """Whether it must be told something."""
+        return any(parameter.default is None for parameter in self.parameters)
+
+    def _texts(self, arguments: Sequence[str]) -> list[str]:
+        """One text for each parameter, defaults filled in. Raises InputError."""
         if len(arguments) > len(self.parameters):
             raise InputError(f"{self.id}: takes at most {len(self.parameters)} arguments; usage: {self.usage}")
-        given = [*arguments, *(None for _ in range(len(self.parameters) - len(arguments)))]
-        values: list[Value] = []
-        for parameter, argument in zip(self.parameters, given, strict=True):
-            text = parameter.default if argument is None else argument
-            if text is None:
+        texts = list(arguments)
+        for parameter in self.parameters[len(arguments) :]:
+            if parameter.default is None:
                 raise InputError(f"{self.id}: lacks {parameter.name} ({parameter.help}); usage: {self.usage}")
+            texts.append(parameter.default)
+        return texts
+
+    def check(self, arguments: Sequence[str]) -> None:
+        """Raise InputError where the arguments are wrong whatever is open."""
+        for parameter, text in zip(self.parameters, self._texts(arguments), strict=True):
+            try:
+                parameter.check(text)
+            except InputError as error:
+                raise InputError(f"{self.id}: {error}") from error
+
+    def values(self, arguments: Sequence[str], session: "Session") -> tuple[Value, ...]:
+        """Values of the parameters. Raises InputError."""
+        values: list[Value] = []
+        for parameter, text in zip(self.parameters, self._texts(arguments), strict=True):
             try:
                 values.append(parameter.read(text, session))
             except InputError as error:

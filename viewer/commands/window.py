@@ -14,10 +14,6 @@ def _open(session: Session, path: Path) -> None:
     session.apply(OpenFile(path))
 
 
-def _screenshot(session: Session) -> None:
-    session.screenshot_requested = True
-
-
 def _whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
 
@@ -40,6 +36,10 @@ def _help(session: Session) -> None:
     session.show_help = not session.show_help
 
 
+def _palette(session: Session) -> None:
+    session.palette = None if session.palette is not None else ""
+
+
 def _close(session: Session) -> None:
     if session.show_help:
         session.show_help = False
@@ -52,7 +52,6 @@ SHARE = Parameter("share", "number", "of the window's pixels along a side, 0.05 
 STATE = Parameter("state", "choice", "on or off", fixed("on", "off"))
 COMMANDS = (
     Command("file.open", "Open", "open a scene or a pack", "File", _open, (FILE,)),
-    Command("file.screenshot", "Screenshot", "write the window's content as a PNG", "File", _screenshot, key="F12"),
     Command(
         "view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", _whole_picture, key="Z"
     ),
@@ -66,6 +65,15 @@ COMMANDS = (
         (STATE,),
     ),
     Command("window.panels", "Panels", "hide or show the panels", "Window", _panels, key="H"),
-    Command("help.keys", "Keys and mouse", "show keys and mouse", "Help", _help, key="F1"),
+    Command(
+        "help.palette",
+        "Command palette",
+        "find a command by typing",
+        "Help",
+        _palette,
+        key="Ctrl+P",
+        second_key="F3",
+    ),
+    Command("help.keys", "Keys and mouse", "show keys and mouse", "Help", _help, key="F1", second_key="Shift+/"),
     Command("window.close", "Close", "close the help, else the window", "Window", _close, key="Escape"),
 )

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.commands import key_table
 from viewer.session import Session, Toast
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
@@ -41,11 +40,10 @@ def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], 
     return float(high.y - low.y)
 
 
-def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces) -> None:
-    """Names of what is shown where; in wipe mode left and right of the divider."""
+def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces, top: float) -> None:
+    """Names of what is shown where, from `top` in window units down; in wipe mode left and right of the divider."""
     draw = imgui.get_background_draw_list()
     view = session.shown_view
-    top = 8.0
 
     def plate(x: float, text: str, align_right: bool) -> None:
         extent = imgui.calc_text_size(text)
@@ -104,27 +102,7 @@ def draw_toasts(toasts: tuple[Toast, ...], size: tuple[float, float]) -> None:
 
 def draw_hints(session: Session, size: tuple[float, float]) -> None:
     """One line at the lower edge."""
-    text = f"{session.settings.camera_mode} camera   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
+    keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
+    text = f"{session.settings.camera_mode} camera   {keys}"
     extent = imgui.calc_text_size(text)
     _boxed_text(ImVec2((size[0] - extent.x) / 2.0, size[1] - extent.y - 8.0), text, SHADE)
-
-
-def draw_help(session: Session, size: tuple[float, float], items: ItemPlaces) -> None:
-    """The key table in a window of its own."""
-    imgui.set_next_window_pos(ImVec2(size[0] / 2, size[1] / 2), imgui.Cond_.always, ImVec2(0.5, 0.5))
-    opened, stays = imgui.begin(
-        "Keys and mouse", True, imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse
-    )
-    if opened and imgui.begin_table("keys", 2):
-        for key, description in key_table():
-            imgui.table_next_row()
-            imgui.table_next_column()
-            imgui.text(key)
-            imgui.table_next_column()
-            imgui.text(description)
-        imgui.end_table()
-        imgui.text_disabled("F1 closes this")
-        items.note("help")
-    imgui.end()
-    if not stays:
-        session.show_help = False

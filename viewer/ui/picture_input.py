@@ -5,10 +5,11 @@ import math
 from imgui_bundle import imgui
 
 from viewer import navigation
-from viewer.actions import InspectBlock, MoveDivider, RunCommand, SetCamera, SetZoom
-from viewer.commands import COMMANDS, HOLD_KEY
+from viewer.actions import InspectBlock, MoveDivider, SetCamera, SetZoom
+from viewer.commands import HOLD_KEY
 from viewer.session import Session
 from viewer.ui.facts import Emit
+from viewer.ui.keyboard import Keyboard, imgui_key
 
 GRAB_WIDTH = 12.0
 """Window units on either side of the divider within which it can be grabbed."""
@@ -20,14 +21,11 @@ LONGEST_STEP = 0.1
 """Seconds: a slow frame must not throw the camera across the scene."""
 
 
-def _key(name: str) -> imgui.Key:
-    return getattr(imgui.Key, {"Space": "space", "Tab": "tab", "Escape": "escape"}.get(name, name.lower()))
-
-
 class PictureInput:
     """Remembers what a drag began on."""
 
     def __init__(self) -> None:
+        self._keyboard = Keyboard()
         self._dragging_divider = False
         self._speed_notches = 0.0
         self._pressed_at: tuple[float, float] | None = None
@@ -35,24 +33,23 @@ class PictureInput:
     def handle(self, session: Session, size: tuple[float, float], emit: Emit, keys: bool = True) -> None:
         """Turn this frame's events into actions; `keys` False leaves those of commands to an open list."""
         io = imgui.get_io()
+        if keys:
+            self._keyboard.run_commands(session, emit, typing=io.want_text_input)
         if keys and not io.want_text_input:
-            self._keys(session, emit)
-        session.showing_other = not io.want_text_input and imgui.is_key_down(_key(HOLD_KEY))
+            self._camera_keys(session, emit)
+        session.showing_other = not io.want_text_input and imgui.is_key_down(imgui_key(HOLD_KEY))
         if not io.want_text_input:
             self._fly(session, io, emit)
         self._mouse(session, size, io, emit)
 
-    def _keys(self, session: Session, emit: Emit) -> None:
-        for command in COMMANDS:
-            if command.key and imgui.is_key_pressed(_key(command.key), repeat=False):
-                emit(RunCommand(command.id))
+    def _camera_keys(self, session: Session, emit: Emit) -> None:
         for number in range(9):
             camera = session.camera_numbered(number)
             if camera is not None and imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):
                 emit(SetCamera(camera))
 
     def _fly(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        held = [move for key, move in MOVES.items() if imgui.is_key_down(_key(key))]
+        held = [move for key, move in MOVES.items() if imgui.is_key_down(imgui_key(key))]
         if not held or io.key_ctrl:
             return
         direction = (sum(m[0] for m in held), sum(m[1] for m in held), sum(m[2] for m in held))

@@ -3,9 +3,12 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.session import Session
-from viewer.ui.annotations import draw_block, draw_help, draw_hints, draw_labels, draw_toasts
+from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_toasts
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
+from viewer.ui.key_sheet import KeySheet
+from viewer.ui.menu_bar import draw_menu_bar
+from viewer.ui.palette import Palette
 from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
 
@@ -21,24 +24,28 @@ class UserInterface:
         self.items = ItemPlaces()
         self._input = PictureInput()
         self._all_panels = make_panels()
+        self._palette = Palette()
+        self._key_sheet = KeySheet()
 
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
         self.items.clear()
         # Asked before the panels: a list that this frame's Escape closes still owns the key.
-        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.palette is not None
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         if picture is not None:
             corners = (ImVec2(0, 0), ImVec2(*size), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
-        draw_labels(session, size, self.items)
+        bar = draw_menu_bar(session, emit, self.items) if session.show_panels else 0.0
+        draw_labels(session, size, self.items, bar + EDGE)
         draw_block(session, facts, size)
         if session.show_panels:
             self._panels(session, facts, size, emit)
-            draw_hints(session, size)
-        if session.show_help:
-            draw_help(session, size, self.items)
+            if not session.show_help:
+                draw_hints(session, size)
+        self._key_sheet.draw(session, size, bar, self.items)
+        self._palette.draw(session, size, emit, self.items)
         draw_toasts(session.toasts, size)
         self._input.handle(session, size, emit, keys=not list_is_open)
 

@@ -1,0 +1,200 @@
+"""Scripts played on the window's content: inputs, pictures, views, moving cameras, and what ends them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from viewer.actions import RunCommand
+from viewer.commands import COMMANDS
+from viewer.headless import HeadlessApp
+from viewer.scene.cameras_file import cameras_json
+from viewer.scene.images import read_image
+from viewer.scene.model import Camera
+from viewer.script.parse import parse_script
+from viewer.zoom import Zoom
+
+
+def play(app: HeadlessApp, *lines: str) -> None:
+    app.play(parse_script("\n".join(lines), "test"))
+
+
+def test_inputs(app: HeadlessApp) -> None:
+    play(
+        app,
+        "key H",
+        "expect panels off",
+        "drag 50% 50% 75% 50%",
+        "expect divider 0.75",
+        "expect mode wipe",
+        "key h",
+        "click A source",
+        "click 'A source: single'",
+        "expect source single",
+        "hold Space",
+        "release Space",
+        "move 10 10",
+        "wheel 1",
+        "click path",
+        "type nothing",
+        "key Escape",
+        "expect label 'A path'",
+        "size 400x300",
+        "expect size 400x300",
+    )
+    assert app.screenshot().shape == (300, 400, 3)
+
+
+def test_the_mouse_with_a_modifier(app: HeadlessApp) -> None:
+    play(app, "window.panels", "move 40% 50%", "hold Ctrl", "wheel 3", "release Ctrl")
+    assert app.session.view.zoom.factor == pytest.approx(1.25**3)
+    play(app, "view.magnify 8 0.25 0.75")
+    assert app.session.view.zoom == Zoom(8.0, (0.25, 0.75))
+
+
+def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:
+    play(
+        app,
+        "overlay.kind divergence",
+        "wait settled",
+        "screenshot window.png",
+        *(f"file.screenshot-picture {kind} {kind}.png" for kind in ("shown", "a", "b", "split", "plain")),
+        "file.screenshot again.png",
+        "wait settled",
+        "expect toast again.png",
+        "expect waiting off",
+    )
+    folder = tmp_path / "pictures"
+    shots = {file.stem: read_image(file).astype(int) for file in folder.iterdir()}
+    assert set(shots) == {"window", "shown", "a", "b", "split", "plain", "again"}
+    width = shots["a"].shape[1]
+    left, right = slice(0, width // 2 - 2), slice(width // 2 + 2, width)
+    np.testing.assert_array_equal(shots["split"], shots["shown"])
+    np.testing.assert_array_equal(shots["split"][:, left], shots["a"][:, left])
+    np.testing.assert_array_equal(shots["split"][:, right], shots["b"][:, right])
+    assert (shots["plain"] != shots["shown"]).any()
+    assert (shots["window"] != shots["shown"]).any()
+    with pytest.raises(InputError, match=r"must end in \.png"):
+        play(app, "file.screenshot a.jpg")
+
+
+def test_the_window_shows_the_same_after_a_picture_of_something_else(app: HeadlessApp) -> None:
+    play(app, "wait settled")
+    before = app.screenshot()
+    play(app, "file.screenshot-picture b b.png", "wait settled")
+    app.session.toasts = ()
+    play(app, "wait settled")
+    np.testing.assert_array_equal(app.screenshot(), before)
+
+
+def test_views_go_through_files_and_the_clipboard(app: HeadlessApp, tmp_path: Path) -> None:
+    changes = ("slot.path a cached", "compare.divider 0.3", "view.resolution 0.5", "camera.bookmark here")
+    play(app, *changes, "view.save v.json", "view.copy")
+    view, bookmarks = app.session.view, app.session.bookmarks
+    for restore in ("view.load v.json", f"view.load {tmp_path / 'pictures' / 'v.json'}", "view.paste"):
+        app.session.keep_bookmarks({})
+        play(app, "slot.path a deferred", "compare.mode a", "camera.look 0 0 9 0 0 0", "view.resolution 1", restore)
+        assert app.session.view == view
+        assert app.session.resolution == 0.5
+        assert app.session.bookmarks == bookmarks
+    play(app, "camera.look 0 0 9 0 0 0", "camera.go-bookmark here", "expect camera here")
+
+
+def test_a_view_with_a_source_that_is_not_open(app: HeadlessApp) -> None:
+    play(app, "view.copy")
+    content = json.loads(app.session.clipboard.read())
+    content["slots"]["a"]["source"], content["scene"] = "elsewhere", "another"
+    app.session.clipboard.write(json.dumps(content))
+    play(app, "view.paste", "expect source clustered", "expect toast 'not open: elsewhere'", "expect toast another")
+    app.session.clipboard.write("nothing of the kind")
+    before = app.session.view
+    with pytest.raises(InputError, match="clipboard: not JSON"):
+        play(app, "view.paste")
+    assert app.session.view == before
+
+
+def test_a_turntable_turns_until_it_is_stopped(app: HeadlessApp) -> None:
+    eye = app.session.view.camera.eye
+    play(app, "camera.turntable 90", "wait frames 60", "expect moving on")
+    turned = app.session.view.camera.eye
+    centre = app.session.scene.bounds.astype(float).mean(axis=0)
+    assert np.hypot(*(np.subtract(turned, centre)[[0, 2]])) == pytest.approx(
+        np.hypot(*(np.subtract(eye, centre)[[0, 2]]))
+    )
+    assert turned != eye
+    with pytest.raises(InputError, match=r"test:1: wait settled: the camera moves"):
+        play(app, "wait settled")
+    play(app, "camera.stop", "expect moving off", "wait settled")
+    play(
+        app, "window.panels", "camera.toggle-turntable", "expect moving on", "drag 10% 80% 20% 80%", "expect moving off"
+    )
+
+
+def test_paths_are_played(app: HeadlessApp, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no path has been recorded"):
+        play(app, "camera.play")
+    ends = tuple(Camera(f"p{x}", (float(x), 0.0, 5.0), (0.0, 0.0, 0.0)) for x in range(3))
+    (tmp_path / "path.json").write_text(cameras_json(ends))
+    play(app, f"camera.play {tmp_path / 'path.json'}", "wait frames 10", "expect moving on", "wait frames 40")
+    play(app, "expect moving off", "expect camera p2")
+    app.session.last_path = ends[:2]
+    play(app, "camera.play", "wait frames 30", "expect camera p1")
+
+
+def test_what_is_recorded_can_be_played(app: HeadlessApp) -> None:
+    play(app, "camera.record", "wait frames 2", "camera.next", "wait seconds 0.3", "camera.record", "wait frames 1")
+    assert app.session.last_path
+    play(app, "camera.play", "wait frames 60", "expect moving off")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (("wait frames 1", "click Nothing"), "test:2: click: nothing is called 'Nothing'"),
+        (("click 'A sourc'",), "there are A source"),
+        (("slot.source a missing",), "test:1: slot.source: source 'missing': must be one of reference"),
+        (("file.open missing.glb",), "test:1: .*missing.glb"),
+        (("expect source reference",), "test:1: expected that source is 'reference'; it is 'clustered'"),
+        (("expect toast hello",), "test:1: expected that toast contains 'hello'"),
+        (("view.load missing.json",), "test:1: .*missing.json: cannot be read"),
+        (("camera.turntable 0",), "not 0"),
+        (("camera.bookmark ''",), "one line"),
+    ],
+)
+def test_what_ends_a_script(app: HeadlessApp, lines: tuple[str, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        play(app, *lines)
+    assert "\n" not in str(caught.value)
+
+
+def test_errors_that_are_expected_do_not_end_it(app: HeadlessApp) -> None:
+    play(app, "file.open missing.glb", "expect toast missing.glb", "slot.source a no", "expect toast 'one of'", "key H")
+    assert not app.session.show_panels
+
+
+def test_closing_ends_a_script(app: HeadlessApp) -> None:
+    play(app, "window.close", "expect source nothing-of-the-kind")
+    assert app.session.closing
+
+
+def test_keys_of_the_users_own(app: HeadlessApp) -> None:
+    app.session.settings = replace(app.session.settings, keys={"window.panels": "Ctrl+H", "slot.source": "Ctrl+G"})
+    play(app, "key H", "expect panels on", "key Ctrl+H", "expect panels off")
+    play(app, "key Ctrl+G", "expect palette on", "type b", "key Enter", "type single", "key Enter")
+    play(app, "expect source-b single", "expect palette off")
+
+
+def test_tab_is_a_key_of_commands_even_after_a_click_into_a_panel(app: HeadlessApp) -> None:
+    play(app, "click divergence", "key Tab", "key Tab", "key H", "expect panels off")
+
+
+def test_no_command_breaks_the_window(app: HeadlessApp) -> None:
+    """Without arguments each runs, or says in one line what it lacks."""
+    for command in COMMANDS:
+        app.session.toasts = ()
+        app.session.apply(RunCommand(command.id))
+        app.frame()
+        assert not any("\n" in toast.text for toast in app.session.toasts)

@@ -1,0 +1,116 @@
+"""A view survives being written and read; whatever else is read is refused in one line."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ntc.errors import InputError
+from viewer.scene.model import Camera
+from viewer.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_open_sources
+from viewer.view_state import Overlay, Slot, ViewState
+from viewer.zoom import Zoom
+
+PLAIN = SavedView("courtyard", ViewState(Camera("all", (0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), (640, 360)), 1.0, {})
+CAMERA = Camera("north", (1.0, 2.0, 3.0), (0.5, 0.25, 0.125), (0.0, 0.0, 1.0), 35.5, 4.0, 0.5, 99.0)
+RICH = SavedView(
+    "courtyard",
+    replace(
+        PLAIN.view,
+        camera=CAMERA,
+        slot_a=Slot("clustered", "cached", "fp16"),
+        slot_b=Slot("single", "auto"),
+        compare="wipe",
+        wipe_position=0.3,
+        overlay=Overlay("divergence", 0.25, "viridis", "16x4"),
+        zoom=Zoom(4.0, (0.25, 0.75)),
+        anisotropy=8,
+    ),
+    0.5,
+    {"one": replace(CAMERA, name="one"), "two": Camera("two", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))},
+)
+
+
+def test_round_trip() -> None:
+    assert parse_view(view_json(RICH), "v", PLAIN) == RICH
+    assert parse_view(view_json(PLAIN), "v", replace(PLAIN, bookmarks=RICH.bookmarks)) == PLAIN
+
+
+def test_absent_fields_stay_and_unknown_ones_are_ignored() -> None:
+    assert parse_view('{"format": "ntc-viewer view", "of a later version": [1]}', "v", RICH) == RICH
+
+
+def test_sources_that_are_not_open_leave_the_slot_as_it_was() -> None:
+    view, missing = with_open_sources(RICH.view, PLAIN.view, ("reference", "single"))
+    assert missing == ["clustered"]
+    assert (view.slot_a, view.slot_b) == (PLAIN.view.slot_a, RICH.view.slot_b)
+
+
+def _with(path: str, value: Any) -> str:
+    content = json.loads(view_json(RICH))
+    *parents, last = path.split("/")
+    at = content
+    for name in parents:
+        at = at[int(name)] if isinstance(at, list) else at[name]
+    at[last] = value
+    return json.dumps(content)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("format", "something else"),
+        ("version", 2),
+        ("version", True),
+        ("camera", []),
+        ("camera/eye", [1, 2]),
+        ("camera/eye", [1, 2, float("nan")]),
+        ("camera/eye", [1, 2, float("inf")]),
+        ("camera/eye", [1, 2, True]),
+        ("camera/eye", [0.5, 0.25, 0.125]),
+        ("camera/up", [0, 0, 0]),
+        ("camera/fov", 180),
+        ("camera/fov", "60"),
+        ("camera/near", -1),
+        ("camera/far", 0.25),
+        ("camera/name", ""),
+        ("slots/a/source", 5),
+        ("slots/a/path", "fast"),
+        ("slots/a/path", ["cached"]),
+        ("slots/b", "reference"),
+        ("compare", {}),
+        ("divider", 1.5),
+        ("divider", float("nan")),
+        ("overlay/opacity", -0.1),
+        ("overlay/palette", "rainbow"),
+        ("overlay/block", "1x1"),
+        ("zoom/factor", 1e9),
+        ("zoom/x", float("nan")),
+        ("anisotropy", 3),
+        ("anisotropy", True),
+        ("resolution", 0),
+        ("resolution", 10**400),
+        ("bookmarks", {}),
+        ("bookmarks", [1]),
+        ("bookmarks", [{}]),
+        ("bookmarks", [{"name": "one"}, {"name": "one"}]),
+        ("bookmarks", [{"name": "x"}] * 1001),
+        ("bookmarks/0/eye", None),
+    ],
+)
+def test_hostile_fields_are_one_line(path: str, value: Any) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_view(_with(path, value), "v", PLAIN)
+    message = str(caught.value)
+    assert message.startswith("v")
+    assert len(message) < 300
+    assert path.split("/")[0] in message
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "null", "5", "[" * 100000, "{}", "\x00", "9" * 5000, "x" * (LARGEST_VIEW + 1)]
+)
+def test_what_is_no_view_is_one_line(text: str) -> None:
+    with pytest.raises(InputError, match=r"^v"):
+        parse_view(text, "v", PLAIN)

@@ -1,0 +1,95 @@
+"""Which key runs which command: the commands' own keys, and what the user's settings put in their place."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ntc.errors import InputError
+from viewer.commands.chords import Chord, parse_chord
+from viewer.commands.command import Command
+
+HOLD_KEY = "Space"
+"""While held, the other slot is shown."""
+RESERVED = {
+    HOLD_KEY: "showing the other slot",
+    **dict.fromkeys("WASDQE", "flying"),
+    **dict.fromkeys("123456789", "cameras of the scene"),
+}
+"""Keys that are no commands', and what they do."""
+
+
+@dataclass(frozen=True)
+class Bindings:
+    """Keys of commands."""
+
+    chords: Mapping[str, tuple[Chord, ...]]
+    """Of each command that has any, by its id."""
+    problems: tuple[str, ...] = ()
+    """What of the user's keys was refused, one line each; the command keeps its own key there."""
+
+    def text(self, command_id: str) -> str:
+        """The keys of a command as they are shown; "" for none."""
+        return ", ".join(str(chord) for chord in self.chords.get(command_id, ()))
+
+
+def _own_chords(command: Command) -> tuple[Chord, ...]:
+    return tuple(parse_chord(key) for key in (command.key, command.second_key) if key)
+
+
+def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list[str]) -> dict[str, tuple[Chord, ...]]:
+    """The user's chords by command id, without those that cannot be read or have another use."""
+    ids = {command.id for command in commands}
+    wanted: dict[str, tuple[Chord, ...]] = {}
+    for command_id, text in keys.items():
+        if command_id not in ids:
+            problems.append(f"keys: {command_id[:60]!r} is no command; remove it from the settings")
+            continue
+        try:
+            chord = parse_chord(text) if text else None
+        except InputError as error:
+            problems.append(f"keys: {command_id}: {error}")
+            continue
+        use = RESERVED.get(str(chord))
+        if use is not None:
+            problems.append(f"keys: {command_id}: {chord} is for {use}; choose another")
+            continue
+        wanted[command_id] = () if chord is None else (chord,)
+    return wanted
+
+
+def _conflict(
+    commands: Sequence[Command], wanted: Mapping[str, tuple[Chord, ...]]
+) -> tuple[dict[str, tuple[Chord, ...]], tuple[str, str, Chord] | None]:
+    """All chords with the wanted ones in place, and the first that two commands have: (refused id, its owner, chord)."""
+    chords: dict[str, tuple[Chord, ...]] = {}
+    owners: dict[Chord, str] = {}
+    # Those that the user did not change first: they keep what is theirs.
+    for command in sorted(commands, key=lambda command: command.id in wanted):
+        mine = wanted.get(command.id, _own_chords(command))
+        for chord in mine:
+            if chord in owners:
+                refused = command.id if command.id in wanted else owners[chord]
+                return chords, (refused, owners[chord], chord)
+            owners[chord] = command.id
+        if mine:
+            chords[command.id] = mine
+    return chords, None
+
+
+def bind_keys(commands: Sequence[Command], keys: Mapping[str, str]) -> Bindings:
+    """The chords of all commands, those of `keys` (command id: key; "" for none) in the place of their own ones.
+
+    A key that two commands would have is refused, with a problem that names both; keys may be exchanged.
+    """
+    problems: list[str] = []
+    wanted = _wanted(commands, keys, problems)
+    while True:
+        chords, conflict = _conflict(commands, wanted)
+        if conflict is None:
+            return Bindings(chords, tuple(problems))
+        refused, owner, chord = conflict
+        problems.append(f"keys: {refused}: {chord} belongs to {owner}; choose another, or change that one too")
+        if refused not in wanted:
+            # Two commands were made with one key: the later of them goes without.
+            wanted[refused] = ()
+            continue
+        del wanted[refused]

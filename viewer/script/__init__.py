@@ -1,0 +1,1 @@
+"""Scripts: commands of the registry and stage directions, played in the window or without one."""

@@ -1,0 +1,216 @@
+"""Stage directions: what a script can say besides commands. Each is read before the script starts."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ntc.errors import InputError
+from viewer.commands.chords import parse_chord
+from viewer.picture_request import PictureRequest
+from viewer.script import inputs
+from viewer.script.expectations import PROPERTIES, expect
+from viewer.script.stage import Stage
+
+Play = Callable[[Stage], Iterator[None]]
+"""What a line does: yields once for each frame that is to be drawn before it goes on. Raises InputError."""
+
+MOST_FRAMES = 100_000
+LONGEST_WAIT = 3600.0
+SETTLING_SECONDS = 300.0
+"""A picture that is not whole by then never will be."""
+RESIZING_SECONDS = 5.0
+"""A window that has not the wanted size by then never will."""
+SMALLEST_SIDE, LARGEST_SIDE = 64, 8192
+BUTTONS = {"left": 0, "right": 1, "middle": 2}
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One kind of stage direction."""
+
+    usage: str
+    help: str
+    fewest: int
+    """Arguments."""
+    most: int
+    read: Callable[[Sequence[str]], Play]
+    """From the arguments to what the line does. Raises InputError."""
+
+
+def _number(text: str, low: float, high: float) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not low <= number <= high:
+        raise InputError(f"{text!r}: must be a number from {low:g} to {high:g}")
+    return number
+
+
+def _whole(text: str, low: int, high: int) -> int:
+    if not text.isascii() or not text.isdigit() or not low <= int(text[:10]) <= high:
+        raise InputError(f"{text!r}: must be a whole number from {low} to {high}")
+    return int(text)
+
+
+def _place(text: str) -> tuple[float, bool]:
+    """(number, whether it is a share of the side) of `120` or `50%`."""
+    is_share = text.endswith("%")
+    number = _number(text.removesuffix("%"), -LARGEST_SIDE, LARGEST_SIDE)
+    return (number / 100.0, True) if is_share else (number, False)
+
+
+def _pixels(place: tuple[tuple[float, bool], ...], stage: Stage) -> tuple[float, float]:
+    x, y = (number * side if is_share else number for (number, is_share), side in zip(place, stage.size, strict=True))
+    return x, y
+
+
+def _wait(arguments: Sequence[str]) -> Play:
+    what = arguments[0]
+    if what == "settled" and len(arguments) == 1:
+        return _settle
+    if what == "frames" and len(arguments) == 2:
+        count = _whole(arguments[1], 1, MOST_FRAMES)
+        return lambda _stage: iter([None] * count)
+    if what == "seconds" and len(arguments) == 2:
+        seconds = _number(arguments[1], 0.0, LONGEST_WAIT)
+        return lambda _stage: _wait_seconds(seconds)
+    raise InputError("wait: must be `wait frames N`, `wait seconds S` or `wait settled`")
+
+
+def _wait_seconds(seconds: float) -> Iterator[None]:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        yield
+
+
+def _settle(stage: Stage) -> Iterator[None]:
+    end = time.monotonic() + SETTLING_SECONDS
+    yield from inputs.rest()
+    while not stage.frontend.is_settled(stage.size):
+        if stage.session.motion is not None:
+            raise InputError("wait settled: the camera moves by itself; camera.stop ends that")
+        if time.monotonic() > end:
+            raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
+        yield
+    yield from inputs.rest()
+
+
+def _size(arguments: Sequence[str]) -> Play:
+    width, _, height = arguments[0].lower().partition("x")
+    size = _whole(width, SMALLEST_SIDE, LARGEST_SIDE), _whole(height, SMALLEST_SIDE, LARGEST_SIDE)
+
+    def play(stage: Stage) -> Iterator[None]:
+        stage.resize(size)
+        end = time.monotonic() + RESIZING_SECONDS
+        yield
+        while stage.size != size:
+            if time.monotonic() > end:
+                raise InputError("size: the window system gave {}x{}".format(*stage.size))
+            yield
+        yield from inputs.rest()
+
+    return play
+
+
+def _screenshot(arguments: Sequence[str]) -> Play:
+    file = Path(arguments[0])
+    if file.suffix.lower() != ".png":
+        raise InputError(f"{arguments[0]!r}: must end with .png")
+
+    def play(stage: Stage) -> Iterator[None]:
+        stage.session.want_picture(PictureRequest("window", file, quiet=True))
+        yield
+
+    return play
+
+
+def _key(arguments: Sequence[str]) -> Play:
+    chord = parse_chord(arguments[0])
+    return lambda _stage: inputs.press(chord)
+
+
+def _held(text: str, down: bool) -> Play:
+    modifier = text.capitalize()
+    if modifier in inputs.MODIFIER_KEYS:
+        return lambda _stage: inputs.hold_modifier(modifier, down)
+    chord = parse_chord(text)
+    return lambda _stage: inputs.hold(chord, down)
+
+
+def _hold(arguments: Sequence[str]) -> Play:
+    return _held(arguments[0], True)
+
+
+def _release(arguments: Sequence[str]) -> Play:
+    return _held(arguments[0], False)
+
+
+def _click(arguments: Sequence[str]) -> Play:
+    label = " ".join(arguments)
+    return lambda stage: inputs.click(label, stage)
+
+
+def _move(arguments: Sequence[str]) -> Play:
+    place = tuple(_place(text) for text in arguments)
+    return lambda stage: inputs.move(*_pixels(place, stage))
+
+
+def _drag(arguments: Sequence[str]) -> Play:
+    start, end = (tuple(_place(text) for text in arguments[first : first + 2]) for first in (0, 2))
+    name = arguments[4] if len(arguments) == 5 else "left"
+    if name not in BUTTONS:
+        raise InputError(f"{name!r}: must be one of {', '.join(BUTTONS)}")
+    return lambda stage: inputs.drag(_pixels(start, stage), _pixels(end, stage), BUTTONS[name])
+
+
+def _wheel(arguments: Sequence[str]) -> Play:
+    notches = _number(arguments[0], -100.0, 100.0)
+    return lambda _stage: inputs.wheel(notches)
+
+
+def _type(arguments: Sequence[str]) -> Play:
+    text = " ".join(arguments)
+    return lambda _stage: inputs.type_text(text)
+
+
+def _expect(arguments: Sequence[str]) -> Play:
+    name, value = arguments[0], " ".join(arguments[1:])
+    if name not in PROPERTIES:
+        raise InputError(f"{name!r}: must be one of {', '.join(PROPERTIES)}")
+
+    def play(stage: Stage) -> Iterator[None]:
+        expect(name, value, stage)
+        return iter(())
+
+    return play
+
+
+MANY = 1000
+DIRECTIONS = {
+    "wait": Direction(
+        "wait frames N | seconds S | settled", "draw on; settled: until the picture is whole", 1, 2, _wait
+    ),
+    "size": Direction("size WIDTHxHEIGHT", "give the window's content this size in pixels", 1, 1, _size),
+    "screenshot": Direction(
+        "screenshot FILE", "write the window's content as a PNG, without a message", 1, 1, _screenshot
+    ),
+    "key": Direction("key KEY", "press a key and let it go, e.g. `Ctrl+P`", 1, 1, _key),
+    "hold": Direction("hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, _hold),
+    "release": Direction("release KEY", "let a key go", 1, 1, _release),
+    "click": Direction("click LABEL", "click on the widget of this label", 1, MANY, _click),
+    "move": Direction("move X Y", "move the mouse; pixels, or per cent of the window as `50%`", 2, 2, _move),
+    "drag": Direction("drag X0 Y0 X1 Y1 [BUTTON]", "drag with the left, right or middle button", 4, 5, _drag),
+    "wheel": Direction("wheel N", "turn the mouse wheel", 1, 1, _wheel),
+    "type": Direction("type TEXT", "type into the active field", 1, MANY, _type),
+    "expect": Direction("expect PROPERTY VALUE", "stop unless it is so", 2, MANY, _expect),
+}
+"""By their first word; none has a dot in it, every command has one."""
+
+
+def direction_table_markdown() -> str:
+    """The table of stage directions of docs/scripts.md."""
+    rows = [f"| `{d.usage.replace('|', chr(92) + '|')}` | {d.help} |" for d in DIRECTIONS.values()]
+    return "\n".join(["| direction | what it does |", "|---|---|", *rows])

@@ -1,0 +1,111 @@
+"""From text to a script: all of it is read before any of it is played."""
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ntc.errors import InputError
+from ntc.reading import read_file
+from viewer.commands import COMMANDS, find_command
+from viewer.commands.command import words
+from viewer.script.directions import DIRECTIONS, Play
+from viewer.script.stage import Stage
+
+LARGEST_SCRIPT = 1 << 20
+"""Bytes."""
+MOST_LINES = 10_000
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line."""
+
+    where: str
+    """File and line, for messages."""
+    words: tuple[str, ...]
+    play: Play
+
+    @property
+    def expects_message(self) -> bool:
+        """Whether the line looks at messages: one that tells of an error is then no surprise."""
+        return self.words[:2] == ("expect", "toast")
+
+
+Script = tuple[Step, ...]
+
+
+def _command(command_id: str, arguments: tuple[str, ...]) -> Play:
+    def play(stage: Stage) -> Iterator[None]:
+        stage.session.run_command(command_id, arguments)
+        yield
+
+    return play
+
+
+def _play(parts: Sequence[str]) -> Play:
+    name, arguments = parts[0], tuple(parts[1:])
+    if "." in name:
+        find_command(name).check(arguments)
+        return _command(name, arguments)
+    direction = DIRECTIONS.get(name)
+    if direction is None:
+        near = difflib.get_close_matches(name, [*DIRECTIONS, *(command.id for command in COMMANDS)])
+        raise InputError(
+            f"{name[:60]!r}: no such command or direction" + (f"; did you mean {near[0]}?" if near else "")
+        )
+    if not direction.fewest <= len(arguments) <= direction.most:
+        raise InputError(f"usage: {direction.usage}")
+    try:
+        return direction.read(arguments)
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(name) else f"{name}: {error}") from error
+
+
+def _steps(lines: Sequence[str], name: str) -> Script:
+    if len(lines) > MOST_LINES:
+        raise InputError(f"{name}: has {len(lines)} lines, at most {MOST_LINES} are read")
+    steps: list[Step] = []
+    for number, line in enumerate(lines, 1):
+        where = f"{name}:{number}"
+        try:
+            parts = tuple(words(line))
+            if parts:
+                steps.append(Step(where, parts, _play(parts)))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return tuple(steps)
+
+
+def parse_script(text: str, name: str) -> Script:
+    """The steps of a script called `name`, one a line. Raises InputError that names the line."""
+    return _steps(text.splitlines(), name)
+
+
+def read_script(path: Path) -> Script:
+    """The steps of the file at `path`. Raises InputError."""
+    try:
+        text = read_file(path, LARGEST_SCRIPT).decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text ({error.reason})") from error
+    return parse_script(text, str(path))
+
+
+def split_lines(text: str) -> list[str]:
+    """What semicolons outside of quotes separate."""
+    parts, quote = [""], ""
+    for letter in text:
+        if letter == ";" and not quote:
+            parts.append("")
+            continue
+        if letter in "'\"" and quote in ("", letter):
+            quote = "" if quote else letter
+        parts[-1] += letter
+    return parts
+
+
+def parse_exec(text: str) -> Script:
+    """The steps of an option --exec: lines with semicolons between them. Raises InputError."""
+    return _steps(split_lines(text.replace("\n", ";")), "--exec")

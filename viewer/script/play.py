@@ -1,0 +1,33 @@
+"""Playing a script: a generator that yields whenever a frame must be drawn, so that it blocks nothing."""
+
+from collections.abc import Iterator
+
+from ntc.errors import InputError
+from viewer.script.parse import Script
+from viewer.script.stage import Stage
+
+
+def play_script(script: Script, stage: Stage) -> Iterator[None]:
+    """Play `script` on `stage`: yields for every frame; ends with the script, or when a command closes the window.
+
+    Raises InputError, with file and line, where a line cannot be carried out or its expectation fails, and where the
+    window tells of an error that the next line does not expect.
+    """
+    for step, following in zip(script, (*script[1:], None), strict=True):
+        known = _errors(stage)
+        try:
+            yield from step.play(stage)
+        except InputError as error:
+            if following is None or not following.expects_message:
+                raise InputError(f"{step.where}: {error}") from error
+            stage.session.say(str(error), "error")
+            yield
+        new = [text for text in _errors(stage) if text not in known]
+        if new and not (following is not None and following.expects_message):
+            raise InputError(f"{step.where}: {new[0]}")
+        if stage.session.closing:
+            return
+
+
+def _errors(stage: Stage) -> list[str]:
+    return [toast.text for toast in stage.session.toasts if toast.kind == "error"]

@@ -1,0 +1,204 @@
+"""The command palette: a command is found by typing, and asked what it must be told, one thing after another."""
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from ntc.errors import InputError
+from viewer.actions import RunCommand
+from viewer.commands import COMMANDS, bindings, find_command
+from viewer.commands.command import Command, Parameter
+from viewer.session import Session
+from viewer.ui.facts import Emit
+from viewer.ui.items import ItemPlaces
+from viewer.ui.search import best_first, score
+
+WIDTH = 620.0
+TOP_SHARE = 0.12
+ROWS_SHARE = 0.6
+"""Of the window's height, for the list."""
+LABEL = "palette: "
+"""Before the names under which scripts click on entries: `palette: compare.mode`, `palette: wipe`."""
+PROBLEM = (1.0, 0.55, 0.45, 1.0)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One entry of the list."""
+
+    value: str
+    """What it stands for: a command's id, or an argument."""
+    text: str
+    note: str = ""
+    key: str = ""
+
+
+def _shortened(text: str, width: float) -> str:
+    """As much of `text` as fits."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    while text and imgui.calc_text_size(f"{text}...").x > width:
+        text = text[:-1]
+    return f"{text.rstrip()}..."
+
+
+class Palette:
+    """What has been typed and chosen so far."""
+
+    def __init__(self) -> None:
+        self._was_open: str | None = None
+        self._command: Command | None = None
+        self._arguments: tuple[str, ...] = ()
+        self._text = ""
+        self._selected = 0
+        self._problem = ""
+        self._step = 0
+        """Makes a field of its own of every step: ImGui keeps the text of one that is being typed into."""
+        self._focus = False
+
+    def draw(self, session: Session, size: tuple[float, float], emit: Emit, items: ItemPlaces) -> None:
+        """The palette, where the session says that it is open."""
+        if session.palette != self._was_open:
+            self._was_open = session.palette
+            self._begin(find_command(session.palette) if session.palette else None)
+        if session.palette is None:
+            return
+        width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
+        imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] * TOP_SHARE), imgui.Cond_.always, ImVec2(0.5, 0.0))
+        imgui.set_next_window_size(ImVec2(width, 0.0))
+        imgui.set_next_window_bg_alpha(1.0)
+        flags = imgui.WindowFlags_
+        imgui.set_next_window_focus()
+        imgui.begin(
+            "##palette",
+            None,
+            flags.no_decoration | flags.no_move | flags.no_saved_settings | flags.no_docking | flags.always_auto_resize,
+        )
+        rows = self._rows(session)
+        chosen = self._field(rows, items)
+        clicked = self._list(rows, size[1] * ROWS_SHARE, items)
+        outside = imgui.is_mouse_clicked(imgui.MouseButton_.left) and not imgui.is_window_hovered(
+            imgui.HoveredFlags_.root_and_child_windows | imgui.HoveredFlags_.allow_when_blocked_by_active_item
+        )
+        imgui.end()
+        if imgui.is_key_pressed(imgui.Key.escape, repeat=False) or (outside and clicked is None):
+            self._close(session)
+            return
+        answer = clicked if clicked is not None else chosen
+        if answer is not None:
+            self._answer(answer, session, emit)
+
+    def _begin(self, command: Command | None) -> None:
+        self._command, self._arguments = command, ()
+        self._next_step()
+
+    def _next_step(self) -> None:
+        self._text, self._selected, self._problem = "", 0, ""
+        self._step += 1
+        self._focus = True
+
+    def _close(self, session: Session) -> None:
+        # A command may open it anew within the same frame.
+        session.palette = self._was_open = None
+
+    @property
+    def _parameter(self) -> Parameter | None:
+        return self._command.parameters[len(self._arguments)] if self._command is not None else None
+
+    def _rows(self, session: Session) -> tuple[_Row, ...]:
+        parameter = self._parameter
+        if parameter is None:
+            bound = bindings(session.settings.keys)
+            return tuple(
+                _Row(command.id, command.title, command.help, bound.text(command.id))
+                for command in best_first(self._text, COMMANDS)
+            )
+        options = parameter.options(session)
+        fits = [(score(self._text, option), option) for option in options]
+        return tuple(
+            _Row(option, option) for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0)) if fit is not None
+        )
+
+    def _field(self, rows: tuple[_Row, ...], items: ItemPlaces) -> str | None:
+        """The line that is typed into; what Enter chose."""
+        parameter = self._parameter
+        if self._command is not None and parameter is not None:
+            imgui.text(" ".join((self._command.title, *self._arguments)))
+            imgui.same_line()
+            imgui.text_disabled(f"{parameter.name}: {parameter.help}")
+        hint = "find a command" if parameter is None else parameter.default or parameter.name
+        imgui.set_next_item_width(-1.0)
+        if self._focus:
+            imgui.set_keyboard_focus_here()
+            self._focus = False
+        entered, text = imgui.input_text_with_hint(
+            f"##field{self._step}", hint, self._text, imgui.InputTextFlags_.enter_returns_true
+        )
+        items.note("palette")
+        if text != self._text:
+            self._text, self._selected, self._problem = text, 0, ""
+        if self._problem:
+            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*PROBLEM))
+            imgui.text_wrapped(self._problem)
+            imgui.pop_style_color()
+        for key, step in ((imgui.Key.down_arrow, 1), (imgui.Key.up_arrow, -1)):
+            if rows and imgui.is_key_pressed(key):
+                self._selected = (self._selected + step) % len(rows)
+        if not entered:
+            return None
+        # Enter takes the keyboard away from the field.
+        self._focus = True
+        if rows and (parameter is None or parameter.kind == "choice"):
+            return rows[min(self._selected, len(rows) - 1)].value
+        if parameter is None:
+            self._problem = f"no command has {self._text!r} in it"
+            return None
+        if not self._text and parameter.default is None:
+            self._problem = f"{parameter.name}: {parameter.help}"
+            return None
+        return self._text if self._text or parameter.default is None else parameter.default
+
+    def _list(self, rows: tuple[_Row, ...], height: float, items: ItemPlaces) -> str | None:
+        """The list; what was clicked on."""
+        if not rows:
+            return None
+        line = imgui.get_text_line_height_with_spacing()
+        imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + 4.0, height)))
+        clicked = None
+        for index, row in enumerate(rows):
+            if imgui.selectable(f"##{row.value}", index == self._selected)[0]:
+                clicked = row.value
+            items.note(f"{LABEL}{row.value}")
+            if index == self._selected and not imgui.is_item_visible():
+                imgui.set_scroll_here_y(0.5)
+            imgui.same_line(6.0)
+            imgui.text(row.text)
+            key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0
+            if row.note:
+                imgui.same_line()
+                imgui.text_disabled(_shortened(row.note, key_left - imgui.get_cursor_pos_x() - 8.0))
+            if row.key:
+                imgui.same_line(key_left)
+                imgui.text_disabled(row.key)
+        imgui.end_child()
+        return clicked
+
+    def _answer(self, answer: str, session: Session, emit: Emit) -> None:
+        """Go on with a command or an argument that was chosen; run the command when it knows all."""
+        if self._command is None:
+            self._command = find_command(answer)
+        else:
+            parameter = self._parameter
+            assert parameter is not None
+            try:
+                parameter.read(answer, session)
+            except InputError as error:
+                self._problem = str(error)
+                return
+            self._arguments = (*self._arguments, answer)
+        if len(self._arguments) < len(self._command.parameters):
+            self._next_step()
+            return
+        command, arguments = self._command, self._arguments
+        self._close(session)
+        emit(RunCommand(command.id, arguments))
