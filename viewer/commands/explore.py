@@ -6,13 +6,13 @@ from viewer.session import Session
 
 
 def _texture(session: Session, named: str) -> int:
-    """The texture id that a name or number stands for. Raises InputError."""
+    """The texture id that a number, else a name, stands for. Raises InputError."""
     textures = session.scene.textures
+    if named.isdecimal() and len(named) < 10 and int(named) < len(textures):
+        return int(named)
     found = [number for number, texture in enumerate(textures) if texture.name == named]
     if found:
         return found[0]
-    if named.isdecimal() and int(named) < len(textures):
-        return int(named)
     raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
 
 
@@ -32,7 +32,7 @@ def _close_flat(session: Session) -> None:
     session.flat_texture = None
 
 
-TEXTURE = Parameter("texture", "text", "its name, or its number in the panel Textures")
+TEXTURE = Parameter("texture", "text", "its number in the scene, or its name")
 COMMANDS = (
     Command("texture.select", "Select texture", "highlight a texture in all panels", "View", _select, (TEXTURE,)),
     Command("texture.clear", "Select no texture", "highlight none", "View", _clear),

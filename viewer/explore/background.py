@@ -10,7 +10,7 @@ from ntc.errors import InputError
 from viewer.message_log import details_of
 
 Result = TypeVar("Result")
-RESULTS_KEPT = 16
+RESULTS_KEPT = 8
 
 
 class JobCancelledError(Exception):
@@ -89,6 +89,15 @@ class Background:
             if self._running is not None and self._running[0] == key:
                 self._running[1].cancelled = True
 
+    def forget(self) -> None:
+        """Nobody waits for anything any more, and all results go: what they are about is closed."""
+        with self._lock:
+            self._waiting.clear()
+            self._finished.clear()
+            self._order.clear()
+            if self._running is not None:
+                self._running[1].cancelled = True
+
     def take_news(self) -> bool:
         """Whether there is something new since the last call."""
         news, self._news = self._news, False
@@ -129,7 +138,7 @@ class Background:
             finished = self._run(job, report)
             with self._lock:
                 self._running = None
-                if finished is not None:
+                if finished is not None and not report.cancelled:
                     self._finished[key] = finished
                     self._order.append(key)
                     while len(self._order) > RESULTS_KEPT:

@@ -3,12 +3,29 @@
 from imgui_bundle import imgui
 
 from viewer.ui.facts import FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.ui.timings_plot import TimingsPlot
 
 
-def draw_timings_panel(facts: FrameFacts) -> None:
+def timings_text(facts: FrameFacts) -> str:
+    """All figures of the panel as text, to be copied."""
+    lines = [facts.renderer, f"medians, {facts.timer}"]
+    lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
+    lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
+    lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
+    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn"])
+
+
+def draw_timings_panel(facts: FrameFacts, plot: TimingsPlot, items: ItemPlaces) -> None:
     """The content of the panel."""
-    imgui.text(facts.renderer)
+    imgui.text_wrapped(facts.renderer)
     imgui.text_disabled(f"medians, {facts.timer}")
+    imgui.same_line()
+    if imgui.small_button("copy"):
+        imgui.set_clipboard_text(timings_text(facts))
+    items.note("copy timings")
+    if facts.history is not None:
+        plot.draw(facts.history, items)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
         for name, milliseconds in facts.timings_ms.items():
             imgui.table_next_row()
