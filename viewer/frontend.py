@@ -299,7 +299,7 @@ class Frontend:
         waiting = session.measure_requested or session.screenshot_requested or session.recorded_path is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
-        found = self.interface.background.take_news()
+        found = self.interface.background.take_news() or self.interface.is_settling(session)
         return waiting or ending or opened or found or self._is_waiting or self._view(size) != self._last_view
 
     @property

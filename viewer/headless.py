@@ -60,6 +60,8 @@ class HeadlessApp:
     def settle(self) -> None:
         """Draw until the layout rests."""
         self.frame(SETTLING_FRAMES)
+        while self.frontend.interface.is_settling(self.session):
+            self.frame()
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse."""

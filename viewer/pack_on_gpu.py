@@ -160,7 +160,7 @@ class PackOnGpu:
 
     @property
     def bytes_by_part(self) -> dict[str, int]:
-        """`bytes_on_gpu`, by what it is for."""
+        """`bytes_on_gpu`, by what it is for; adapters count as decoders."""
         parts: dict[str, int] = {}
         for part in self._made:
             if isinstance(part, PackBuffers):
@@ -170,7 +170,7 @@ class PackOnGpu:
             if isinstance(part, DecodeCachedPass):
                 name = "tile cache"
             elif isinstance(part, DecoderRanges):
-                name = "decoders and adapters"
+                name = "decoders"
             parts[name] = parts.get(name, 0) + part.bytes_on_gpu
         return parts
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+
 from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.pack_file import read_pack

@@ -38,9 +38,7 @@ SCALE = Parameter("scale", "number", "size of text and widgets, 1 is the normal 
 TITLE = Parameter("name", "choice", "title of the panel", lambda session: session.panel_titles)
 STATE = Parameter("state", "choice", "on or off", fixed("on", "off"), default="on")
 COMMANDS = (
-    Command(
-        "window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window", _reset_layout
-    ),
+    Command("window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window", _reset_layout),
     Command("window.theme", "Theme", "dark or light panels", "Window", _theme, (THEME,)),
     Command("window.ui-scale", "UI scale", "size of text and widgets", "Window", _ui_scale, (SCALE,)),
     Command("window.panel", "Panel", "bring a panel to the front, or close it", "Window", _panel, (TITLE, STATE)),

@@ -63,15 +63,15 @@ def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str,
     original = max(1, sum(_bytes_of_size(texture.pixels.shape[1], texture.pixels.shape[0])[0] for texture in held))
     table = psnr_table(pack)
     rows = [
-        MemoryRow("latents in the pack", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
-        MemoryRow("decoders in the pack", table.decoder_bytes, table.decoder_bytes / original, "half precision"),
+        MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
+        MemoryRow("pack: decoders", table.decoder_bytes, table.decoder_bytes / original, "half precision"),
     ]
     if table.adapter_bytes:
-        rows.append(MemoryRow("adapters in the pack", table.adapter_bytes, table.adapter_bytes / original))
+        rows.append(MemoryRow("pack: adapters", table.adapter_bytes, table.adapter_bytes / original))
     total = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
     rows.append(MemoryRow("pack in all", total, total / original, is_total=True))
     if on_gpu is not None:
-        rows += [MemoryRow(f"{name} on the GPU", size, size / original) for name, size in on_gpu.items() if size]
+        rows += [MemoryRow(f"GPU: {name}", size, size / original) for name, size in on_gpu.items() if size]
         total = sum(on_gpu.values())
         rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
     return tuple(rows)

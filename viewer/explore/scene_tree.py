@@ -94,5 +94,7 @@ class SceneTree:
         instance = int(self._by_node[int(self._first[place]) + number])
         primitive = self._scene.primitives[int(self._scene.instances.primitive[instance])]
         material = self._scene.materials[primitive.material]
-        label = f"{primitive.name or 'primitive'}, {primitive.index_count // 3:,} triangles, {material.name or 'material'}"
+        label = (
+            f"{primitive.name or 'primitive'}, {primitive.index_count // 3:,} triangles, {material.name or 'material'}"
+        )
         return TreeRow(label, node, instance, material.texture_id)

@@ -72,7 +72,11 @@ class LatentStore:
         # Of each texture one entry more than mips, so that `finest` may say that none is there.
         self._first_sum = self.first_level + np.arange(len(counts))
         self._cells_from = np.array(
-            [sum(level.cells for level in pyramid[start:]) for pyramid in self._pyramids for start in range(len(pyramid) + 1)],
+            [
+                sum(level.cells for level in pyramid[start:])
+                for pyramid in self._pyramids
+                for start in range(len(pyramid) + 1)
+            ],
             np.int64,
         )
         self._used = 0

@@ -74,10 +74,10 @@ class PackBuffers:
 
     @property
     def bytes_by_part(self) -> Mapping[str, int]:
-        """The same, by what it is for."""
+        """The same, by what it is for; adapters count as decoders."""
         weights = self._buffers[StorageBinding.WEIGHTS].size
         tables = sum(buffer.size for buffer in self._buffers.values()) - weights
-        return {"latents": self._latents.buffer.size, "decoders and adapters": weights, "tables": tables}
+        return {"latents": self._latents.buffer.size, "decoders": weights, "tables": tables}
 
     @property
     def latent_bytes(self) -> NDArray[np.int64]:

@@ -32,9 +32,10 @@ def slot_label(slot: Slot) -> str:
     return f"{slot.source}, {slot.path}" + (", fp16" if slot.precision == "fp16" else "")
 
 
-def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0) -> float:
+def _boxed_text(
+    draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0
+) -> float:
     """Text on a dark plate with its upper left corner at `at`; its height."""
-    draw = imgui.get_foreground_draw_list()
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
     low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
     draw.add_rect_filled(low, high, _color(fill), 4.0)
@@ -95,11 +96,12 @@ def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
     """Messages above the lower edge of `area`, newest lowest."""
     y = area.bottom - 2.0 * imgui.get_text_line_height_with_spacing()
     wrap = max(200.0, min(640.0, area.width - 40.0))
+    draw = imgui.get_foreground_draw_list()
     for toast in reversed(toasts):
         extent = imgui.calc_text_size(toast.text, wrap_width=wrap)
         y -= extent.y + 10.0
         _boxed_text(
-            ImVec2(_centred(area, extent.x), y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
+            draw, ImVec2(_centred(area, extent.x), y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
         )
 
 
@@ -118,7 +120,9 @@ def draw_hints(session: Session, area: Area) -> None:
     text = "   ".join(parts)
     extent = imgui.calc_text_size(text)
     if extent.x <= area.width - 2.0 * MARGIN:
-        _boxed_text(ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0), text, SHADE)
+        # Below all windows.
+        draw = imgui.get_background_draw_list()
+        _boxed_text(draw, ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0), text, SHADE)
 
 
 def draw_help(session: Session, size: tuple[float, float], items: ItemPlaces) -> None:

@@ -69,8 +69,14 @@ class DockLayout:
     """The dock space of one window."""
 
     def __init__(self) -> None:
-        self._front: dict[Place, str] = {}
+        self._front: list[str] = []
+        """Panels that are to come to the front, the last one first."""
         self._frames_until_front = 0
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether panels are still to come to the front after a new layout."""
+        return bool(self._front)
 
     def draw(self, panels: Sequence[Docked], scale: float, reset: bool) -> Area:
         """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture."""
@@ -86,12 +92,10 @@ class DockLayout:
 
     def bring_to_front(self) -> None:
         """Show the first panel of each place after a new layout; to be called when the panels have been drawn."""
-        if self._frames_until_front == 0:
-            return
-        self._frames_until_front -= 1
-        if self._frames_until_front == 0:
-            for title in self._front.values():
-                imgui.set_window_focus(title)
+        self._frames_until_front = max(0, self._frames_until_front - 1)
+        if self._front and self._frames_until_front == 0:
+            # One a frame: a tab bar takes the choice from the window that has the focus.
+            imgui.set_window_focus(self._front.pop())
 
     def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal
@@ -120,7 +124,7 @@ class DockLayout:
             for panel in members:
                 builder.dock_builder_dock_window(panel.title, nodes[place])
         builder.dock_builder_finish(root)
-        self._front = {place: members[0].title for place, members in places.items()}
+        self._front = [members[0].title for members in places.values()]
         # ImGui gives a tab bar to a node in the frame after its windows have come.
         self._frames_until_front = 2
 

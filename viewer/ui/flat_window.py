@@ -69,8 +69,11 @@ class FlatWindow:
         centre = imgui.get_main_viewport().get_work_center()
         imgui.set_next_window_size(ImVec2(0.7 * size.x, 0.8 * size.y), imgui.Cond_.appearing)
         imgui.set_next_window_pos(centre, imgui.Cond_.appearing, ImVec2(0.5, 0.5))
+        imgui.set_next_window_bg_alpha(1.0)
         flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_scrollbar
-        flags |= imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse
+        flags |= (
+            imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse
+        )
         opened, stays = imgui.begin(f"{texture.name}###flat", True, flags)
         items.note("flat texture")
         if opened:
@@ -161,9 +164,7 @@ class FlatWindow:
         against = " against the original made as small" if flat.reduced else ""
         return _Side(source, flat.pixels, f"{about}, {quality}{against}")
 
-    def _picture(
-        self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: ItemPlaces
-    ) -> None:
+    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: ItemPlaces) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         if room.x < 8.0 or room.y < 8.0:
             return
@@ -204,7 +205,7 @@ class FlatWindow:
         near = wipes and abs(io.mouse_pos.x - at.x - self._divider * room.x) <= GRAB
         if imgui.is_item_activated():
             self._dragging = near
-        if hovered and near or held and self._dragging:
+        if (hovered and near) or (held and self._dragging):
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if held and self._dragging:
             self._divider = min(max((io.mouse_pos.x - at.x) / room.x, 0.0), 1.0)

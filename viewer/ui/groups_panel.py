@@ -144,14 +144,18 @@ class GroupsPanel:
         if isinstance(distances, GroupDistances):
             by_texture = distances.by_texture
             members.sort(key=lambda texture: -by_texture.get(texture, 0.0))
-            imgui.text_disabled(distances.caption())
+            imgui.text_wrapped(distances.caption())
         elif distances:
-            imgui.text_disabled(distances)
+            imgui.text_wrapped(distances)
         side = THUMBNAIL_LINES * imgui.get_font_size()
         if not imgui.begin_child("members"):
             imgui.end_child()
             return
-        far = max((distances.by_texture.get(t, 0.0) for t in members), default=0.0) if isinstance(distances, GroupDistances) else 0.0
+        far = (
+            max((distances.by_texture.get(t, 0.0) for t in members), default=0.0)
+            if isinstance(distances, GroupDistances)
+            else 0.0
+        )
         clipper = imgui.ListClipper()
         clipper.begin(len(members), side + imgui.get_style().item_spacing.y)
         while clipper.step():
@@ -196,9 +200,7 @@ class GroupsPanel:
         features, stands_in_for = asked
         # Every grouping has its own centroids, over features that are kept on disk.
         key = (session.scene, decoders, features)
-        answer = self._background.ask(
-            key, partial(group_distances, session.scene, decoders, features, stands_in_for)
-        )
+        answer = self._background.ask(key, partial(group_distances, session.scene, decoders, features, stands_in_for))
         if isinstance(answer, JobReport):
             return f"{features} features {answer.share:.0%}"
         if isinstance(answer.value, GroupDistances):

@@ -54,8 +54,11 @@ class MemoryPanel:
         imgui.same_line()
         imgui.text_disabled("ratio to RGBA8 with mips")
         self._bars(items)
-        if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_stretch_prop):
+        if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
             return
+        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
+        for name in ("bytes", "ratio"):
+            imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed)
         for title, color, rows in self._parts:
             imgui.table_next_row()
             imgui.table_next_column()

@@ -56,7 +56,9 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
         Panel("Compare", "left", lambda _: 356.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
         Panel("Timings", "left below", lambda _: 300.0, lambda c: draw_timings_panel(c.facts, plot, c.items)),
         Panel("Memory", "left below", lambda _: 300.0, lambda c: memory.draw(c.session, c.facts, c.items)),
-        Panel("Scene", "right", _scene_height, lambda c: draw_scene_panel(c.session, open_field, lists, c.emit, c.items)),
+        Panel(
+            "Scene", "right", _scene_height, lambda c: draw_scene_panel(c.session, open_field, lists, c.emit, c.items)
+        ),
         Panel("Textures", "right", _scene_height, lambda c: textures.draw(c.session, c.facts, c.emit, c.items)),
         Panel("Groups", "right", _scene_height, lambda c: groups.draw(c.session, c.facts, c.emit, c.items)),
         Panel(

@@ -62,9 +62,7 @@ def _parts(report: LoadReport, items: ItemPlaces) -> None:
             imgui.tree_pop()
 
 
-def draw_scene_panel(
-    session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: ItemPlaces
-) -> None:
+def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: ItemPlaces) -> None:
     """The content of the panel."""
     scene = session.scene
     imgui.text_wrapped(str(scene.path or scene.name))

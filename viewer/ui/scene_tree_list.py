@@ -12,9 +12,13 @@ from viewer.ui.items import ItemPlaces
 
 def _material_text(number: int, material: Material, scene: Scene) -> str:
     texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
-    extras = [material.alpha_mode] if material.alpha_mode != "opaque" else []
+    extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
     extras += ["double-sided"] if material.double_sided else []
-    factor = "" if all(value == 1.0 for value in material.factor) else " x (" + ", ".join(f"{value:.2f}" for value in material.factor) + ")"
+    factor = (
+        ""
+        if all(value == 1.0 for value in material.factor)
+        else " x (" + ", ".join(f"{value:.2f}" for value in material.factor) + ")"
+    )
     return f"{number}  {material.name or 'material'}: {texture}{factor}" + (f", {', '.join(extras)}" if extras else "")
 
 
@@ -96,7 +100,9 @@ class SceneLists:
                 material = session.scene.materials[number]
                 texture = material.texture_id
                 text = _material_text(number, material, session.scene)
-                chosen = imgui.selectable(f"{text}##material {number}", 0 <= texture == session.selected_texture, flags)[0]
+                chosen = imgui.selectable(
+                    f"{text}##material {number}", 0 <= texture == session.selected_texture, flags
+                )[0]
                 items.note(f"material {number}")
                 if chosen and texture >= 0:
                     doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)

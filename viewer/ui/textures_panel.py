@@ -82,7 +82,9 @@ class TexturesPanel:
         size = imgui.get_font_size()
         imgui.table_setup_scroll_freeze(2, 1)
         side = THUMBNAIL_LINES * size
-        imgui.table_setup_column("##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side)
+        imgui.table_setup_column(
+            "##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side
+        )
         for number, column in enumerate(COLUMNS):
             flags = fixed | (imgui.TableColumnFlags_.default_hide if column in HIDDEN_AT_FIRST else 0)
             if column == "name":

@@ -21,6 +21,7 @@ def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         window, title, frame, tab = (0.085, 0.09, 0.1), (0.06, 0.065, 0.07), (0.17, 0.18, 0.2), (0.11, 0.12, 0.14)
     else:
         window, title, frame, tab = (0.95, 0.95, 0.96), (0.86, 0.87, 0.89), (1.0, 1.0, 1.0), (0.87, 0.88, 0.9)
+    faint = (0.58, 0.6, 0.63) if theme == "dark" else (0.38, 0.4, 0.43)
     col = imgui.Col_
     return {
         col.window_bg: _color(*window, ALPHA),
@@ -33,6 +34,8 @@ def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         col.frame_bg_hovered: _color(*accent, 0.35),
         col.frame_bg_active: _color(*accent, 0.5),
         col.check_mark: _color(*accent),
+        col.plot_histogram: _color(*accent, 0.6),
+        col.text_disabled: _color(*faint),
         col.slider_grab: _color(*accent, 0.8),
         col.slider_grab_active: _color(*accent),
         col.button: _color(*accent, 0.3),

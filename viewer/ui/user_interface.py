@@ -31,6 +31,11 @@ class UserInterface:
         """Of all panels, shown or not."""
         return tuple(panel.title for panel in self._all_panels)
 
+    def is_settling(self, session: Session) -> bool:
+        """Whether the next frame puts panels elsewhere although nothing happens."""
+        asked = session.layout_reset_requested or session.raised_panel is not None
+        return session.show_panels and (asked or self._layout.is_settling)
+
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
         self.items.clear()
