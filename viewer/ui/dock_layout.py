@@ -71,12 +71,13 @@ class DockLayout:
     def __init__(self) -> None:
         self._front: list[str] = []
         """Panels that are to come to the front, the last one first."""
-        self._frames_until_front = 0
+        self._pause = 0
+        """Frames until the next one may come, or until the last one is seen there."""
 
     @property
     def is_settling(self) -> bool:
         """Whether panels are still to come to the front after a new layout."""
-        return bool(self._front)
+        return bool(self._front) or self._pause > 0
 
     def draw(self, panels: Sequence[Docked], scale: float, reset: bool) -> Area:
         """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture."""
@@ -91,11 +92,18 @@ class DockLayout:
         return Area(low.x, low.y, low.x + size.x, low.y + size.y)
 
     def bring_to_front(self) -> None:
-        """Show the first panel of each place after a new layout; to be called when the panels have been drawn."""
-        self._frames_until_front = max(0, self._frames_until_front - 1)
-        if self._front and self._frames_until_front == 0:
-            # One a frame: a tab bar takes the choice from the window that has the focus.
+        """Let the next panel that is waiting for it come to the front; to be called when the panels have been drawn."""
+        self._pause = max(0, self._pause - 1)
+        if self._front and self._pause == 0:
+            # One after the other: a tab bar takes the choice from the window that has the focus.
             imgui.set_window_focus(self._front.pop())
+            self._pause = 2
+
+    def bring(self, title: str) -> None:
+        """Bring a panel to the front."""
+        self._front = [title, *self._front]
+        # One that was closed is a window again in this frame only.
+        self._pause = max(self._pause, 2)
 
     def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal
@@ -126,7 +134,7 @@ class DockLayout:
         builder.dock_builder_finish(root)
         self._front = [members[0].title for members in places.values()]
         # ImGui gives a tab bar to a node in the frame after its windows have come.
-        self._frames_until_front = 2
+        self._pause = 3
 
 
 def _split(node: int, direction: imgui.Dir, share: float) -> tuple[int, int]:

@@ -77,8 +77,8 @@ class UserInterface:
             imgui.end()
             if not stays:
                 emit(RunCommand("window.panel", (panel.title, "off")))
-        self._layout.bring_to_front()
         if session.raised_panel is not None:
-            imgui.set_window_focus(session.raised_panel)
+            self._layout.bring(session.raised_panel)
             session.raised_panel = None
+        self._layout.bring_to_front()
         return area
