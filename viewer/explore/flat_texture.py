@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.latents import latent_levels
 from ntc.metrics import psnr_db
+from ntc.mips import mip_chain
 from ntc.pack import Pack
 from ntc.reference import decode_texels, texel_centres
 from ntc.textures import SourceTexture
@@ -14,8 +15,6 @@ from viewer.explore.background import JobReport
 from viewer.scene.model import SceneTexture
 from viewer.scene.source_textures import reduce_texture
 
-LARGEST_SHOWN = 4096
-"""Texels of the longer side that are put on the GPU; of a larger image every n-th."""
 PREVIEW_SIDE = 256
 ROWS_AT_ONCE = 1 << 15
 """Texels decoded between two reports: about a tenth of a second."""
@@ -23,14 +22,14 @@ ROWS_AT_ONCE = 1 << 15
 
 @dataclass(frozen=True, eq=False)
 class FlatTexture:
-    """A decoded texture."""
+    """A texture, decoded or original."""
 
-    pixels: NDArray[np.uint8]
-    """[h, w, 3] uint8, sRGB."""
+    mips: tuple[NDArray[np.uint8], ...]
+    """[h, w, 3] uint8 sRGB each, from the finest: what is shown when it is made smaller."""
     level: int
     """Mip that is decoded: above 0 while the whole is still to come."""
     psnr_db: float | None
-    """Of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview."""
+    """Of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and for the original itself."""
     reduced: bool = False
     """Whether the texture was made smaller before it was encoded, and is compared with the original made so small."""
 
@@ -40,10 +39,14 @@ def as_rgb8(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
 
 
-def shown_pixels(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """`pixels` [H, W, C] as RGB, every n-th texel where they are too many for the GPU."""
-    step = max(1, -(-max(pixels.shape[:2]) // LARGEST_SHOWN))
-    return np.ascontiguousarray(as_rgb8(pixels)[::step, ::step])
+def _mips(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], ...]:
+    return tuple(mip_chain(np.ascontiguousarray(as_rgb8(pixels)), "srgb"))
+
+
+def original_flat(texture: SceneTexture, report: JobReport) -> FlatTexture:
+    """A job: the original image of `texture`."""
+    report.show(FlatTexture((as_rgb8(texture.pixels),), 0, None))
+    return FlatTexture(_mips(texture.pixels), 0, None)
 
 
 def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np.uint8]:
@@ -66,7 +69,7 @@ def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport
     levels = latent_levels(encoded.width, encoded.height, pack.config)
     preview = next((n for n, size in enumerate(levels) if max(size.texel_width, size.texel_height) <= PREVIEW_SIDE), 0)
     if preview:
-        report.show(FlatTexture(as_rgb8(_decode(pack, index, preview, report)), preview, None))
+        report.show(FlatTexture((as_rgb8(_decode(pack, index, preview, report)),), preview, None))
     decoded = _decode(pack, index, 0, report)
     original = texture.pixels
     reduced = original.shape[:2] != decoded.shape[:2]
@@ -75,7 +78,7 @@ def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport
     same = original.shape[:2] == decoded.shape[:2]
     channels = min(original.shape[2], decoded.shape[2])
     quality = psnr_db(original[..., :channels], decoded[..., :channels]) if same else None
-    return FlatTexture(shown_pixels(decoded), 0, quality, reduced)
+    return FlatTexture(_mips(decoded), 0, quality, reduced)
 
 
 def _reduced(texture: SceneTexture, side: int) -> NDArray[np.uint8]:

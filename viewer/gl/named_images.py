@@ -15,15 +15,14 @@ class NamedImages:
         self._held: dict[str, tuple[NDArray[np.uint8], moderngl.Texture]] = {}
 
     def get(self, name: str, pixels: NDArray[np.uint8]) -> moderngl.Texture:
-        """RGB8 texture of `pixels` [h, w, 3] uint8, row 0 on top, sRGB-coded; texels stay square when enlarged."""
+        """RGB8 texture of `pixels` [h, w, 3] uint8, row 0 on top, sRGB-coded."""
         held = self._held.get(name)
         if held is not None and held[0] is pixels:
             return held[1]
         if held is not None:
             held[1].release()
         texture = self._gl.texture(pixels.shape[1::-1], 3, np.ascontiguousarray(pixels).data, alignment=1)
-        texture.build_mipmaps()
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST)
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._held[name] = (pixels, texture)
         return texture
 

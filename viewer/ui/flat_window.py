@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-import numpy as np
 from imgui_bundle import ImVec2, imgui
-from numpy.typing import NDArray
 
 from viewer.actions import RunCommand
-from viewer.explore.background import Background, Finished, JobReport
-from viewer.explore.flat_texture import FlatTexture, decode_flat, shown_pixels
+from viewer.explore.background import Background, Finished, Job, JobReport
+from viewer.explore.flat_texture import FlatTexture, decode_flat, original_flat
+from viewer.explore.visible_part import VisiblePart, visible_part
 from viewer.session import Session
 from viewer.ui.colors import SLOT_COLORS, packed
 from viewer.ui.facts import Emit, FrameFacts
@@ -33,8 +32,7 @@ LINE = (1.0, 1.0, 1.0, 0.9)
 class _Side:
     """What one side shows."""
 
-    source: str
-    pixels: NDArray[np.uint8] | None
+    flat: FlatTexture | None
     caption: str
 
 
@@ -44,7 +42,7 @@ class FlatWindow:
     def __init__(self, background: Background) -> None:
         self._background = background
         self._texture: object = None
-        self._original: NDArray[np.uint8] | None = None
+        self._parts: dict[str, VisiblePart] = {}
         self._sources: dict[str, str] = {}
         self._asked: dict[str, Hashable] = {}
         """Key of the job of each side."""
@@ -93,7 +91,8 @@ class FlatWindow:
     def _forget(self) -> None:
         if self._texture is not None:
             self._cancel()
-            self._texture = self._original = None
+            self._texture = None
+            self._parts.clear()
 
     def _cancel(self) -> None:
         for key in self._asked.values():
@@ -103,7 +102,7 @@ class FlatWindow:
     def _begin(self, session: Session, number: int) -> None:
         self._cancel()
         self._texture = session.scene.textures[number]
-        self._original = None
+        self._parts.clear()
         self._zoom, self._centre, self._divider = 1.0, (0.5, 0.5), 0.5
         first, second = session.view.slot_a.source, session.view.slot_b.source
         self._sources = {"a": first, "b": second if second != first else REFERENCE}
@@ -132,37 +131,40 @@ class FlatWindow:
         texture, source = session.scene.textures[number], self._sources[side]
         height, width = texture.pixels.shape[:2]
         if source == REFERENCE:
-            if self._original is None:
-                self._original = shown_pixels(texture.pixels)
-            return _Side(source, self._original, f"original, {width} x {height}")
+            answer = self._ask(side, (texture, source), partial(original_flat, texture))
+            return self._shown(answer, source, f"original, {width} x {height}")
         pack, match = session.packs.get(source), facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:
-            return _Side(source, None, f"{source}: does not hold this texture")
+            return _Side(None, f"{source}: does not hold this texture")
         encoded = pack.textures[index]
         # The pack may be read anew under its name, so that the name alone is no key.
-        key: Hashable = (texture, source, encoded)
-        if self._asked.get(side, key) != key:
-            self._background.cancel(self._asked[side])
+        answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
+        return self._shown(answer, source, f"{source}, {encoded.width} x {encoded.height}, group {encoded.group}")
+
+    def _ask(self, side: str, key: Hashable, job: Job) -> Finished[object] | JobReport:
+        before = self._asked.get(side, key)
         self._asked[side] = key
-        answer = self._background.ask(key, partial(decode_flat, texture, pack, index))
-        about = f"{source}, {encoded.width} x {encoded.height}, group {encoded.group}"
-        if isinstance(answer, JobReport):
-            partial_result = answer.partial
-            pixels = partial_result.pixels if isinstance(partial_result, FlatTexture) else None
-            return _Side(source, pixels, f"{about}, decoding {answer.share:.0%}")
-        return self._finished(answer, source, about)
+        if before not in self._asked.values():
+            self._background.cancel(before)
+        return self._background.ask(key, job)
 
     @staticmethod
-    def _finished(answer: Finished[object], source: str, about: str) -> _Side:
+    def _shown(answer: Finished[object] | JobReport, source: str, about: str) -> _Side:
+        if isinstance(answer, JobReport):
+            first = answer.partial
+            doing = f", decoding {answer.share:.0%}" if source != REFERENCE else ""
+            return _Side(first if isinstance(first, FlatTexture) else None, about + doing)
         if not isinstance(answer.value, FlatTexture):
-            return _Side(source, None, f"{source}: {answer.problem}")
+            return _Side(None, f"{source}: {answer.problem}")
         flat = answer.value
+        if source == REFERENCE:
+            return _Side(flat, about)
         quality = "sizes differ"
         if flat.psnr_db is not None:
             quality = "equal" if math.isinf(flat.psnr_db) else f"{flat.psnr_db:.2f} dB"
         against = " against the original made as small" if flat.reduced else ""
-        return _Side(source, flat.pixels, f"{about}, {quality}{against}")
+        return _Side(flat, f"{about}, {quality}{against}")
 
     def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: ItemPlaces) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
@@ -186,16 +188,35 @@ class FlatWindow:
                 low = ImVec2(split, at.y) if number else low
                 high = high if number else ImVec2(split, high.y)
             draw.push_clip_rect(low, high, True)
-            if shown.pixels is not None and facts.image is not None:
-                corner = ImVec2(
-                    middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel
-                )
-                end = ImVec2(corner.x + size[0] * texel, corner.y + size[1] * texel)
-                draw.add_image(facts.image(f"flat {side}", shown.pixels), corner, end)
+            corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
+            if shown.flat is not None:
+                self._image(side, shown.flat, (*corner, size[0] * texel, size[1] * texel), (low, high), facts)
             draw.add_text(ImVec2(low.x + 4.0, low.y + 2.0), packed(SLOT_COLORS[side]), side.upper())
             draw.pop_clip_rect()
         if wipes:
             draw.add_line(ImVec2(split, at.y), ImVec2(split, at.y + room.y), packed(LINE), 1.5)
+
+    def _image(
+        self,
+        side: str,
+        flat: FlatTexture,
+        whole: tuple[float, float, float, float],
+        place: tuple[ImVec2, ImVec2],
+        facts: FrameFacts,
+    ) -> None:
+        """Draw what is in sight. `whole` is (left, top, width, height) of the whole texture in window units."""
+        left, top, width, height = whole
+        low, high = place
+        seen = ((low.x - left) / width, (low.y - top) / height, (high.x - left) / width, (high.y - top) / height)
+        pixels = width * imgui.get_io().display_framebuffer_scale.x
+        part = visible_part(flat.mips, seen, pixels, self._parts.get(side))
+        if part is None or facts.image is None:
+            return
+        self._parts[side] = part
+        first, above, last, below = part.rectangle
+        corner = ImVec2(left + first * width, top + above * height)
+        end = ImVec2(left + last * width, top + below * height)
+        imgui.get_window_draw_list().add_image(facts.image(f"flat {side}", part.pixels), corner, end)
 
     def _input(self, at: ImVec2, room: ImVec2, stride: float, extent: tuple[float, float]) -> None:
         """Zoom towards the mouse, drag the texture or the divider. `extent` is of the whole texture in window units."""
