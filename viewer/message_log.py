@@ -50,7 +50,9 @@ def details_of(error: BaseException) -> str:
     for _ in range(10):
         if cause is None:
             break
-        lines.append(f"{type(cause).__name__}: {cause}")
+        # What the message already says is no detail.
+        if str(cause) not in str(error):
+            lines.append(f"{type(cause).__name__}: {cause}")
         cause = cause.__cause__ or cause.__context__
     return "\n".join(lines)[:LONGEST_DETAILS]
 

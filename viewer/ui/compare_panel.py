@@ -63,13 +63,13 @@ def _modes(session: Session, emit: Emit, items: ItemPlaces) -> None:
 
 
 def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
-    imgui.set_next_item_width(64)
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
     chosen = combo("anisotropy", str(session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), items)
     if int(chosen) != session.view.anisotropy:
         emit(SetAnisotropy(int(chosen)))
     imgui.same_line()
     imgui.text("anisotropy: reference, cached")
-    imgui.set_next_item_width(64)
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
     share = combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
     if share != f"{session.resolution:.0%}":
         emit(SetResolution(float(share.rstrip("%")) / 100.0))
