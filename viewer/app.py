@@ -23,12 +23,14 @@ from viewer.script.parse import Script
 from viewer.script.play import play_script
 from viewer.session import FirstLook, Session
 from viewer.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
+from viewer.ui.theme import Appearance
 
 TITLE = "ntc-viewer"
 IDLE_SECONDS = 0.2
 """Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
 FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
 """Environment variable for tests: close after this many frames."""
+LARGEST_MONITOR_SCALE = 4.0
 PICTURES = Path("ntc-viewer-pictures")
 
 
@@ -76,7 +78,8 @@ class WindowApp:
         implot.create_context()
         io = imgui.get_io()
         io.set_ini_filename(str(self._folder / LAYOUT_FILE) if self._folder is not None else "")
-        imgui.get_style().font_scale_main = settings.ui_scale
+        io.config_flags |= imgui.ConfigFlags_.docking_enable
+        self._appearance = Appearance()
         self._awake = SETTLING_FRAMES
         self._listen()
         # ImGui's callbacks pass every event on to the ones that are installed before them.
@@ -115,7 +118,16 @@ class WindowApp:
             self.session.apply(OpenFile(Path(path)))
         self._wake()
 
+    def _monitor_scale(self) -> float:
+        """Window units per unit of normal scale. Where a window has more pixels than units, ImGui draws finer by itself."""
+        width, _ = glfw.get_window_size(self._handle)
+        pixels, _ = glfw.get_framebuffer_size(self._handle)
+        asked = glfw.get_window_content_scale(self._handle)[0]
+        return min(max(asked * width / max(pixels, 1), 1.0), LARGEST_MONITOR_SCALE)
+
     def _frame(self, size: tuple[int, int]) -> None:
+        settings = self.session.settings
+        self._appearance.apply(settings.theme, settings.ui_scale, self._monitor_scale())
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()

@@ -20,7 +20,9 @@ from ntc.pack import Pack
 from viewer.actions import SetSlot
 from viewer.block_content import BlockContent, BlockPlace, block_content
 from viewer.commands import bindings, run_command
+from viewer.explore.frame_history import FrameHistory
 from viewer.gl.context import GraphicsContext
+from viewer.gl.named_images import NamedImages
 from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
@@ -68,6 +70,12 @@ class Frontend:
         for problem in bindings(session.settings.keys).problems:
             session.say(problem, "error")
         self.interface = UserInterface()
+        session.panel_titles = self.interface.panel_titles
+        self._history = FrameHistory()
+        self._images = NamedImages(context)
+        self._started = 0.0
+        self._timed: Mapping[str, float] | None = None
+        """Times of the passes of the frame that is being drawn."""
         self._scene: Scene | None = None
         self._renderer: Renderer | None = None
         self._packs: Mapping[str, Pack] | None = None
@@ -104,6 +112,8 @@ class Frontend:
             self._packs = None
             self._block_key = None
             self._times.clear()
+            self._history.clear()
+            self.interface.background.forget()
             if self._thumbnails is not None:
                 self._thumbnails.release()
             textures = self._scene.textures
@@ -166,6 +176,7 @@ class Frontend:
         if coarse:
             # Times of a coarse picture say nothing about the whole one.
             return
+        self._timed = self._last.timings_ms
         self._slot_ms = self._last.slot_ms
         self._whole_frame_ms = sum(self._last.timings_ms.values())
         for name, milliseconds in self._last.timings_ms.items():
@@ -180,6 +191,9 @@ class Frontend:
                 size = renderer.gpu_bytes(slot)
                 if size is not None:
                     gpu_bytes[slot] = size
+        slots = (self.session.view.slot_a, self.session.view.slot_b)
+        parts = {slot: found for slot in slots if renderer and (found := renderer.gpu_parts(slot)) is not None}
+        made = len(self._thumbnails) if self._thumbnails is not None else 0
         return FrameFacts(
             renderer=self._context.info.renderer,
             timer=last.timer if last else "",
@@ -194,11 +208,21 @@ class Frontend:
             frames_drawn=self.frames_drawn,
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
+            history=self._history,
+            gpu_parts=parts,
+            latent_bytes=renderer.latent_bytes(slots[0]) if renderer is not None else None,
+            matches=renderer.matches if renderer is not None else {},
+            image=self._image,
+            thumbnails_made=made,
+            thumbnails_skipped=len(self.session.scene.textures) - made,
         )
 
     def _thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
         assert self._thumbnails is not None
         return imgui.ImTextureRef(self._thumbnails[texture_id].glo)
+
+    def _image(self, name: str, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
+        return imgui.ImTextureRef(self._images.get(name, pixels).glo)
 
     def _block(self) -> BlockContent | None:
         """The block to speak of, read back when it or the picture has changed."""
@@ -235,6 +259,7 @@ class Frontend:
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
         session = self.session
+        self._started, self._timed = time.perf_counter(), None
         session.picture_size = size
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         try:
@@ -245,7 +270,7 @@ class Frontend:
             if self._renderer is None:
                 # There is no older picture to stay with.
                 raise
-            session.say(" ".join(str(error).split()), "error")
+            session.say(" ".join(str(error).split()), "error", str(error))
         session.measure_requested = False
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:
@@ -265,6 +290,8 @@ class Frontend:
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
         self._context.gl.enable_only(moderngl.NOTHING)
+        if self._timed is not None:
+            self._history.add(self._timed, 1000.0 * (time.perf_counter() - self._started))
         requests, self.session.picture_requests = self.session.picture_requests, ()
         for request in requests:
             self._write_picture(request, framebuffer)
@@ -323,7 +350,8 @@ class Frontend:
         waiting = waiting or session.motion is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
-        return waiting or ending or opened or self._is_waiting or self._view(size) != self._last_view
+        found = self.interface.background.take_news() or self.interface.is_settling(session)
+        return waiting or ending or opened or found or self._is_waiting or self._view(size) != self._last_view
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same: the picture is whole, and nothing is under way."""
@@ -335,7 +363,9 @@ class Frontend:
         return self._last.skipped if self._last is not None else {}
 
     def release(self) -> None:
-        """Free everything on the GPU."""
+        """Free everything on the GPU, and end what runs beside it."""
+        self.interface.background.close()
+        self._images.release()
         if self._thumbnails is not None:
             self._thumbnails.release()
             self._thumbnails = None

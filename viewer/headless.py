@@ -9,7 +9,7 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from ntc.pack import Pack
-from viewer.actions import OpenFile
+from viewer.actions import OpenFile, RunCommand
 from viewer.frontend import SETTLING_FRAMES, Frontend, read_pixels
 from viewer.gl.context import create_headless_context
 from viewer.scene.model import Scene
@@ -17,6 +17,7 @@ from viewer.script.parse import Script
 from viewer.script.play import play_script
 from viewer.session import FirstLook, Session
 from viewer.settings import ViewerSettings
+from viewer.ui.theme import Appearance
 
 FRAME_SECONDS = 1.0 / 60.0
 
@@ -41,10 +42,12 @@ class HeadlessApp:
         implot.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
+        io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.display_size = imgui.ImVec2(*size)
         imgui.backends.opengl3_init("#version 330")
         self.session = Session(scene, packs, settings or ViewerSettings(), first or FirstLook())
         self.frontend = Frontend(self._context, self.session, pictures)
+        self._appearance = Appearance()
 
     def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
         gl = self._context.gl
@@ -76,6 +79,7 @@ class HeadlessApp:
         """Draw this many frames."""
         for _ in range(count):
             imgui.get_io().delta_time = FRAME_SECONDS
+            self._appearance.apply(self.session.settings.theme, self.session.settings.ui_scale, 1.0)
             imgui.backends.opengl3_new_frame()
             imgui.new_frame()
             draw_data = self.frontend.build(self._size)
@@ -84,6 +88,8 @@ class HeadlessApp:
     def settle(self) -> None:
         """Draw until the layout rests."""
         self.frame(SETTLING_FRAMES)
+        while self.frontend.interface.is_settling(self.session):
+            self.frame()
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse."""
@@ -94,6 +100,18 @@ class HeadlessApp:
         """Press or let go of a mouse button (0 left, 1 right, 2 middle)."""
         imgui.get_io().add_mouse_button_event(button, down)
         self.frame()
+
+    def show_panel(self, title: str) -> None:
+        """Bring a panel to the front."""
+        self.session.apply(RunCommand("window.panel", (title, "on")))
+        self.settle()
+
+    def double_click(self, label: str) -> None:
+        """Click twice on the widget called `label`. Raises KeyError when there is none."""
+        self.move(*self.frontend.interface.items.centre(label))
+        for down in (True, False, True, False):
+            self.button(down)
+        self.settle()
 
     def click(self, label: str) -> None:
         """Click on the widget called `label`. Raises KeyError when there is none."""

@@ -159,6 +159,27 @@ class PackOnGpu:
         return sum(part.bytes_on_gpu for part in self._made)
 
     @property
+    def bytes_by_part(self) -> dict[str, int]:
+        """`bytes_on_gpu`, by what it is for; adapters count as decoders."""
+        parts: dict[str, int] = {}
+        for part in self._made:
+            if isinstance(part, PackBuffers):
+                parts |= part.bytes_by_part
+                continue
+            name = "tables"
+            if isinstance(part, DecodeCachedPass):
+                name = "tile cache"
+            elif isinstance(part, DecoderRanges):
+                name = "decoders"
+            parts[name] = parts.get(name, 0) + part.bytes_on_gpu
+        return parts
+
+    @property
+    def latent_bytes(self) -> NDArray[np.int64]:
+        """[textures of the scene] int64: latents of each that are on the GPU."""
+        return self.buffers.latent_bytes
+
+    @property
     def tiles(self) -> TileCounts | None:
         """The tile cache, where path `cached` has been used."""
         return self._cached.counts if self._cached is not None else None

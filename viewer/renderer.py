@@ -174,6 +174,16 @@ class Renderer:
         on_gpu = self._decode.get((slot.source, slot.precision))
         return on_gpu.bytes_on_gpu if on_gpu is not None else None
 
+    def gpu_parts(self, slot: Slot) -> Mapping[str, int] | None:
+        """`gpu_bytes`, by what it is for."""
+        on_gpu = self._decode.get((slot.source, slot.precision))
+        return on_gpu.bytes_by_part if on_gpu is not None else None
+
+    def latent_bytes(self, slot: Slot) -> NDArray[np.int64] | None:
+        """[textures of the scene] int64: latents of each on the GPU; None for the reference and before its first frame."""
+        on_gpu = self._decode.get((slot.source, slot.precision))
+        return on_gpu.latent_bytes if on_gpu is not None else None
+
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted.
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from ntc.errors import InputError
 from ntc.pack import Pack
@@ -28,6 +27,7 @@ from viewer.camera import frame_all
 from viewer.camera_motion import Motion
 from viewer.clipboard import Clipboard, LocalClipboard
 from viewer.measurement import SlotMeasurement
+from viewer.message_log import MessageKind, MessageLog, details_of
 from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_source, source_of_grouping, unused_name
 from viewer.picture_request import PictureRequest
 from viewer.scene.load import load_scene
@@ -45,7 +45,7 @@ class Toast:
     """A message that fades after a while."""
 
     text: str
-    kind: Literal["message", "error"]
+    kind: MessageKind
     until: float | None = None
     """Monotonic time in seconds; None until it has been seen, for a slow frame must not use up its time."""
 
@@ -74,6 +74,17 @@ class Session:
     def __init__(self, scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, first: FirstLook) -> None:
         self.settings = settings
         self.toasts: tuple[Toast, ...] = ()
+        self.log = MessageLog()
+        """All that was said, toasts that have faded included."""
+        self.panel_titles: tuple[str, ...] = ()
+        """All panels of the window, shown or not; set by what draws them."""
+        self.raised_panel: str | None = None
+        """The panel that is to come to the front."""
+        self.layout_reset_requested = False
+        self.selected_texture: int | None = None
+        """Texture id that panels highlight."""
+        self.flat_texture: int | None = None
+        """Texture id that is shown flat in a window of its own."""
         self.measurements: dict[str, SlotMeasurement] = {}
         self.measured_view: ViewState | None = None
         self.measure_requested = False
@@ -116,6 +127,7 @@ class Session:
         self.measurements = {}
         self.inspected = None
         self.motion = None
+        self.selected_texture = self.flat_texture = None
         source = self._first_source(first.grouping)
         camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, self.settings.fov_degrees)
         self.view = ViewState(
@@ -178,8 +190,9 @@ class Session:
             camera, self.motion = self.motion.advance(self.view.camera, self.scene.bounds, seconds)
             self.view = replace(self.view, camera=camera)
 
-    def say(self, text: str, kind: Literal["message", "error"] = "message") -> None:
-        """Show a message for a while."""
+    def say(self, text: str, kind: MessageKind = "message", details: str = "") -> None:
+        """Show a message for a while, and keep it in the log with its details."""
+        self.log.add(text, kind, details)
         self.toasts = (*self.toasts[-4:], Toast(text, kind))
 
     def forget_old_toasts(self, now: float) -> None:
@@ -217,12 +230,12 @@ class Session:
                 try:
                     self.run_command(command_id, arguments)
                 except InputError as error:
-                    self.say(str(error), "error")
+                    self.say(str(error), "error", details_of(error))
             case OpenFile(path=path):
                 try:
                     self._open(path)
                 except InputError as error:
-                    self.say(str(error), "error")
+                    self.say(str(error), "error", details_of(error))
 
     def _open(self, path: Path) -> None:
         if path.suffix.lower() == PACK_SUFFIX:
@@ -241,7 +254,7 @@ class Session:
                 pack, _ = _matching_pack(pack_path, scene)
                 packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
             except InputError as error:
-                self.say(str(error), "error")
+                self.say(str(error), "error", details_of(error))
         return packs
 
     def _open_pack(self, path: Path) -> None:
@@ -274,6 +287,7 @@ class Session:
             return False
         self.scene, self.packs, self.view = self._drawable
         self.measurements = {}
+        self.selected_texture = self.flat_texture = None
         return True
 
     def camera_numbered(self, number: int) -> Camera | None:

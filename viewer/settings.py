@@ -12,6 +12,7 @@ from ntc.reading import read_file
 from viewer.folders import CONFIG_FOLDER_VARIABLE
 
 CameraMode = Literal["orbit", "fly"]
+Theme = Literal["dark", "light"]
 SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
@@ -19,6 +20,8 @@ ANISOTROPIES = (1, 2, 4, 8, 16)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
 TILE_CACHE_MEGABYTES = (1, 16384)
+MOST_PANELS = 64
+LONGEST_TITLE = 64
 SMALLEST_WINDOW = (320, 200)
 LARGEST_WINDOW = (16384, 16384)
 MOST_KEYS = 1000
@@ -46,6 +49,9 @@ class ViewerSettings:
     """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
+    theme: Theme = "dark"
+    hidden_panels: tuple[str, ...] = ()
+    """Titles of panels that are closed."""
     keys: Mapping[str, str] = field(default_factory=dict)
     """Keys in the place of the commands' own, by command id; "" for none."""
 
@@ -85,6 +91,14 @@ def _keys(value: Any) -> dict[str, str]:
     return value
 
 
+def _titles(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or len(value) > MOST_PANELS:
+        raise ValueError(f"must be a list of at most {MOST_PANELS} titles of panels")
+    if any(not isinstance(title, str) or len(title) > LONGEST_TITLE for title in value):
+        raise ValueError(f"must be titles of at most {LONGEST_TITLE} characters")
+    return tuple(dict.fromkeys(value))
+
+
 _READERS: dict[str, Any] = {
     "show_panels": _flag,
     "camera_mode": lambda value: _choice(value, get_args(CameraMode)),
@@ -96,6 +110,8 @@ _READERS: dict[str, Any] = {
     "tile_cache_megabytes": lambda value: int(_number(value, *TILE_CACHE_MEGABYTES)),
     "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
     "keys": _keys,
+    "theme": lambda value: _choice(value, get_args(Theme)),
+    "hidden_panels": _titles,
 }
 
 

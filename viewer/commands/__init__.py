@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, motion, overlay, pictures, views, window
+from viewer.commands import appearance, camera, compare, explore, motion, overlay, pictures, views, window
 from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
 from viewer.commands.command import Command, FixedChoices, words
 from viewer.session import Session
@@ -13,10 +13,12 @@ COMMANDS: tuple[Command, ...] = (
     *compare.COMMANDS,
     *overlay.COMMANDS,
     *camera.COMMANDS,
+    *explore.COMMANDS,
     *motion.COMMANDS,
     *pictures.COMMANDS,
     *views.COMMANDS,
     *window.COMMANDS,
+    *appearance.COMMANDS,
 )
 PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),

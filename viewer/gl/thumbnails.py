@@ -34,6 +34,10 @@ class Thumbnails:
             self._made[texture_id] = texture
         return self._made[texture_id]
 
+    def __len__(self) -> int:
+        """Thumbnails that have been made."""
+        return len(self._made)
+
     def release(self) -> None:
         """Free all textures."""
         for texture in self._made.values():

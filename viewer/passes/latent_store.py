@@ -69,6 +69,16 @@ class LatentStore:
                 self.levels[row]["texel_height"] = level.texel_height
         self.finest = np.array(counts, np.int32)
         """[textures] finest mip that is there; the number of mips where none is."""
+        # Of each texture one entry more than mips, so that `finest` may say that none is there.
+        self._first_sum = self.first_level + np.arange(len(counts))
+        self._cells_from = np.array(
+            [
+                sum(level.cells for level in pyramid[start:])
+                for pyramid in self._pyramids
+                for start in range(len(pyramid) + 1)
+            ],
+            np.int64,
+        )
         self._used = 0
         self._without_room = 0
         self.buffer: moderngl.Buffer = gl.buffer(reserve=self._cell_bytes)
@@ -76,6 +86,11 @@ class LatentStore:
     def _cells(self, index: int, finest: int) -> int:
         """Cells of a texture from mip `finest` on."""
         return sum(level.cells for level in self._pyramids[index][finest:])
+
+    @property
+    def bytes_by_texture(self) -> NDArray[np.int64]:
+        """[textures] int64: what of each texture is there."""
+        return self._cells_from[self._first_sum + self.finest] * self._cell_bytes
 
     @property
     def counts(self) -> LatentCounts:

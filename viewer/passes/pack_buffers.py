@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Pack
@@ -92,6 +93,18 @@ class PackBuffers:
     def bytes_on_gpu(self) -> int:
         """All buffers."""
         return self._image_bytes + self._latents.buffer.size + sum(buffer.size for buffer in self._buffers.values())
+
+    @property
+    def bytes_by_part(self) -> Mapping[str, int]:
+        """The same, by what it is for; adapters count as decoders."""
+        weights = self._buffers[StorageBinding.WEIGHTS].size
+        tables = sum(buffer.size for buffer in self._buffers.values()) - weights
+        return {"latents": self._latents.buffer.size, "decoders": weights, "tables": tables}
+
+    @property
+    def latent_bytes(self) -> NDArray[np.int64]:
+        """[slots of the table] int64: latents of each texture that are on the GPU."""
+        return self._latents.bytes_by_texture
 
     def has(self, wanted: Mapping[int, int]) -> bool:
         """Whether these mips, given as finest mip by texture, are on the GPU."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from imgui_bundle import ImVec2, imgui
 
 from viewer.session import Session, Toast
+from viewer.ui.dock_layout import Area
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import counted
@@ -30,9 +31,10 @@ def slot_label(slot: Slot) -> str:
     return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
 
 
-def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0) -> float:
+def _boxed_text(
+    draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0
+) -> float:
     """Text on a dark plate with its upper left corner at `at`; its height."""
-    draw = imgui.get_foreground_draw_list()
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
     low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
     draw.add_rect_filled(low, high, _color(fill), 4.0)
@@ -41,9 +43,10 @@ def _boxed_text(at: ImVec2, text: str, fill: tuple[float, float, float, float], 
 
 
 def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces, top: float) -> None:
-    """Names of what is shown where, from `top` in window units down; in wipe mode left and right of the divider."""
+    """Names of what is shown where, from `top` on; in wipe mode left and right of the divider."""
     draw = imgui.get_background_draw_list()
     view = session.shown_view
+    top += 8.0
 
     def plate(x: float, text: str, align_right: bool) -> None:
         extent = imgui.calc_text_size(text)
@@ -88,21 +91,35 @@ def draw_block(session: Session, facts: FrameFacts, size: tuple[float, float]) -
         imgui.set_tooltip(", ".join([*texts, counted(len(block.textures), "texture")]))
 
 
-def draw_toasts(toasts: tuple[Toast, ...], size: tuple[float, float]) -> None:
-    """Messages above the lower edge, newest lowest."""
-    y = size[1] - 44.0
-    wrap = max(200.0, min(640.0, size[0] - 80.0))
+def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
+    """Messages above the lower edge of `area`, newest lowest."""
+    y = area.bottom - 2.0 * imgui.get_text_line_height_with_spacing()
+    wrap = max(200.0, min(640.0, area.width - 40.0))
+    draw = imgui.get_foreground_draw_list()
     for toast in reversed(toasts):
         extent = imgui.calc_text_size(toast.text, wrap_width=wrap)
         y -= extent.y + 10.0
         _boxed_text(
-            ImVec2((size[0] - extent.x) / 2.0, y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
+            draw, ImVec2(_centred(area, extent.x), y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
         )
 
 
-def draw_hints(session: Session, size: tuple[float, float]) -> None:
-    """One line at the lower edge."""
+def _centred(area: Area, width: float) -> float:
+    """Left edge of something in the middle of `area`, or where that is narrower, in the window."""
+    right = imgui.get_io().display_size.x - MARGIN
+    return max(MARGIN, min((area.left + area.right - width) / 2.0, right - width))
+
+
+def draw_hints(session: Session, area: Area) -> None:
+    """One line at the lower edge of `area`, as much as there is room for."""
     keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
     text = f"{session.settings.camera_mode} camera   {keys}"
+    parts = text.split("   ")
+    while len(parts) > 1 and imgui.calc_text_size("   ".join(parts)).x > area.width - 2.0 * MARGIN:
+        parts.pop()
+    text = "   ".join(parts)
     extent = imgui.calc_text_size(text)
-    _boxed_text(ImVec2((size[0] - extent.x) / 2.0, size[1] - extent.y - 8.0), text, SHADE)
+    if extent.x <= area.width - 2.0 * MARGIN:
+        # Below all windows.
+        draw = imgui.get_background_draw_list()
+        _boxed_text(draw, ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0), text, SHADE)

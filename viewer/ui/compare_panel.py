@@ -32,15 +32,17 @@ def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlace
     imgui.align_text_to_frame_padding()
     imgui.text(letter)
     imgui.same_line()
-    imgui.set_next_item_width(150)
+    # Three lists in one row, in a narrow panel narrower.
+    room = imgui.get_content_region_avail().x - 2.0 * imgui.get_style().item_spacing.x
+    imgui.set_next_item_width(0.46 * room)
     source = combo(f"{letter} source", slot.source, session.sources, items)
     changed = replace(slot, source=source)
     if slot.source != REFERENCE:
         imgui.same_line()
-        imgui.set_next_item_width(90)
+        imgui.set_next_item_width(0.3 * room)
         path = combo(f"{letter} path", slot.path, get_args(PathChoice), items)
         imgui.same_line()
-        imgui.set_next_item_width(64)
+        imgui.set_next_item_width(0.24 * room)
         precision = combo(f"{letter} precision", slot.precision, get_args(Precision), items)
         changed = replace(
             changed,
@@ -61,13 +63,13 @@ def _modes(session: Session, emit: Emit, items: ItemPlaces) -> None:
 
 
 def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
-    imgui.set_next_item_width(64)
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
     chosen = combo("anisotropy", str(session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), items)
     if int(chosen) != session.view.anisotropy:
         emit(SetAnisotropy(int(chosen)))
     imgui.same_line()
     imgui.text("anisotropy: reference, cached")
-    imgui.set_next_item_width(64)
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
     share = combo("resolution", f"{session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), items)
     if share != f"{session.resolution:.0%}":
         emit(SetResolution(float(share.rstrip("%")) / 100.0))

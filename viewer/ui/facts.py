@@ -3,11 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
 from imgui_bundle import imgui
+from numpy.typing import NDArray
 
 from ntc.divergence import DivergenceStatistics
+from ntc.pack_match import PackMatch
 from viewer.actions import Action
 from viewer.block_content import BlockContent
+from viewer.explore.frame_history import FrameHistory
 from viewer.tile_cache import TileCounts
 from viewer.view_state import PathChoice, Slot
 
@@ -42,3 +46,16 @@ class FrameFacts:
     """The tile caches of slots that have one."""
     picture: tuple[float, float] = (1.0, 1.0)
     """Size of the picture in window units."""
+    history: FrameHistory | None = None
+    """Times of the last frames."""
+    gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)
+    """Bytes of the shown slots on the GPU, by what they are for."""
+    latent_bytes: NDArray[np.int64] | None = None
+    """[textures] int64: latents of slot A that are on the GPU, by texture id."""
+    matches: Mapping[str, PackMatch] = field(default_factory=dict)
+    """How each open pack fits the scene, by the pack's name."""
+    image: Callable[[str, NDArray[np.uint8]], imgui.ImTextureRef] | None = None
+    """An image [h, w, 3] uint8 sRGB, uploaded when the array under that name is another one than before."""
+    thumbnails_made: int = 0
+    thumbnails_skipped: int = 0
+    """Textures of the scene that no panel has shown a thumbnail of."""

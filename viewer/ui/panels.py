@@ -2,17 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
+from viewer.explore.background import Background
 from viewer.session import Session
 from viewer.ui.compare_panel import draw_compare_panel
 from viewer.ui.divergence_panel import draw_divergence_panel
+from viewer.ui.dock_layout import Place
 from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.groups_panel import GroupsPanel
 from viewer.ui.items import ItemPlaces
+from viewer.ui.log_panel import LogPanel
+from viewer.ui.memory_panel import MemoryPanel
 from viewer.ui.scene_panel import OpenField, draw_scene_panel
+from viewer.ui.scene_tree_list import SceneLists
+from viewer.ui.textures_panel import TexturesPanel
 from viewer.ui.timings_panel import draw_timings_panel
-
-Side = Literal["left", "right"]
+from viewer.ui.timings_plot import TimingsPlot
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,39 +35,38 @@ class Panel:
     """A window within the window."""
 
     title: str
-    side: Side
-    """Where it stands at first, below those before it."""
+    side: Place
+    """Where it is docked at first; panels of one place are tabs, the first in front."""
     height: Callable[[float], float]
-    """At first, from the height of the window."""
+    """At first, from the height of the window; of a place that shares its column, the first panel's counts."""
     draw: Callable[[PanelContext], None]
     shown: Callable[[Session], bool] = lambda _session: True
-    folded: Callable[[float], bool] = lambda _height: False
-    """At first, from the height of the window."""
 
 
 def _scene_height(window: float) -> float:
     """Leaves room below for the panel Divergence."""
-    return min(max(window - 600.0, 120.0), 360.0)
+    return min(max(window - 430.0, 120.0), 560.0)
 
 
-def make_panels() -> tuple[Panel, ...]:
+def make_panels(background: Background) -> tuple[Panel, ...]:
     """The panels of one window; those that remember something remember it for this window."""
-    open_field = OpenField()
+    open_field, lists, plot = OpenField(), SceneLists(), TimingsPlot()
+    textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     return (
         Panel("Compare", "left", lambda _: 356.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
+        Panel("Timings", "left below", lambda _: 300.0, lambda c: draw_timings_panel(c.facts, plot, c.items)),
+        Panel("Memory", "left below", lambda _: 300.0, lambda c: memory.draw(c.session, c.facts, c.items)),
         Panel(
-            "Timings",
-            "left",
-            lambda _: 270.0,
-            lambda c: draw_timings_panel(c.facts),
-            folded=lambda height: height < 640.0,
+            "Scene", "right", _scene_height, lambda c: draw_scene_panel(c.session, open_field, lists, c.emit, c.items)
         ),
-        Panel("Scene", "right", _scene_height, lambda c: draw_scene_panel(c.session, open_field, c.emit, c.items)),
+        Panel("Textures", "right", _scene_height, lambda c: textures.draw(c.session, c.facts, c.emit, c.items)),
+        Panel("Groups", "right", _scene_height, lambda c: groups.draw(c.session, c.facts, c.emit, c.items)),
         Panel(
             "Divergence",
-            "right",
-            lambda window: max(240.0, window - 36.0 - _scene_height(window) - 48.0),
+            "right below",
+            lambda window: max(240.0, window - _scene_height(window)),
             lambda c: draw_divergence_panel(c.session, c.facts, c.emit, c.items),
             shown=lambda session: session.view.overlay.kind != "none",
         ),
+        Panel("Log", "bottom", lambda _: 130.0, lambda c: log.draw(c.session, c.items)),
     )

@@ -5,10 +5,12 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from viewer.actions import OpenFile, RunCommand, SetCamera
-from viewer.scene.model import LoadReport
+from viewer.scene.model import LoadReport, Scene
+from viewer.scene.report import report_lines
 from viewer.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
+from viewer.ui.scene_tree_list import SceneLists
 
 
 class OpenField:
@@ -32,7 +34,20 @@ class OpenField:
             self._text = ""
 
 
-def _report(report: LoadReport, items: ItemPlaces) -> None:
+def _report(scene: Scene, items: ItemPlaces) -> None:
+    report: LoadReport = scene.report
+    opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
+    items.note("load report")
+    if not opened:
+        return
+    if imgui.small_button("copy report"):
+        imgui.set_clipboard_text("\n".join(report_lines(scene)))
+    items.note("copy report")
+    _parts(report, items)
+    imgui.tree_pop()
+
+
+def _parts(report: LoadReport, items: ItemPlaces) -> None:
     parts = {"honoured": report.honoured, "ignored": report.ignored, "missing": report.missing, "notes": report.notes}
     for name, lines in parts.items():
         if not lines:
@@ -47,7 +62,7 @@ def _report(report: LoadReport, items: ItemPlaces) -> None:
             imgui.tree_pop()
 
 
-def draw_scene_panel(session: Session, field: OpenField, emit: Emit, items: ItemPlaces) -> None:
+def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: ItemPlaces) -> None:
     """The content of the panel."""
     scene = session.scene
     imgui.text_wrapped(str(scene.path or scene.name))
@@ -66,4 +81,5 @@ def draw_scene_panel(session: Session, field: OpenField, emit: Emit, items: Item
                 emit(SetCamera(camera))
             items.note(f"camera {camera.name}")
         imgui.tree_pop()
-    _report(scene.report, items)
+    lists.draw(session, emit, items)
+    _report(scene, items)

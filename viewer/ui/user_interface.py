@@ -2,9 +2,13 @@
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.actions import RunCommand
+from viewer.explore.background import Background
 from viewer.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_toasts
+from viewer.ui.dock_layout import Area, Docked, DockLayout
 from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.flat_window import FlatWindow
 from viewer.ui.items import ItemPlaces
 from viewer.ui.key_sheet import KeySheet
 from viewer.ui.menu_bar import draw_menu_bar
@@ -12,20 +16,30 @@ from viewer.ui.palette import Palette
 from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
 
-PANEL_WIDTH = 380.0
-EDGE = 8.0
-PANELS_TOP = 36.0
-
 
 class UserInterface:
     """Panels, annotations and input over the picture."""
 
     def __init__(self) -> None:
         self.items = ItemPlaces()
+        self.background = Background()
+        """What panels have computed beside the frames."""
         self._input = PictureInput()
-        self._all_panels = make_panels()
+        self._all_panels = make_panels(self.background)
+        self._layout = DockLayout()
+        self._flat = FlatWindow(self.background)
         self._palette = Palette()
         self._key_sheet = KeySheet()
+
+    @property
+    def panel_titles(self) -> tuple[str, ...]:
+        """Of all panels, shown or not."""
+        return tuple(panel.title for panel in self._all_panels)
+
+    def is_settling(self, session: Session) -> bool:
+        """Whether the next frame puts panels elsewhere although nothing happens."""
+        asked = session.layout_reset_requested or session.raised_panel is not None
+        return session.show_panels and (asked or self._layout.is_settling)
 
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -38,33 +52,40 @@ class UserInterface:
             corners = (ImVec2(0, 0), ImVec2(*size), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
         bar = draw_menu_bar(session, emit, self.items) if session.show_panels else 0.0
-        draw_labels(session, size, self.items, bar + EDGE)
+        work = imgui.get_main_viewport().work_pos
+        draw_labels(session, size, self.items, work.y)
         draw_block(session, facts, size)
+        area = Area(work.x, work.y, *size)
         if session.show_panels:
-            self._panels(session, facts, size, emit)
+            area = self._panels(session, facts, emit)
             if not session.show_help:
-                draw_hints(session, size)
+                draw_hints(session, area)
+            self._flat.draw(session, facts, emit, self.items)
         self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)
-        draw_toasts(session.toasts, size)
+        draw_toasts(session.toasts, area)
         self._input.handle(session, size, emit, keys=not list_is_open)
 
-    def _panels(self, session: Session, facts: FrameFacts, size: tuple[float, float], emit: Emit) -> None:
-        first = imgui.Cond_.first_use_ever
+    def _panels(self, session: Session, facts: FrameFacts, emit: Emit) -> Area:
+        """All panels; the rectangle that they leave to the picture."""
         context = PanelContext(session, facts, emit, self.items)
-        tops = {"left": PANELS_TOP, "right": PANELS_TOP}
+        style, height = imgui.get_style(), imgui.get_main_viewport().work_size.y
+        places = [Docked(panel.title, panel.side, panel.height(height)) for panel in self._all_panels]
+        area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.layout_reset_requested)
+        session.layout_reset_requested = False
+        hidden = session.settings.hidden_panels
         for panel in self._all_panels:
-            height, top = panel.height(size[1]), tops[panel.side]
-            tops[panel.side] += height + EDGE
-            if not panel.shown(session):
+            if panel.title in hidden or not panel.shown(session):
                 continue
-            left = EDGE if panel.side == "left" else max(EDGE, size[0] - PANEL_WIDTH - EDGE)
-            imgui.set_next_window_bg_alpha(0.88)
-            imgui.set_next_window_pos(ImVec2(left, top), first)
-            imgui.set_next_window_size(ImVec2(PANEL_WIDTH, height), first)
-            imgui.set_next_window_collapsed(panel.folded(size[1]), first)
-            opened = imgui.begin(panel.title)[0]
+            opened, stays = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             self.items.note(panel.title)
             if opened:
                 panel.draw(context)
             imgui.end()
+            if not stays:
+                emit(RunCommand("window.panel", (panel.title, "off")))
+        if session.raised_panel is not None:
+            self._layout.bring(session.raised_panel)
+            session.raised_panel = None
+        self._layout.bring_to_front()
+        return area

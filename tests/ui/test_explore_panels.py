@@ -1,0 +1,292 @@
+"""Textures, groups, nodes, memory and messages in the window; the layout of the panels and their theme."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from tests.support.picture_scenes import Part, scene_of, texture
+from tests.ui.conftest import SIZE
+from viewer.actions import RunCommand
+from viewer.explore.texture_table import TextureRow
+from viewer.headless import HeadlessApp
+from viewer.pack_files import open_packs, packs_beside
+from viewer.scene.model import Material, Scene
+from viewer.settings import ViewerSettings, load_settings, save_settings
+from viewer.ui.panels import make_panels
+from viewer.ui.user_interface import UserInterface
+
+Opener = Callable[..., HeadlessApp]
+
+
+@pytest.fixture
+def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
+    """Opens a window's content at some size, of some scene."""
+    opened: list[HeadlessApp] = []
+
+    def open_app(
+        size: tuple[int, int] = SIZE, shown: Scene | None = None, settings: ViewerSettings | None = None
+    ) -> HeadlessApp:
+        packs = {} if shown is not None else open_packs(packs_beside(scene_path))
+        made = HeadlessApp(shown or scene, packs, size, tmp_path, settings)
+        opened.append(made)
+        made.settle()
+        return made
+
+    yield open_app
+    for made in reversed(opened):
+        made.close()
+
+
+def labels(app: HeadlessApp) -> tuple[str, ...]:
+    return app.frontend.interface.items.labels()
+
+
+def run(app: HeadlessApp, command: str, *arguments: str) -> None:
+    app.session.apply(RunCommand(command, arguments))
+    app.settle()
+
+
+def shown_textures(app: HeadlessApp) -> list[str]:
+    """Rows of the table from top to bottom."""
+    found = [label for label in labels(app) if label.startswith("texture ") and label.split()[1].isdecimal()]
+    return sorted(found, key=lambda label: app.frontend.interface.items.centre(label)[1])
+
+
+def wait_for_background(app: HeadlessApp) -> None:
+    for _ in range(500):
+        app.frame()
+        if not app.frontend.interface.background.is_busy:
+            break
+        time.sleep(0.01)
+    app.settle()
+
+
+def many_textures(count: int) -> Scene:
+    textures = [replace(texture(8, 8, seed), name=f"picture {seed:04d}") for seed in range(count)]
+    parts = [Part(material=0)]
+    return scene_of(parts, [Material(f"m{number}", number, (1.0, 1.0, 1.0, 1.0)) for number in range(count)], textures)
+
+
+def test_textures_are_filtered_sorted_and_selected(app: HeadlessApp) -> None:
+    app.show_panel("Textures")
+    assert shown_textures(app) == ["texture 0", "texture 1"]
+    app.click("texture 1")
+    assert app.session.selected_texture == 1
+    app.click("texture filter")
+    app.type("group:0")
+    assert shown_textures(app) == ["texture 0"]
+    for _ in "group:0":
+        app.press(imgui.Key.backspace)
+    assert shown_textures(app) == ["texture 0", "texture 1"]
+    # A click on the heading of the names turns their order round.
+    y = app.frontend.interface.items.centre("texture 0")[1]
+    left = app.frontend.interface.items.centre("texture filter")[0] - 60
+    app.click_at(left, y - 26)
+    assert shown_textures(app) == ["texture 1", "texture 0"]
+
+
+def test_thumbnails_are_made_for_rows_in_sight_only(opener: Opener) -> None:
+    app = opener(shown=many_textures(2000))
+    # Before they are docked, in the first frame, panels are windows of their own.
+    assert app.frontend.facts().thumbnails_skipped > 1950
+    app.show_panel("Textures")
+    seen = len(shown_textures(app))
+    assert 5 < seen < 40
+    assert seen <= app.frontend.facts().thumbnails_made < 60
+    run(app, "texture.select", "1500")
+    assert "texture 1500" in shown_textures(app)
+    made = app.frontend.facts().thumbnails_made
+    assert made < 120
+    assert app.frontend.facts().thumbnails_skipped == 2000 - made
+    before = time.thread_time()
+    app.frame(10)
+    assert (time.thread_time() - before) / 10 < 0.1
+
+
+def test_a_double_click_shows_a_texture_flat(app: HeadlessApp) -> None:
+    app.show_panel("Textures")
+    app.double_click("texture 1")
+    assert app.session.flat_texture == 1
+    wait_for_background(app)
+    assert {"flat picture", "flat caption a", "flat caption b"} <= set(labels(app))
+    side_by_side = app.screenshot()
+    app.click("flat wipe")
+    assert (app.screenshot() != side_by_side).any()
+    camera = app.session.view.camera
+    before = app.screenshot()
+    app.move(*app.frontend.interface.items.centre("flat picture"))
+    imgui.get_io().add_mouse_wheel_event(0.0, 3.0)
+    app.settle()
+    assert (app.screenshot() != before).any()
+    assert app.session.view.camera == camera
+    run(app, "texture.close-flat")
+    assert "flat picture" not in labels(app)
+
+
+def test_the_flat_view_shows_the_original_pixels(opener: Opener) -> None:
+    app = opener((1000, 700))
+    run(app, "texture.flat", "0")
+    wait_for_background(app)
+    app.click("flat A")
+    app.click("flat A: reference")
+    places = app.frontend.interface.items
+    x, y = places.centre("flat picture")
+    original = app.session.scene.textures[0].pixels
+    shot = app.screenshot()
+    row = shot[int(y)]
+    known = original[original.shape[0] // 2 - 1 : original.shape[0] // 2 + 1].reshape(-1, 3)
+    found = row[int(x) - 150 : int(x) - 20]
+    distance = np.abs(found[:, None].astype(int) - known[None].astype(int)).max(axis=2).min(axis=1)
+    assert np.median(distance) <= 1
+
+
+def test_groups_have_members_distances_and_a_way_to_train(app: HeadlessApp) -> None:
+    app.show_panel("Groups")
+    assert {"group 0", "group 1", "Train group", "member 0"} <= set(labels(app))
+    app.click("group 1")
+    assert "member 1" in labels(app)
+    app.click("member 1")
+    assert app.session.selected_texture == 1
+    run(app, "texture.select", "0")
+    assert "member 0" in labels(app)
+    run(app, "slot.source", "a", "reference")
+    assert "group 0" not in labels(app)
+
+
+def test_nodes_and_materials_are_found_and_lead_to_textures(app: HeadlessApp) -> None:
+    app.show_panel("Scene")
+    app.click("materials")
+    app.click("scene filter")
+    app.type("nothing has this name")
+    assert not any(label.startswith("material ") for label in labels(app))
+    for _ in "nothing has this name":
+        app.key(imgui.Key.backspace, True)
+        app.key(imgui.Key.backspace, False)
+    app.settle()
+    app.click("material 1")
+    assert app.session.selected_texture == app.session.scene.materials[1].texture_id
+    app.click("materials")
+    app.click("nodes")
+    node = next(label for label in labels(app) if label.startswith("node "))
+    app.click(node)
+    instance = next(label for label in labels(app) if label.startswith("instance "))
+    app.click(instance)
+    assert app.session.selected_texture is not None
+
+
+def test_reports_and_tables_are_copied(app: HeadlessApp) -> None:
+    app.show_panel("Scene")
+    app.click("copy report")
+    assert "triangles" in imgui.get_clipboard_text()
+    app.show_panel("Memory")
+    app.click("copy memory")
+    assert "original RGBA8" in imgui.get_clipboard_text()
+    app.show_panel("Timings")
+    app.click("copy timings")
+    assert "composite" in imgui.get_clipboard_text()
+
+
+def test_messages_stay_in_the_log_with_details(app: HeadlessApp) -> None:
+    app.session.say("all is well")
+    app.session.say("it broke", "error", "line one\nline two")
+    app.session.toasts = ()
+    app.show_panel("Log")
+    app.click("errors only")
+    assert "log 0" not in labels(app)
+    app.click("log 1")
+    app.click("copy log 1")
+    copied = imgui.get_clipboard_text()
+    assert "it broke" in copied
+    assert "line two" in copied
+    app.click("copy log")
+    assert "all is well" in imgui.get_clipboard_text()
+
+
+def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
+    app = opener((1280, 720))
+    places = app.frontend.interface.items
+    first = {title: places.centre(title) for title in app.session.panel_titles if title in labels(app)}
+    assert {"Compare", "Scene", "Log"} <= set(first)
+    run(app, "window.panel", "Log", "off")
+    assert "Log" not in labels(app)
+    assert app.session.present_settings().hidden_panels == ("Log",)
+    app.drag(first["Scene"], (640.0, 300.0))
+    assert app.frontend.interface.items.centre("Scene") != first["Scene"]
+    run(app, "window.layout-reset")
+    assert app.session.settings.hidden_panels == ()
+    again = {title: places.centre(title) for title in first}
+    assert again == first
+
+
+def test_an_unknown_panel_is_a_message(app: HeadlessApp) -> None:
+    run(app, "window.panel", "Nonsense", "on")
+    assert "Compare" in app.session.toasts[-1].text
+
+
+def test_the_middle_of_the_window_is_left_to_the_picture(opener: Opener) -> None:
+    app = opener((1280, 720))
+    camera = app.session.view.camera
+    app.drag((700, 300), (740, 310))
+    assert app.session.view.camera.eye != camera.eye
+    camera = app.session.view.camera
+    app.drag((100, 300), (140, 310))
+    assert app.session.view.camera == camera
+
+
+@pytest.mark.parametrize("size", [(640, 360), (320, 200), (1280, 720)])
+def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, int]) -> None:
+    app = opener(size)
+    for title in app.session.panel_titles:
+        run(app, "overlay.kind", "divergence" if title == "Divergence" else "none")
+        app.show_panel(title)
+        assert not imgui.internal.find_window_by_name(title).hidden
+    camera = app.session.view.camera
+    app.drag((size[0] * 0.5 + 70, size[1] * 0.5), (size[0] * 0.5 + 80, size[1] * 0.5))
+    assert app.session.view.camera != camera
+
+
+def test_theme_and_scale_are_applied_and_kept(app: HeadlessApp, tmp_path: Path) -> None:
+    dark, places = app.screenshot(), app.frontend.interface.items
+    lower = places.centre("B source")[1]
+    run(app, "window.theme", "light")
+    assert app.screenshot()[:, :200].mean() > dark[:, :200].mean() + 80
+    run(app, "window.ui-scale", "1.5")
+    assert places.centre("B source")[1] == pytest.approx(1.5 * lower, rel=0.05)
+    run(app, "window.ui-scale", "9")
+    assert app.session.toasts[-1].kind == "error"
+    run(app, "window.panel", "Memory", "off")
+    settings = app.session.present_settings()
+    save_settings(tmp_path / "kept", settings)
+    assert load_settings(tmp_path / "kept") == (settings, None)
+    assert (settings.theme, settings.ui_scale, settings.hidden_panels) == ("light", 1.5, ("Memory",))
+    run(app, "window.theme", "dark")
+    run(app, "window.ui-scale", "1")
+    assert np.abs(app.screenshot()[100:].astype(int) - dark[100:].astype(int)).mean() < 5.0
+
+
+@pytest.mark.parametrize(
+    "content",
+    [{"theme": "pink"}, {"hidden_panels": "Log"}, {"hidden_panels": [1]}, {"hidden_panels": ["x" * 65]}],
+)
+def test_settings_that_make_no_sense_are_refused(tmp_path: Path, content: dict[str, object]) -> None:
+    (tmp_path / "settings.json").write_text(json.dumps(content))
+    settings, problem = load_settings(tmp_path)
+    assert settings == ViewerSettings()
+    assert problem is not None
+
+
+def test_titles_are_unique_and_known_to_the_session(app: HeadlessApp) -> None:
+    interface = UserInterface()
+    titles = [panel.title for panel in make_panels(interface.background)]
+    assert len(set(titles)) == len(titles)
+    assert app.session.panel_titles == tuple(titles)
+
+
+def test_the_row_of_a_texture_is_plain_data() -> None:
+    assert TextureRow(0, "a", 1, 1, "", 0, None, None).gpu_bytes is None

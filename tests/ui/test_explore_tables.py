@@ -1,0 +1,300 @@
+"""Tables, log, times and background work behind the panels, without a window."""
+
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from ntc.metrics import psnr_db, psnr_table
+from ntc.mips import mip_chain
+from ntc.pack import Grouping
+from ntc.reference import decode_image
+from tests.support.packs import random_pack
+from tests.support.picture_scenes import Part, scene_of, texture
+from viewer.explore.background import Background, Finished, JobReport
+from viewer.explore.flat_texture import FlatTexture, decode_flat
+from viewer.explore.frame_history import FRAMES, FrameHistory
+from viewer.explore.group_table import centroid_distances, group_distances, group_rows, grouping_features
+from viewer.explore.memory_table import mip_sizes, pack_memory, scene_memory
+from viewer.explore.scene_tree import SceneTree
+from viewer.explore.texture_table import TextureRow, filtered, ordered, texture_rows
+from viewer.explore.visible_part import visible_part
+from viewer.message_log import LONGEST_LOG, MessageLog, details_of
+from viewer.pack_files import match_scene
+from viewer.scene.model import Instances, Material, Scene
+from viewer.ui.dock_layout import Docked, column_width, places_for
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+def rows() -> list[TextureRow]:
+    return [
+        TextureRow(0, "Brick wall", 64, 64, "brick", 1, 30.0, 2.0),
+        TextureRow(1, "roof", 128, 32, "brick", 0, None, 1.0),
+        TextureRow(2, "brick floor", 8, 8, "", 1, 25.0, 4.0),
+        TextureRow(3, "apple", 512, 512, "fruit", -1, None, None),
+    ]
+
+
+def test_filtering_asks_for_every_word_in_name_or_category() -> None:
+    def ids(text: str) -> list[int]:
+        return [row.texture_id for row in filtered(rows(), text)]
+
+    assert ids("") == [0, 1, 2, 3]
+    assert ids("BRICK") == [0, 1, 2]
+    assert ids("brick floor") == [2]
+    assert ids("group:1") == [0, 2]
+    assert ids("group:1 wall") == [0]
+    assert ids("pear") == []
+
+
+def test_sorting_puts_unknown_values_last_both_ways() -> None:
+    assert [row.texture_id for row in ordered(rows(), "PSNR", False)] == [2, 0, 1, 3]
+    assert [row.texture_id for row in ordered(rows(), "PSNR", True)] == [0, 2, 1, 3]
+    assert [row.texture_id for row in ordered(rows(), "name", False)] == [3, 2, 0, 1]
+    assert [row.texture_id for row in ordered(rows(), "size", True)] == [3, 0, 1, 2]
+    assert [row.texture_id for row in ordered(rows(), "group", False)] == [1, 0, 2, 3]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    textures = [texture(32, 32, seed) for seed in range(4)]
+    return scene_of(
+        [Part(material=number) for number in range(4)], [Material(f"m{n}", n, WHITE) for n in range(4)], textures
+    )
+
+
+def test_rows_say_what_the_pack_makes_of_a_texture(scene: Scene) -> None:
+    hashes = [scene.textures[number].pixel_hash for number in (2, 0)]
+    pack = random_pack(((32, 32), (16, 16)), (1, 0), hashes=hashes)
+    found = texture_rows(scene, pack, match_scene(pack, scene), None)
+    assert [row.group for row in found] == [0, -1, 1, -1]
+    half, whole = found[0].bits_per_texel, found[2].bits_per_texel
+    assert half is not None
+    assert whole is not None
+    assert whole == pytest.approx(psnr_table(pack).rows[0]["latent_bits_per_texel"])
+    # Encoded at a quarter of the texels: per texel of the original a quarter of the bits, and coarse mips less often.
+    assert half < 0.5 * whole
+    assert found[1].bits_per_texel is None
+
+
+def test_bytes_of_mips() -> None:
+    assert mip_sizes(8, 2) == [(8, 2), (4, 1), (2, 1), (1, 1)]
+    plain, blocks = scene_memory(scene_of([], [], [texture(8, 4)]))
+    assert plain.bytes == 4 * (32 + 8 + 2 + 1)
+    assert blocks.bytes == 16 * (2 + 1 + 1 + 1)
+
+
+def test_memory_of_a_pack_adds_up(scene: Scene) -> None:
+    pack = random_pack(((32, 32),), (0,), hashes=[scene.textures[1].pixel_hash])
+    table = psnr_table(pack)
+    found = {row.name: row for row in pack_memory(scene, pack, match_scene(pack, scene), {"latents": 10, "tables": 5})}
+    assert found["pack in all"].bytes == table.latent_bytes + table.decoder_bytes + table.adapter_bytes
+    assert found["GPU in all"].bytes == 15
+    # Of the one texture that the pack holds, not of all four.
+    one = scene_memory(scene)[0].bytes / 4
+    assert found["GPU in all"].share == pytest.approx(15 / one)
+
+
+def test_distances_are_to_the_mean_of_the_group() -> None:
+    features = np.array([[0.0, 0.0], [2.0, 0.0], [5.0, 5.0], [1.0, 3.0]])
+    np.testing.assert_allclose(centroid_distances(features, np.array([0, 0, 1, 0])), [2**0.5, 2**0.5, 0.0, 2.0])
+
+
+def test_groups_and_their_distances(scene: Scene) -> None:
+    hashes = [item.pixel_hash for item in scene.textures]
+    pack = random_pack(((32, 32),) * 4, (0, 1, 0, 0), hashes=[*hashes[:3], "elsewhere"])
+    pack = replace(
+        pack,
+        textures=tuple(replace(item, psnr_db=30.0 + number) for number, item in enumerate(pack.textures)),
+        grouping=Grouping("clustered", pack.grouping.groups, {"features": "low_level"}),
+    )
+    match = match_scene(pack, scene)
+    first, second = group_rows(pack, match)
+    assert (first.members, first.mean_db, first.worst_db, first.absent) == ((0, 2), 31.0, 30.0, 1)
+    assert (second.members, second.absent) == ((1,), 0)
+    assert grouping_features(pack) == ("low_level", "")
+    distances = group_distances(scene, match.decoders(pack), "low_level", "", JobReport(lambda: None)).by_texture
+    assert set(distances) == {0, 1, 2}
+    assert distances[1] == 0.0
+    # Of two members the middle is equally far.
+    assert distances[0] == pytest.approx(distances[2])
+    assert distances[0] > 0.0
+
+
+def test_features_that_need_a_network_have_a_stand_in() -> None:
+    pack = random_pack()
+    assert grouping_features(pack) is None
+    by_network = replace(pack, grouping=Grouping("clustered", pack.grouping.groups, {"features": "clip"}))
+    assert grouping_features(by_network) == ("low_level", "clip")
+
+
+def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None:
+    pack = random_pack(((32, 32),), (0,), hashes=[scene.textures[3].pixel_hash])
+    flat = decode_flat(scene.textures[3], pack, 0, JobReport(lambda: None))
+    expected = decode_image(pack, 0)[..., :3]
+    np.testing.assert_array_equal(flat.mips[0], expected)
+    assert flat.psnr_db == pytest.approx(psnr_db(scene.textures[3].pixels, expected))
+    assert not flat.reduced
+
+
+def test_a_reduced_texture_is_compared_with_the_reduced_original(scene: Scene) -> None:
+    pack = random_pack(((16, 16),), (0,), hashes=[scene.textures[3].pixel_hash])
+    flat = decode_flat(scene.textures[3], pack, 0, JobReport(lambda: None))
+    assert flat.mips[0].shape == (16, 16, 3)
+    assert flat.reduced
+    assert flat.psnr_db is not None
+
+
+def test_a_large_texture_is_shown_coarse_first() -> None:
+    large = texture(512, 300, 9)
+    pack = random_pack(((512, 300),), (0,), hashes=[large.pixel_hash])
+    report = JobReport(lambda: None)
+    flat = decode_flat(large, pack, 0, report)
+    assert isinstance(report.partial, FlatTexture)
+    assert report.partial.level == 1
+    assert report.partial.mips[0].shape == (150, 256, 3)
+    assert flat.mips[0].shape == (300, 512, 3)
+
+
+def wait_for(background: Background, key: str, job: object) -> Finished[object]:
+    for _ in range(500):
+        answer = background.ask(key, job)  # type: ignore[arg-type]
+        if isinstance(answer, Finished):
+            return answer
+        time.sleep(0.01)
+    raise AssertionError("nothing came of it")
+
+
+def test_work_in_the_background_is_done_once_and_errors_are_results() -> None:
+    background, calls = Background(), []
+
+    def job(report: JobReport) -> int:
+        calls.append(threading.current_thread())
+        report.progress(1, 2)
+        return 7
+
+    def broken(_report: JobReport) -> int:
+        raise InputError("no weights") from OSError("disk")
+
+    assert wait_for(background, "a", job).value == 7
+    assert wait_for(background, "a", job).value == 7
+    assert len(calls) == 1
+    assert calls[0] is not threading.main_thread()
+    assert background.take_news()
+    failed = wait_for(background, "b", broken)
+    assert failed.problem == "no weights"
+    assert "OSError: disk" in failed.details
+    background.close()
+
+
+def test_work_that_nobody_waits_for_ends() -> None:
+    background, started = Background(), threading.Event()
+    ended: list[bool] = []
+
+    def endless(report: JobReport) -> None:
+        try:
+            while True:
+                started.set()
+                report.progress(0, 1)
+                time.sleep(0.001)
+        finally:
+            ended.append(True)
+
+    background.ask("a", endless)
+    assert started.wait(5.0)
+    background.cancel("a")
+    assert wait_for(background, "b", lambda _report: 3).value == 3
+    assert ended == [True]
+    background.close()
+
+
+def test_the_log_keeps_the_last_thousand() -> None:
+    log = MessageLog()
+    for number in range(LONGEST_LOG + 5):
+        log.add(f"message {number}", "message")
+    assert len(log) == LONGEST_LOG
+    assert log[0].text == "message 5"
+    assert log.said == LONGEST_LOG + 5
+    log.add(f"message {LONGEST_LOG + 4}", "message")
+    assert len(log) == LONGEST_LOG
+    assert log[-1].repeats == 2
+    assert "(2 times)" in log.text()
+
+
+def test_details_are_the_causes() -> None:
+    error = InputError("a.glb: cannot be read")
+    error.__cause__ = OSError("disk on fire")
+    assert details_of(error) == "OSError: disk on fire"
+    assert details_of(InputError("plain")) == ""
+
+
+def test_times_of_the_last_frames() -> None:
+    history = FrameHistory()
+    for number in range(FRAMES + 10):
+        history.add({"cull": float(number), **({"late": 1.0} if number > FRAMES else {})}, number + 0.5)
+    assert len(history) == FRAMES
+    assert history.wall_ms[[0, -1]].tolist() == [10.5, FRAMES + 9.5]
+    assert history.passes_ms["cull"][0] == 10.0
+    assert history.passes_ms["late"].sum() == 9.0
+
+
+def test_a_tree_of_many_instances_is_filtered_and_folded_quickly(scene: Scene) -> None:
+    count = 100_000
+    nodes = np.arange(count, dtype=np.int32) // 2
+    instances = Instances(np.arange(count, dtype=np.int32) % 4, np.zeros((count, 4, 4), np.float32), nodes)
+    large = replace(scene, instances=instances, node_names=tuple(f"node_{number}" for number in range(count // 2)))
+    started = time.process_time()
+    tree = SceneTree(large)
+    assert len(tree) == count // 2
+    assert tree[7].label == "node_7 (2)"
+    tree.toggle(7)
+    assert len(tree) == count // 2 + 2
+    assert [(row.node, row.instance) for row in (tree[7], tree[8], tree[9], tree[10])] == [
+        (7, -1),
+        (7, 14),
+        (7, 15),
+        (8, -1),
+    ]
+    tree.filter("node_4999")
+    assert tree.node_count == 11
+    tree.filter("m3")
+    assert tree.node_count == count // 4
+    assert time.process_time() - started < 2.0
+
+
+def test_places_by_the_size_of_the_window() -> None:
+    panels = [
+        Docked("A", "left", 300),
+        Docked("B", "left below", 200),
+        Docked("C", "right", 1),
+        Docked("D", "bottom", 1),
+    ]
+
+    def titles(width: float, height: float) -> dict[str, list[str]]:
+        return {place: [panel.title for panel in found] for place, found in places_for(panels, width, height).items()}
+
+    assert titles(1280, 720) == {"left": ["A"], "left below": ["B"], "right": ["C"], "bottom": ["D"]}
+    assert titles(720, 400) == {"left": ["A", "B", "D"], "right": ["C"]}
+    assert titles(640, 360) == {"left": ["A", "B", "C", "D"]}
+    assert column_width(0.27, 640, 300, 380) == 300
+    assert column_width(0.27, 320, 300, 380) == 160
+
+
+def test_the_part_in_sight_is_no_larger_than_the_screen_needs() -> None:
+    pixels = texture(512, 256, 4).pixels
+    mips = tuple(mip_chain(pixels, "srgb"))
+    whole = visible_part(mips, (0.0, 0.0, 1.0, 1.0), 128.0)
+    assert whole is not None
+    np.testing.assert_array_equal(whole.pixels, mips[2])
+    assert whole.rectangle == (0.0, 0.0, 1.0, 1.0)
+    assert visible_part(mips, (0.0, 0.0, 1.0, 1.0), 128.0, whole) is whole
+    large = visible_part(mips, (0.5, 0.5, 0.515, 0.53), 10_240.0, whole)
+    assert large is not None
+    # Texels 256 to 264 and 128 to 136, and one more on each side, 20 times as large.
+    assert large.pixels.shape == (20 * 10, 20 * 10, 3)
+    np.testing.assert_array_equal(large.pixels[::20, ::20], pixels[127:137, 255:265])
+    assert visible_part(mips, (1.5, 0.0, 2.0, 1.0), 128.0) is None

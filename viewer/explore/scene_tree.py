@@ -1,0 +1,100 @@
+"""The scene's nodes with what stands there, as rows of a list that may be long."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class TreeRow:
+    """A node, or below it one of its instances."""
+
+    label: str
+    node: int
+    instance: int
+    """-1 for the node itself."""
+    texture_id: int
+    """Of the instance; -1 for none, and for nodes."""
+
+
+class SceneTree:
+    """Rows of the nodes that have instances. A row's text is made when it is asked for: there may be 10^5 of them."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        nodes = scene.instances.node.astype(np.int64)
+        self._by_node: NDArray[np.int64] = np.argsort(nodes, kind="stable")
+        self._nodes, self._first, self._counts = np.unique(nodes[self._by_node], return_index=True, return_counts=True)
+        self._names = [self._node_name(int(node)).casefold() for node in self._nodes]
+        self._expanded: set[int] = set()
+        self._places: NDArray[np.int64] = np.arange(len(self._nodes))
+        self._row_place: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._row_number: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._arrange()
+
+    def _node_name(self, node: int) -> str:
+        names = self._scene.node_names
+        return (names[node] if 0 <= node < len(names) else "") or f"node {node}"
+
+    @property
+    def node_count(self) -> int:
+        """Nodes that pass the filter."""
+        return len(self._places)
+
+    def filter(self, text: str) -> None:
+        """Keep the nodes whose name has every word of `text`, or a material or mesh of theirs has."""
+        words = text.casefold().split()
+        if not words:
+            self._places = np.arange(len(self._nodes))
+        else:
+            # Names of primitives and materials repeat in many instances: each is looked at once.
+            described = [
+                f"{primitive.name} {self._scene.materials[primitive.material].name}".casefold()
+                for primitive in self._scene.primitives
+            ]
+            primitives = self._scene.instances.primitive[self._by_node]
+            fits = np.ones(len(self._nodes), bool)
+            for word in words:
+                in_primitive = np.array([word in text for text in described], bool)
+                named = np.array([word in name for name in self._names], bool)
+                below = in_primitive[primitives] if len(primitives) else np.zeros(0, bool)
+                some = np.logical_or.reduceat(below, self._first) if len(below) else np.zeros(len(named), bool)
+                fits &= named | some
+            self._places = np.nonzero(fits)[0]
+        self._arrange()
+
+    def toggle(self, node: int) -> None:
+        """Fold a node out or in."""
+        self._expanded ^= {node}
+        self._arrange()
+
+    def is_expanded(self, node: int) -> bool:
+        """Whether a node's instances are rows."""
+        return node in self._expanded
+
+    def _arrange(self) -> None:
+        expanded = np.isin(self._nodes[self._places], list(self._expanded))
+        lengths = 1 + np.where(expanded, self._counts[self._places], 0)
+        ends = np.cumsum(lengths)
+        self._row_place = np.repeat(self._places, lengths)
+        self._row_number = np.arange(int(ends[-1]) if len(ends) else 0) - np.repeat(ends - lengths, lengths) - 1
+
+    def __len__(self) -> int:
+        return len(self._row_place)
+
+    def __getitem__(self, index: int) -> TreeRow:
+        place, number = int(self._row_place[index]), int(self._row_number[index])
+        node = int(self._nodes[place])
+        if number < 0:
+            count = int(self._counts[place])
+            return TreeRow(f"{self._node_name(node)} ({count})", node, -1, -1)
+        instance = int(self._by_node[int(self._first[place]) + number])
+        primitive = self._scene.primitives[int(self._scene.instances.primitive[instance])]
+        material = self._scene.materials[primitive.material]
+        label = (
+            f"{primitive.name or 'primitive'}, {primitive.index_count // 3:,} triangles, {material.name or 'material'}"
+        )
+        return TreeRow(label, node, instance, material.texture_id)

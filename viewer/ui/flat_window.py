@@ -1,0 +1,248 @@
+"""A window that shows one texture flat: its original and what packs make of it, side by side or with a divider."""
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.actions import RunCommand
+from viewer.explore.background import Background, Finished, Job, JobReport
+from viewer.explore.flat_texture import FlatTexture, decode_flat, original_flat
+from viewer.explore.visible_part import VisiblePart, visible_part
+from viewer.session import Session
+from viewer.ui.colors import SLOT_COLORS, packed
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo
+from viewer.view_state import REFERENCE
+
+Arrangement = Literal["side by side", "wipe"]
+ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
+LARGEST_ZOOM = 64.0
+ZOOM_STEP = 1.25
+GRAB = 8.0
+"""Window units on either side of the divider within which it can be grabbed."""
+LINE = (1.0, 1.0, 1.0, 0.9)
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """What one side shows."""
+
+    flat: FlatTexture | None
+    caption: str
+
+
+class FlatWindow:
+    """Remembers zoom, divider and what its two sides show."""
+
+    def __init__(self, background: Background) -> None:
+        self._background = background
+        self._texture: object = None
+        self._parts: dict[str, VisiblePart] = {}
+        self._sources: dict[str, str] = {}
+        self._asked: dict[str, Hashable] = {}
+        """Key of the job of each side."""
+        self._arrangement: Arrangement = "side by side"
+        self._zoom = 1.0
+        """Enlargement; 1 fits the texture into its place."""
+        self._centre = (0.5, 0.5)
+        """Place of the texture in the middle of the view."""
+        self._divider = 0.5
+        self._dragging = False
+
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+        """The window, while a texture is to be shown."""
+        number = session.flat_texture
+        if number is None or facts.image is None or number >= len(session.scene.textures):
+            self._forget()
+            return
+        texture = session.scene.textures[number]
+        if texture is not self._texture:
+            self._begin(session, number)
+        size = imgui.get_main_viewport().work_size
+        centre = imgui.get_main_viewport().get_work_center()
+        imgui.set_next_window_size(ImVec2(0.7 * size.x, 0.8 * size.y), imgui.Cond_.appearing)
+        imgui.set_next_window_pos(centre, imgui.Cond_.appearing, ImVec2(0.5, 0.5))
+        imgui.set_next_window_bg_alpha(1.0)
+        flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_scrollbar
+        flags |= (
+            imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse
+        )
+        opened, stays = imgui.begin(f"{texture.name}###flat", True, flags)
+        items.note("flat texture")
+        if opened:
+            height, width = texture.pixels.shape[:2]
+            self._controls(session, items)
+            sides = {side: self._side(session, facts, number, side) for side in self._sources}
+            for side, shown in sides.items():
+                imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+                imgui.same_line()
+                imgui.text(shown.caption)
+                items.note(f"flat caption {side}")
+            self._picture(sides, (width, height), facts, items)
+        imgui.end()
+        if not stays:
+            emit(RunCommand("texture.close-flat"))
+
+    def _forget(self) -> None:
+        if self._texture is not None:
+            self._cancel()
+            self._texture = None
+            self._parts.clear()
+
+    def _cancel(self) -> None:
+        for key in self._asked.values():
+            self._background.cancel(key)
+        self._asked.clear()
+
+    def _begin(self, session: Session, number: int) -> None:
+        self._cancel()
+        self._texture = session.scene.textures[number]
+        self._parts.clear()
+        self._zoom, self._centre, self._divider = 1.0, (0.5, 0.5), 0.5
+        first, second = session.view.slot_a.source, session.view.slot_b.source
+        self._sources = {"a": first, "b": second if second != first else REFERENCE}
+
+    def _controls(self, session: Session, items: ItemPlaces) -> None:
+        width = 9.0 * imgui.get_font_size()
+        for side in self._sources:
+            # Packs may have been closed since.
+            if self._sources[side] not in session.sources:
+                self._sources[side] = REFERENCE
+            imgui.set_next_item_width(width)
+            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], session.sources, items)
+            imgui.same_line()
+        for arrangement in ARRANGEMENTS:
+            if imgui.radio_button(arrangement, self._arrangement == arrangement):
+                self._arrangement = arrangement
+            items.note(f"flat {arrangement}")
+            imgui.same_line()
+        if imgui.small_button("fit"):
+            self._zoom, self._centre = 1.0, (0.5, 0.5)
+        items.note("flat fit")
+        imgui.same_line()
+        imgui.text_disabled(f"{self._zoom:.2f} x, wheel and drag")
+
+    def _side(self, session: Session, facts: FrameFacts, number: int, side: str) -> _Side:
+        texture, source = session.scene.textures[number], self._sources[side]
+        height, width = texture.pixels.shape[:2]
+        if source == REFERENCE:
+            answer = self._ask(side, (texture, source), partial(original_flat, texture))
+            return self._shown(answer, source, f"original, {width} x {height}")
+        pack, match = session.packs.get(source), facts.matches.get(source)
+        index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
+        if pack is None or index < 0:
+            return _Side(None, f"{source}: does not hold this texture")
+        encoded = pack.textures[index]
+        # The pack may be read anew under its name, so that the name alone is no key.
+        answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
+        return self._shown(answer, source, f"{source}, {encoded.width} x {encoded.height}, group {encoded.group}")
+
+    def _ask(self, side: str, key: Hashable, job: Job) -> Finished[object] | JobReport:
+        before = self._asked.get(side, key)
+        self._asked[side] = key
+        if before not in self._asked.values():
+            self._background.cancel(before)
+        return self._background.ask(key, job)
+
+    @staticmethod
+    def _shown(answer: Finished[object] | JobReport, source: str, about: str) -> _Side:
+        if isinstance(answer, JobReport):
+            first = answer.partial
+            doing = f", decoding {answer.share:.0%}" if source != REFERENCE else ""
+            return _Side(first if isinstance(first, FlatTexture) else None, about + doing)
+        if not isinstance(answer.value, FlatTexture):
+            return _Side(None, f"{source}: {answer.problem}")
+        flat = answer.value
+        if source == REFERENCE:
+            return _Side(flat, about)
+        quality = "sizes differ"
+        if flat.psnr_db is not None:
+            quality = "equal" if math.isinf(flat.psnr_db) else f"{flat.psnr_db:.2f} dB"
+        against = " against the original made as small" if flat.reduced else ""
+        return _Side(flat, f"{about}, {quality}{against}")
+
+    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: ItemPlaces) -> None:
+        at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        if room.x < 8.0 or room.y < 8.0:
+            return
+        imgui.invisible_button("flat picture", room)
+        items.note("flat picture")
+        wipes = self._arrangement == "wipe"
+        gap = 0.0 if wipes else 4.0
+        width = room.x if wipes else (room.x - gap) / 2.0
+        fits = min(width / size[0], room.y / size[1])
+        texel = fits * self._zoom
+        self._input(at, room, width + gap if not wipes else 0.0, (size[0] * texel, size[1] * texel))
+        draw = imgui.get_window_draw_list()
+        split = at.x + self._divider * room.x
+        for number, (side, shown) in enumerate(sides.items()):
+            left = at.x if wipes else at.x + number * (width + gap)
+            low, high = ImVec2(left, at.y), ImVec2(left + width, at.y + room.y)
+            middle = ImVec2(left + width / 2.0, at.y + room.y / 2.0)
+            if wipes:
+                low = ImVec2(split, at.y) if number else low
+                high = high if number else ImVec2(split, high.y)
+            draw.push_clip_rect(low, high, True)
+            corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
+            if shown.flat is not None:
+                self._image(side, shown.flat, (*corner, size[0] * texel, size[1] * texel), (low, high), facts)
+            draw.add_text(ImVec2(low.x + 4.0, low.y + 2.0), packed(SLOT_COLORS[side]), side.upper())
+            draw.pop_clip_rect()
+        if wipes:
+            draw.add_line(ImVec2(split, at.y), ImVec2(split, at.y + room.y), packed(LINE), 1.5)
+
+    def _image(
+        self,
+        side: str,
+        flat: FlatTexture,
+        whole: tuple[float, float, float, float],
+        place: tuple[ImVec2, ImVec2],
+        facts: FrameFacts,
+    ) -> None:
+        """Draw what is in sight. `whole` is (left, top, width, height) of the whole texture in window units."""
+        left, top, width, height = whole
+        low, high = place
+        seen = ((low.x - left) / width, (low.y - top) / height, (high.x - left) / width, (high.y - top) / height)
+        pixels = width * imgui.get_io().display_framebuffer_scale.x
+        part = visible_part(flat.mips, seen, pixels, self._parts.get(side))
+        if part is None or facts.image is None:
+            return
+        self._parts[side] = part
+        first, above, last, below = part.rectangle
+        corner = ImVec2(left + first * width, top + above * height)
+        end = ImVec2(left + last * width, top + below * height)
+        imgui.get_window_draw_list().add_image(facts.image(f"flat {side}", part.pixels), corner, end)
+
+    def _input(self, at: ImVec2, room: ImVec2, stride: float, extent: tuple[float, float]) -> None:
+        """Zoom towards the mouse, drag the texture or the divider. `extent` is of the whole texture in window units."""
+        io = imgui.get_io()
+        held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
+        wipes = self._arrangement == "wipe"
+        near = wipes and abs(io.mouse_pos.x - at.x - self._divider * room.x) <= GRAB
+        if imgui.is_item_activated():
+            self._dragging = near
+        if (hovered and near) or (held and self._dragging):
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        if held and self._dragging:
+            self._divider = min(max((io.mouse_pos.x - at.x) / room.x, 0.0), 1.0)
+        elif held:
+            self._move(-io.mouse_delta.x / extent[0], -io.mouse_delta.y / extent[1])
+        if hovered and io.mouse_wheel:
+            x, y = io.mouse_pos.x - at.x, io.mouse_pos.y - at.y
+            width = room.x
+            if stride:
+                x, width = x - stride * (x >= stride), stride
+            away = ((x - width / 2.0) / extent[0], (y - room.y / 2.0) / extent[1])
+            zoom = min(max(self._zoom * ZOOM_STEP**io.mouse_wheel, 1.0), LARGEST_ZOOM)
+            kept = 1.0 - self._zoom / zoom
+            self._zoom = zoom
+            self._move(away[0] * kept, away[1] * kept)
+
+    def _move(self, x: float, y: float) -> None:
+        moved = (self._centre[0] + x, self._centre[1] + y)
+        self._centre = (min(max(moved[0], 0.0), 1.0), min(max(moved[1], 0.0), 1.0))

@@ -1,0 +1,208 @@
+"""Panel "Groups": the groups of slot A's pack, their members, and how far each is from its group's middle."""
+
+from functools import partial
+
+from imgui_bundle import ImVec2, imgui
+
+from ntc.pack import Pack
+from viewer.actions import RunCommand
+from viewer.commands import COMMANDS
+from viewer.explore.background import Background, JobReport
+from viewer.explore.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
+from viewer.session import Session
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import counted
+from viewer.view_state import REFERENCE
+
+RETRAIN = "training.retrain"
+THUMBNAIL_LINES = 1.6
+LIST_LINES = 6.5
+"""Height of the list of groups at first, in rows."""
+COLUMNS = ("group", "members", "mean dB", "worst dB")
+
+
+def _decibels(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+class GroupsPanel:
+    """Remembers the rows of the pack that it shows, and the group that is chosen."""
+
+    def __init__(self, background: Background) -> None:
+        self._background = background
+        self._key: object = None
+        self._order: object = None
+        self._rows: tuple[GroupRow, ...] = ()
+        self._shown: list[GroupRow] = []
+        self._chosen = 0
+        self._followed: int | None = None
+
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        source = session.view.slot_a.source
+        pack, match = session.packs.get(source), facts.matches.get(source)
+        if source == REFERENCE or pack is None or match is None:
+            imgui.text_wrapped("slot A shows the reference: choose a pack in it to see its groups")
+            return
+        if self._key != (session.scene, pack, match):
+            self._key, self._order = (session.scene, pack, match), None
+            self._rows = group_rows(pack, match)
+            self._followed = None
+        decoders = match.decoders(pack)
+        self._follow_selection(session.selected_texture, decoders)
+        if not self._rows:
+            imgui.text_disabled("the pack has no groups")
+            return
+        parameters = ", ".join(f"{name} {value}" for name, value in pack.grouping.parameters.items())
+        imgui.text_wrapped(f"{source}: grouping {pack.grouping.name}, {counted(len(self._rows), 'group')}")
+        if parameters:
+            imgui.text_disabled(parameters[:200])
+        self._list(items)
+        self._group(session, pack, decoders, facts, emit, items)
+
+    def _follow_selection(self, selected: int | None, decoders: tuple[int, ...]) -> None:
+        """Show the group of a texture that has been selected elsewhere."""
+        if selected != self._followed:
+            self._followed = selected
+            if selected is not None and decoders[selected] >= 0:
+                self._chosen = decoders[selected]
+        self._chosen = min(self._chosen, max(len(self._rows) - 1, 0))
+
+    def _list(self, items: ItemPlaces) -> None:
+        flags = (
+            imgui.TableFlags_.sortable
+            | imgui.TableFlags_.row_bg
+            | imgui.TableFlags_.scroll_y
+            | imgui.TableFlags_.sizing_stretch_same
+        )
+        lines = min(LIST_LINES, len(self._rows) + 1.5)
+        height = lines * (imgui.get_text_line_height() + 2.0 * imgui.get_style().cell_padding.y)
+        if not imgui.begin_table("groups", len(COLUMNS), flags, ImVec2(0, height)):
+            return
+        imgui.table_setup_scroll_freeze(0, 1)
+        for number, name in enumerate(COLUMNS):
+            imgui.table_setup_column(name, 0, 0.0, number)
+        imgui.table_headers_row()
+        self._sort()
+        clipper = imgui.ListClipper()
+        clipper.begin(len(self._shown))
+        while clipper.step():
+            for index in range(clipper.display_start, clipper.display_end):
+                row = self._shown[index]
+                imgui.table_next_row()
+                imgui.table_next_column()
+                span = imgui.SelectableFlags_.span_all_columns
+                if imgui.selectable(str(row.group), row.group == self._chosen, span)[0]:
+                    self._chosen = row.group
+                items.note(f"group {row.group}")
+                absent = f" + {row.absent} not here" if row.absent else ""
+                for text in (f"{len(row.members)}{absent}", _decibels(row.mean_db), _decibels(row.worst_db)):
+                    imgui.table_next_column()
+                    imgui.text(text)
+        imgui.end_table()
+
+    def _sort(self) -> None:
+        specs = imgui.table_get_sort_specs()
+        if specs is None or specs.specs_count == 0:
+            self._shown = list(self._rows)
+            return
+        spec = specs.get_specs(0)
+        descending = spec.get_sort_direction() == imgui.SortDirection.descending
+        order = (spec.column_user_id, descending)
+        if order == self._order:
+            return
+        self._order = order
+        keys = (
+            lambda row: row.group,
+            lambda row: len(row.members),
+            lambda row: row.mean_db if row.mean_db is not None else float("inf"),
+            lambda row: row.worst_db if row.worst_db is not None else float("inf"),
+        )
+        self._shown = sorted(self._rows, key=keys[spec.column_user_id], reverse=descending)
+
+    def _group(
+        self,
+        session: Session,
+        pack: Pack,
+        decoders: tuple[int, ...],
+        facts: FrameFacts,
+        emit: Emit,
+        items: ItemPlaces,
+    ) -> None:
+        row = self._rows[self._chosen]
+        can_train = any(command.id == RETRAIN for command in COMMANDS)
+        imgui.begin_disabled(not can_train)
+        if imgui.button(f"Train group {row.group}"):
+            emit(RunCommand(RETRAIN, (str(row.group),)))
+        items.note("Train group")
+        imgui.end_disabled()
+        if not can_train:
+            imgui.set_item_tooltip("this version of the window has no training")
+        distances = self._distances(session, pack, decoders)
+        members = list(row.members)
+        if isinstance(distances, GroupDistances):
+            by_texture = distances.by_texture
+            members.sort(key=lambda texture: -by_texture.get(texture, 0.0))
+            imgui.text_wrapped(distances.caption())
+        elif distances:
+            imgui.text_wrapped(distances)
+        side = THUMBNAIL_LINES * imgui.get_font_size()
+        if not imgui.begin_child("members"):
+            imgui.end_child()
+            return
+        far = (
+            max((distances.by_texture.get(t, 0.0) for t in members), default=0.0)
+            if isinstance(distances, GroupDistances)
+            else 0.0
+        )
+        clipper = imgui.ListClipper()
+        clipper.begin(len(members), side + imgui.get_style().item_spacing.y)
+        while clipper.step():
+            for index in range(clipper.display_start, clipper.display_end):
+                distance = distances.by_texture.get(members[index]) if isinstance(distances, GroupDistances) else None
+                self._member(session, members[index], distance, far, side, facts, emit, items)
+        imgui.end_child()
+
+    def _member(
+        self,
+        session: Session,
+        texture: int,
+        distance: float | None,
+        far: float,
+        side: float,
+        facts: FrameFacts,
+        emit: Emit,
+        items: ItemPlaces,
+    ) -> None:
+        at = imgui.get_cursor_pos()
+        flags = imgui.SelectableFlags_.allow_double_click
+        if imgui.selectable(f"##member {texture}", texture == session.selected_texture, flags, ImVec2(0, side))[0]:
+            doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
+            emit(RunCommand("texture.flat" if doubly else "texture.select", (str(texture),)))
+            self._followed = texture
+        items.note(f"member {texture}")
+        imgui.set_cursor_pos(at)
+        if facts.thumbnail is not None:
+            imgui.image(facts.thumbnail(texture), ImVec2(side, side))
+            imgui.same_line()
+        if distance is not None:
+            share = distance / far if far > 0.0 else 0.0
+            imgui.progress_bar(share, ImVec2(4.5 * imgui.get_font_size(), 0), f"{distance:.2f}")
+            imgui.same_line()
+        imgui.text(session.scene.textures[texture].name)
+
+    def _distances(self, session: Session, pack: Pack, decoders: tuple[int, ...]) -> GroupDistances | str:
+        """The distances, or what to say in their place."""
+        asked = grouping_features(pack)
+        if asked is None:
+            return "no distances: the pack does not say that features grouped it"
+        features, stands_in_for = asked
+        # Every grouping has its own centroids, over features that are kept on disk.
+        key = (session.scene, decoders, features)
+        answer = self._background.ask(key, partial(group_distances, session.scene, decoders, features, stands_in_for))
+        if isinstance(answer, JobReport):
+            return f"{features} features {answer.share:.0%}"
+        if isinstance(answer.value, GroupDistances):
+            return answer.value
+        return f"no distances: {answer.problem}"

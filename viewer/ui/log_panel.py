@@ -1,0 +1,69 @@
+"""Panel "Log": everything that was said, with its time; errors with their details, to be copied."""
+
+from imgui_bundle import imgui
+
+from viewer.message_log import LogEntry
+from viewer.session import Session
+from viewer.ui.items import ItemPlaces
+
+ERROR_DARK = (1.0, 0.45, 0.4, 1.0)
+ERROR_LIGHT = (0.75, 0.1, 0.05, 1.0)
+
+
+class LogPanel:
+    """Remembers what is expanded."""
+
+    def __init__(self) -> None:
+        self._expanded: int | None = None
+        self._errors_only = False
+        self._said = 0
+
+    def draw(self, session: Session, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        log = session.log
+        if imgui.small_button("copy all"):
+            imgui.set_clipboard_text(log.text())
+        items.note("copy log")
+        imgui.same_line()
+        _, self._errors_only = imgui.checkbox("errors only", self._errors_only)
+        items.note("errors only")
+        imgui.same_line()
+        imgui.text_disabled(f"{len(log):,} messages")
+        if imgui.begin_child("lines"):
+            color = imgui.ImVec4(*(ERROR_DARK if session.settings.theme == "dark" else ERROR_LIGHT))
+            if self._errors_only or self._expanded is not None:
+                # Lines of several heights: a clipper takes equal ones.
+                for entry in log:
+                    if entry.kind == "error" or not self._errors_only:
+                        self._line(entry, color, items)
+            else:
+                clipper = imgui.ListClipper()
+                clipper.begin(len(log))
+                while clipper.step():
+                    for index in range(clipper.display_start, clipper.display_end):
+                        self._line(log[index], color, items)
+            if log.said != self._said:
+                self._said = log.said
+                imgui.set_scroll_here_y(1.0)
+        imgui.end_child()
+
+    def _line(self, entry: LogEntry, color: imgui.ImVec4, items: ItemPlaces) -> None:
+        is_error = entry.kind == "error"
+        if is_error:
+            imgui.push_style_color(imgui.Col_.text, color)
+        more = "+ " if entry.details and self._expanded != entry.number else ""
+        chosen = imgui.selectable(f"{more}{entry.line()}##{entry.number}", self._expanded == entry.number)[0]
+        if is_error:
+            imgui.pop_style_color()
+        items.note(f"log {entry.number}")
+        if chosen:
+            self._expanded = None if self._expanded == entry.number else entry.number
+        if self._expanded != entry.number:
+            return
+        imgui.indent()
+        if imgui.small_button(f"copy##{entry.number}"):
+            imgui.set_clipboard_text(entry.whole())
+        items.note(f"copy log {entry.number}")
+        # Long lines are cut by the panel's edge above.
+        imgui.text_wrapped(entry.details or entry.text)
+        imgui.unindent()

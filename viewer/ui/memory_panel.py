@@ -1,0 +1,99 @@
+"""Panel "Memory": bytes of the original textures, of block compression, and of what each slot shows."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.explore.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
+from viewer.session import Session
+from viewer.ui.colors import SLOT_COLORS, packed
+from viewer.ui.facts import FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.view_state import REFERENCE, Slot
+
+SCENE_COLOR = (0.55, 0.57, 0.6, 1.0)
+
+
+def ratio(row: MemoryRow) -> str:
+    """How much smaller than the original: `1 : 12.3`."""
+    return "-" if not row.share else f"1 : {1.0 / row.share:,.1f}"
+
+
+class MemoryPanel:
+    """Remembers the rows until something about them changes."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._parts: list[tuple[str, tuple[float, float, float, float], tuple[MemoryRow, ...]]] = []
+
+    def _update(self, session: Session, facts: FrameFacts) -> None:
+        slots = {"a": session.view.slot_a, "b": session.view.slot_b}
+        packs = [session.packs.get(slot.source) for slot in slots.values()]
+        key = (session.scene, slots, packs, {slot: dict(parts) for slot, parts in facts.gpu_parts.items()})
+        if key == self._key:
+            return
+        self._key = key
+        self._parts = [("scene", SCENE_COLOR, scene_memory(session.scene))]
+        for side, slot in slots.items():
+            rows = _slot_rows(session, facts, slot)
+            if rows:
+                self._parts.append((f"{side.upper()}: {slot.source}, {slot.precision}", SLOT_COLORS[side], rows))
+
+    def text(self) -> str:
+        """The table as text, to be copied."""
+        lines: list[str] = []
+        for title, _, rows in self._parts:
+            lines.append(title)
+            lines += [f"  {row.name:36} {row.bytes:>15,} bytes  {ratio(row)}" for row in rows]
+        return "\n".join(lines)
+
+    def draw(self, session: Session, facts: FrameFacts, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        self._update(session, facts)
+        if imgui.small_button("copy"):
+            imgui.set_clipboard_text(self.text())
+        items.note("copy memory")
+        imgui.same_line()
+        imgui.text_disabled("ratio to RGBA8 with mips")
+        self._bars(items)
+        if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
+            return
+        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
+        for name in ("bytes", "ratio"):
+            imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed)
+        for title, color, rows in self._parts:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_colored(imgui.ImVec4(*color), title)
+            for row in rows:
+                imgui.table_next_row()
+                imgui.table_next_column()
+                write = imgui.text if row.is_total else imgui.text_disabled
+                write(row.name)
+                if row.explanation:
+                    imgui.set_item_tooltip(row.explanation)
+                for text in (megabytes(row.bytes), ratio(row)):
+                    imgui.table_next_column()
+                    write(text)
+        imgui.end_table()
+
+    def _bars(self, items: ItemPlaces) -> None:
+        """The totals as bars; the longest is the original."""
+        totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
+        scene = [(row.name, SCENE_COLOR, row) for row in self._parts[0][2]]
+        most = max((row.bytes for _, _, row in (*scene, *totals)), default=1) or 1
+        draw = imgui.get_window_draw_list()
+        width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
+        for title, color, row in (*scene, *totals):
+            at = imgui.get_cursor_screen_pos()
+            end = ImVec2(at.x + max(width * row.bytes / most, 2.0), at.y + line)
+            draw.add_rect_filled(at, end, packed((*color[:3], 0.55)), 2.0)
+            name = row.name if title == row.name else f"{title.split(':')[0]} {row.name}"
+            imgui.text(f"{name}  {megabytes(row.bytes)}")
+        items.note("memory bars")
+        imgui.separator()
+
+
+def _slot_rows(session: Session, facts: FrameFacts, slot: Slot) -> tuple[MemoryRow, ...]:
+    pack, match = session.packs.get(slot.source), facts.matches.get(slot.source)
+    if slot.source == REFERENCE or pack is None or match is None:
+        return ()
+    return pack_memory(session.scene, pack, match, facts.gpu_parts.get(slot))

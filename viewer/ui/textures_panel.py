@@ -1,0 +1,168 @@
+"""Panel "Textures": all textures of the scene as a table that is filtered, sorted and scrolled."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.actions import RunCommand
+from viewer.explore.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
+from viewer.session import Session
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.view_state import REFERENCE
+
+THUMBNAIL_LINES = 1.9
+"""Side of a thumbnail, in lines of text."""
+HIDDEN_AT_FIRST = ("category", "on GPU")
+WIDTHS: dict[TextureColumn, float] = {
+    "name": 9.0,
+    "size": 5.6,
+    "category": 5.5,
+    "group": 3.0,
+    "PSNR": 3.6,
+    "bits/texel": 4.0,
+    "on GPU": 4.5,
+}
+"""In font sizes."""
+
+
+def _texts(row: TextureRow) -> tuple[str, ...]:
+    return (
+        row.name,
+        f"{row.width} x {row.height}",
+        row.category or "-",
+        str(row.group) if row.group >= 0 else "-",
+        f"{row.psnr_db:.2f}" if row.psnr_db is not None else "-",
+        f"{row.bits_per_texel:.2f}" if row.bits_per_texel is not None else "-",
+        f"{row.gpu_bytes / 1e3:,.1f} kB" if row.gpu_bytes is not None else "-",
+    )
+
+
+class TexturesPanel:
+    """Remembers the filter, and the rows until something about them changes."""
+
+    def __init__(self) -> None:
+        self._filter = ""
+        self._key: object = None
+        self._order: object = None
+        self._all: tuple[TextureRow, ...] = ()
+        self._rows: list[tuple[TextureRow, tuple[str, ...]]] = []
+        self._scrolled_to: int | None = None
+
+    def shown_names(self) -> tuple[str, ...]:
+        """Names of the rows in their order, for scripts."""
+        return tuple(row.name for row, _ in self._rows)
+
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        source = session.view.slot_a.source
+        imgui.set_next_item_width(-1)
+        _, self._filter = imgui.input_text_with_hint("##filter", "filter: name, category, group:3", self._filter)
+        items.note("texture filter")
+        flags = (
+            imgui.TableFlags_.sortable
+            | imgui.TableFlags_.hideable
+            | imgui.TableFlags_.resizable
+            | imgui.TableFlags_.reorderable
+            | imgui.TableFlags_.row_bg
+            | imgui.TableFlags_.scroll_x
+            | imgui.TableFlags_.scroll_y
+            | imgui.TableFlags_.borders_inner_v
+        )
+        below = imgui.get_text_line_height_with_spacing()
+        if imgui.begin_table("textures", 1 + len(COLUMNS), flags, ImVec2(0, -below)):
+            self._headings()
+            self._update(session, facts, source)
+            self._body(session, facts, emit, items)
+            imgui.end_table()
+        pack = "the reference has no groups" if source == REFERENCE else f"A: {source}"
+        not_made = f", {facts.thumbnails_skipped:,} thumbnails skipped" if facts.thumbnails_skipped else ""
+        imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}{not_made}")
+
+    def _headings(self) -> None:
+        fixed = imgui.TableColumnFlags_.width_fixed
+        size = imgui.get_font_size()
+        imgui.table_setup_scroll_freeze(2, 1)
+        side = THUMBNAIL_LINES * size
+        imgui.table_setup_column(
+            "##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side
+        )
+        for number, column in enumerate(COLUMNS):
+            flags = fixed | (imgui.TableColumnFlags_.default_hide if column in HIDDEN_AT_FIRST else 0)
+            if column == "name":
+                flags |= imgui.TableColumnFlags_.no_hide
+            imgui.table_setup_column(column, flags, WIDTHS[column] * size, number)
+        imgui.table_headers_row()
+
+    def _update(self, session: Session, facts: FrameFacts, source: str) -> None:
+        """Have the rows that are to be shown, anew only where something has changed."""
+        pack, match = session.packs.get(source), facts.matches.get(source)
+        # The objects themselves: an id may be given again to another one.
+        latents = facts.latent_bytes.tobytes() if facts.latent_bytes is not None else b""
+        key = (session.scene, pack, match, latents)
+        fresh = self._key != key
+        if fresh:
+            sizes = facts.latent_bytes.tolist() if facts.latent_bytes is not None else None
+            self._all = texture_rows(session.scene, pack, match, sizes)
+            self._key = key
+        specs = imgui.table_get_sort_specs()
+        column: TextureColumn | None = None
+        descending = False
+        if specs is not None and specs.specs_count > 0:
+            spec = specs.get_specs(0)
+            column = COLUMNS[spec.column_user_id]
+            descending = spec.get_sort_direction() == imgui.SortDirection.descending
+        order = (self._filter, column, descending)
+        if fresh or order != self._order:
+            rows = filtered(self._all, self._filter)
+            rows = ordered(rows, column, descending) if column is not None else rows
+            self._rows = [(row, _texts(row)) for row in rows]
+            self._order = order
+
+    def _body(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+        side = THUMBNAIL_LINES * imgui.get_font_size()
+        selected = session.selected_texture
+        height = side + 2.0 * imgui.get_style().cell_padding.y
+        if selected != self._scrolled_to:
+            # Something else has selected it, or a row here that is in sight anyway.
+            self._scrolled_to = selected
+            self._scroll_to(selected, height)
+        clipper = imgui.ListClipper()
+        clipper.begin(len(self._rows), height)
+        while clipper.step():
+            for index in range(clipper.display_start, clipper.display_end):
+                row, texts = self._rows[index]
+                self._row(row, texts, side, row.texture_id == selected, facts, emit, items)
+
+    def _scroll_to(self, selected: int | None, height: float) -> None:
+        place = next((n for n, (row, _) in enumerate(self._rows) if row.texture_id == selected), None)
+        if place is None:
+            return
+        top, seen = imgui.get_scroll_y(), imgui.get_window_height() - 3.0 * height
+        if not top <= place * height <= top + seen:
+            imgui.set_scroll_y(max(0.0, place * height - 0.5 * seen))
+
+    def _row(
+        self,
+        row: TextureRow,
+        texts: tuple[str, ...],
+        side: float,
+        is_selected: bool,
+        facts: FrameFacts,
+        emit: Emit,
+        items: ItemPlaces,
+    ) -> None:
+        imgui.table_next_row()
+        imgui.table_next_column()
+        flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click
+        at = imgui.get_cursor_pos()
+        clicked = imgui.selectable(f"##{row.texture_id}", is_selected, flags, ImVec2(0, side))[0]
+        items.note(f"texture {row.texture_id}")
+        if clicked:
+            doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
+            emit(RunCommand("texture.flat" if doubly else "texture.select", (str(row.texture_id),)))
+            self._scrolled_to = row.texture_id
+        imgui.set_cursor_pos(at)
+        if facts.thumbnail is not None:
+            imgui.image(facts.thumbnail(row.texture_id), ImVec2(side, side))
+        for text in texts:
+            if imgui.table_next_column():
+                imgui.text(text)

@@ -1,0 +1,88 @@
+"""Colours and sizes of the panels: dark or light, in the scale of the monitor and the user's own."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.settings import Theme
+
+DARK_ACCENT = (0.26, 0.52, 0.86)
+LIGHT_ACCENT = (0.16, 0.42, 0.78)
+ALPHA = 0.92
+"""Opacity of panels: the picture shows through a little."""
+
+
+def _color(red: float, green: float, blue: float, alpha: float = 1.0) -> imgui.ImVec4:
+    return imgui.ImVec4(red, green, blue, alpha)
+
+
+def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
+    """What differs from ImGui's own dark and light colours."""
+    accent = DARK_ACCENT if theme == "dark" else LIGHT_ACCENT
+    if theme == "dark":
+        window, title, frame, tab = (0.085, 0.09, 0.1), (0.06, 0.065, 0.07), (0.17, 0.18, 0.2), (0.11, 0.12, 0.14)
+    else:
+        window, title, frame, tab = (0.95, 0.95, 0.96), (0.86, 0.87, 0.89), (1.0, 1.0, 1.0), (0.87, 0.88, 0.9)
+    faint = (0.58, 0.6, 0.63) if theme == "dark" else (0.38, 0.4, 0.43)
+    col = imgui.Col_
+    return {
+        col.window_bg: _color(*window, ALPHA),
+        col.popup_bg: _color(*window, 0.98),
+        col.menu_bar_bg: _color(*title),
+        col.title_bg: _color(*title),
+        col.title_bg_active: _color(*title),
+        col.title_bg_collapsed: _color(*title, 0.8),
+        col.frame_bg: _color(*frame),
+        col.frame_bg_hovered: _color(*accent, 0.35),
+        col.frame_bg_active: _color(*accent, 0.5),
+        col.check_mark: _color(*accent),
+        col.plot_histogram: _color(*accent, 0.6),
+        col.text_disabled: _color(*faint),
+        col.slider_grab: _color(*accent, 0.8),
+        col.slider_grab_active: _color(*accent),
+        col.button: _color(*accent, 0.3),
+        col.button_hovered: _color(*accent, 0.55),
+        col.button_active: _color(*accent, 0.75),
+        col.header: _color(*accent, 0.35),
+        col.header_hovered: _color(*accent, 0.5),
+        col.header_active: _color(*accent, 0.65),
+        col.tab: _color(*tab),
+        col.tab_hovered: _color(*accent, 0.6),
+        col.tab_selected: _color(*window),
+        col.tab_selected_overline: _color(*accent),
+        col.tab_dimmed: _color(*tab),
+        col.tab_dimmed_selected: _color(*window),
+        col.tab_dimmed_selected_overline: _color(*accent, 0.5),
+        col.docking_preview: _color(*accent, 0.5),
+        col.docking_empty_bg: _color(0.0, 0.0, 0.0, 0.0),
+    }
+
+
+class Appearance:
+    """Puts a theme and a scale into ImGui's style when they change."""
+
+    def __init__(self) -> None:
+        self._applied: tuple[Theme, float, float] | None = None
+
+    def apply(self, theme: Theme, ui_scale: float, monitor_scale: float) -> None:
+        """To be called between two frames. `monitor_scale` is pixels per window unit that the monitor asks for, 1 or more."""
+        wanted = (theme, ui_scale, monitor_scale)
+        if wanted == self._applied:
+            return
+        self._applied = wanted
+        style, fresh = imgui.get_style(), imgui.Style()
+        fresh.frame_rounding = fresh.grab_rounding = fresh.popup_rounding = 3.0
+        fresh.window_rounding, fresh.tab_rounding, fresh.frame_border_size = 4.0, 3.0, float(theme == "light")
+        fresh.window_menu_button_position = imgui.Dir.none
+        fresh.docking_node_has_close_button = False
+        fresh.scale_all_sizes(ui_scale * monitor_scale)
+        # Scaling is not undone exactly by scaling back: sizes are taken from a fresh style each time.
+        for name in dir(fresh):
+            value = getattr(fresh, name)
+            if not name.startswith("_") and (type(value) in (bool, int, float, ImVec2) or isinstance(value, imgui.Dir)):
+                setattr(style, name, value)
+        style.font_scale_main, style.font_scale_dpi = ui_scale, monitor_scale
+        if theme == "light":
+            imgui.style_colors_light(style)
+        else:
+            imgui.style_colors_dark(style)
+        for number, color in _colors(theme).items():
+            style.set_color_(number, color)
