@@ -464,6 +464,10 @@ class Renderer:
         a, b = (targets.albedo[slot] for slot in (view.slot_a, view.slot_b))
         return DrawnPair(self._pair_key(view, targets), a, b, targets.visibility)
 
+    def pair_key(self) -> object:
+        """That `drawn_pair` would have; None before the first picture."""
+        return None if self._targets is None or self._view is None else self._pair_key(self._view, self._targets)
+
     @property
     def errors(self) -> ShownErrors:
         """What a comparison of A and B has found, for overlays and the FLIP map."""
@@ -477,6 +481,19 @@ class Renderer:
         self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int), whole=True)
         self._timer.take()
         return self._targets.albedo[slot].read()
+
+    def albedo_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
+        """[h, w, 3] float32 linear: a part of what `slot` shows of the last view; None if that has not been drawn.
+
+        `pixels` are left, top, right, bottom from the upper left corner. Nothing but the part is read back.
+        """
+        targets, view = self._targets, self._view
+        if targets is None or view is None:
+            return None
+        slot = self._chosen(slot, view)
+        if slot not in targets.drawn or targets.drawn[slot].key != self._albedo_key(view, slot):
+            return None
+        return targets.albedo[slot].read_in(*pixels)
 
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""

@@ -4,11 +4,17 @@ import difflib
 from collections.abc import Sequence
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, overlay, window
+from viewer.commands import camera, compare, errors, overlay, window
 from viewer.commands.command import Command, words
 from viewer.session import Session
 
-COMMANDS: tuple[Command, ...] = (*compare.COMMANDS, *overlay.COMMANDS, *camera.COMMANDS, *window.COMMANDS)
+COMMANDS: tuple[Command, ...] = (
+    *compare.COMMANDS,
+    *errors.COMMANDS,
+    *overlay.COMMANDS,
+    *camera.COMMANDS,
+    *window.COMMANDS,
+)
 HOLD_KEY = "Space"
 """While held, the other slot is shown."""
 PICTURE_HINTS = (
@@ -16,7 +22,10 @@ PICTURE_HINTS = (
     ("right or middle drag", "pan"),
     ("wheel", "nearer, farther; speed when flying"),
     ("Ctrl + wheel", "look at the pixels themselves; Ctrl + drag moves them"),
-    ("click", "with the heatmap: keep the block under the mouse in the panel Divergence"),
+    (
+        "click",
+        "keep the pixel under the mouse in the panel Pixel, and with the heatmap its block in the panel Divergence",
+    ),
     ("W A S D Q E", "fly; Shift: faster"),
     ("drag the divider", "wipe between A and B; double-click recentres it"),
     ("drop a file", "open a .gltf, .glb or .ntc"),

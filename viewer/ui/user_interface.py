@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.session import Session
-from viewer.ui.annotations import draw_block, draw_help, draw_hints, draw_labels, draw_toasts
+from viewer.ui.annotations import draw_block, draw_help, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.panels import PanelContext, make_panels
@@ -12,6 +12,7 @@ from viewer.ui.picture_input import PictureInput
 PANEL_WIDTH = 380.0
 EDGE = 8.0
 PANELS_TOP = 36.0
+LOWER_EDGE = 36.0
 
 
 class UserInterface:
@@ -34,6 +35,7 @@ class UserInterface:
             imgui.get_background_draw_list().add_image(picture, *corners)
         draw_labels(session, size, self.items)
         draw_block(session, facts, size)
+        draw_pixel(session, facts, size)
         if session.show_panels:
             self._panels(session, facts, size, emit)
             draw_hints(session, size)
@@ -48,10 +50,17 @@ class UserInterface:
         tops = {"left": PANELS_TOP, "right": PANELS_TOP}
         for panel in self._all_panels:
             height, top = panel.height(size[1]), tops[panel.side]
-            tops[panel.side] += height + EDGE
+            if not panel.floats:
+                tops[panel.side] += height + EDGE
             if not panel.shown(session):
                 continue
+            if panel.floats:
+                top = max(PANELS_TOP, size[1] - height - LOWER_EDGE)
             left = EDGE if panel.side == "left" else max(EDGE, size[0] - PANEL_WIDTH - EDGE)
+            if panel.floats:
+                # Beside the panels of its side, not over them, where there is room.
+                left += (PANEL_WIDTH + EDGE) * (1 if panel.side == "left" else -1)
+                left = min(max(left, EDGE), max(EDGE, size[0] - PANEL_WIDTH - EDGE))
             imgui.set_next_window_bg_alpha(0.88)
             imgui.set_next_window_pos(ImVec2(left, top), first)
             imgui.set_next_window_size(ImVec2(PANEL_WIDTH, height), first)
