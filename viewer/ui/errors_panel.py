@@ -19,7 +19,7 @@ HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
     ("name", "texture"),
     ("decoder", "dec."),
     ("pixels", "pixels"),
-    ("psnr", "PSNR dB"),
+    ("psnr", "PSNR"),
     ("mean", "mean"),
     ("max", "max"),
 )

@@ -16,6 +16,14 @@ from viewer.ui.scene_panel import OpenField, draw_scene_panel
 from viewer.ui.timings_panel import draw_timings_panel
 
 Side = Literal["left", "right"]
+WIDTH = 380.0
+EDGE = 8.0
+COLUMN = WIDTH + 2.0 * EDGE
+"""What the panels of one side take up."""
+TOP = 36.0
+LOWER_EDGE = 36.0
+"""Room for the line of hints."""
+PIXEL_HEIGHT = 340.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,20 +42,28 @@ class Panel:
 
     title: str
     side: Side
-    """Where it stands at first, below those before it, or beside all of its side where it floats."""
+    """Where it stands at first, below those before it, unless `place` says otherwise."""
     height: Callable[[float], float]
     """At first, from the height of the window."""
     draw: Callable[[PanelContext], None]
     shown: Callable[[Session], bool] = lambda _session: True
     folded: Callable[[float], bool] = lambda _height: False
     """At first, from the height of the window."""
-    floats: bool = False
-    """Whether it takes no room from those of its side: it stands at the lower edge of the window."""
+    place: Callable[[tuple[float, float]], tuple[float, float]] | None = None
+    """Left and top at first, from the size of the window: for what is opened now and then and takes no room from others."""
 
 
 def _scene_height(window: float) -> float:
     """Leaves room below for the panel Divergence."""
     return min(max(window - 600.0, 120.0), 360.0)
+
+
+def _below_scene(window: float) -> float:
+    return TOP + _scene_height(window) + EDGE
+
+
+def _errors_height(window: float) -> float:
+    return min(320.0, 0.45 * window)
 
 
 def make_panels() -> tuple[Panel, ...]:
@@ -73,25 +89,25 @@ def make_panels() -> tuple[Panel, ...]:
         Panel(
             "Errors",
             "left",
-            lambda window: min(320.0, 0.45 * window),
+            _errors_height,
             lambda c: draw_errors_panel(c.session, c.facts, c.emit, c.items),
             shown=lambda session: session.comparing.errors,
-            floats=True,
+            place=lambda size: (COLUMN, size[1] - _errors_height(size[1]) - LOWER_EDGE),
         ),
         Panel(
             "Pixel",
             "right",
-            lambda _: 400.0,
+            lambda _: PIXEL_HEIGHT,
             lambda c: draw_pixel_panel(c.session, c.facts, c.emit, c.items),
             shown=lambda session: session.comparing.pixel,
-            floats=True,
+            place=lambda size: (max(EDGE, size[0] - WIDTH - EDGE), _below_scene(size[1])),
         ),
         Panel(
             "Histogram",
             "right",
-            lambda _: 230.0,
+            lambda window: min(max(window - _below_scene(window) - PIXEL_HEIGHT - EDGE - LOWER_EDGE, 160.0), 300.0),
             lambda c: histogram.draw(c.facts, c.items),
             shown=lambda session: session.comparing.histogram,
-            floats=True,
+            place=lambda size: (max(EDGE, size[0] - WIDTH - EDGE), _below_scene(size[1]) + PIXEL_HEIGHT + EDGE),
         ),
     )

@@ -6,13 +6,8 @@ from viewer.session import Session
 from viewer.ui.annotations import draw_block, draw_help, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
-from viewer.ui.panels import PanelContext, make_panels
+from viewer.ui.panels import EDGE, TOP, WIDTH, PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
-
-PANEL_WIDTH = 380.0
-EDGE = 8.0
-PANELS_TOP = 36.0
-LOWER_EDGE = 36.0
 
 
 class UserInterface:
@@ -47,23 +42,19 @@ class UserInterface:
     def _panels(self, session: Session, facts: FrameFacts, size: tuple[float, float], emit: Emit) -> None:
         first = imgui.Cond_.first_use_ever
         context = PanelContext(session, facts, emit, self.items)
-        tops = {"left": PANELS_TOP, "right": PANELS_TOP}
+        tops = {"left": TOP, "right": TOP}
         for panel in self._all_panels:
             height, top = panel.height(size[1]), tops[panel.side]
-            if not panel.floats:
+            if panel.place is None:
                 tops[panel.side] += height + EDGE
             if not panel.shown(session):
                 continue
-            if panel.floats:
-                top = max(PANELS_TOP, size[1] - height - LOWER_EDGE)
-            left = EDGE if panel.side == "left" else max(EDGE, size[0] - PANEL_WIDTH - EDGE)
-            if panel.floats:
-                # Beside the panels of its side, not over them, where there is room.
-                left += (PANEL_WIDTH + EDGE) * (1 if panel.side == "left" else -1)
-                left = min(max(left, EDGE), max(EDGE, size[0] - PANEL_WIDTH - EDGE))
+            left = EDGE if panel.side == "left" else max(EDGE, size[0] - WIDTH - EDGE)
+            if panel.place is not None:
+                left, top = panel.place(size)
             imgui.set_next_window_bg_alpha(0.88)
             imgui.set_next_window_pos(ImVec2(left, top), first)
-            imgui.set_next_window_size(ImVec2(PANEL_WIDTH, height), first)
+            imgui.set_next_window_size(ImVec2(WIDTH, height), first)
             imgui.set_next_window_collapsed(panel.folded(size[1]), first)
             opened = imgui.begin(panel.title)[0]
             self.items.note(panel.title)
