@@ -117,7 +117,7 @@ def compare(pair: PairOfPictures) -> Comparison:
         return Comparison(0, None, None, None, None, "", nothing, (), ())
     difference = np.abs(a[covered].astype(np.int64) - b[covered])
     histogram = np.stack([np.bincount(difference[:, channel], minlength=STEPS) for channel in range(3)])
-    ids = texture_ids_of(words)[covered]
+    ids = texture_ids_of(words)[covered].astype(np.intp)
     textured = ids >= 0
     textures = _rows(ids[textured], pair.decoders, difference[textured])
     of_pixel = np.array([*pair.decoders, -1], np.intp)[ids]

@@ -54,6 +54,7 @@ def decoder_textures(session: Session, decoder: int) -> tuple[int, ...]:
 
 
 def _highlight(session: Session, by: ErrorsBy, number: int) -> None:
+    lit: tuple[int, ...]
     if by == "texture":
         lit = (number,) if 0 <= number < len(session.scene.textures) else ()
     else:

@@ -57,7 +57,7 @@ def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
     else:
         rows = [NamedRow(f"decoder {row.number}", row) for row in found.decoders]
     # Python's sort is stable: equal rows stay in order of their numbers.
-    return sorted(rows, key=lambda named: _value(named, comparing.column), reverse=comparing.descending)  # type: ignore[arg-type, return-value]
+    return sorted(rows, key=lambda named: _value(named, comparing.column), reverse=comparing.descending)
 
 
 def _choices(session: Session, emit: Emit, items: ItemPlaces) -> None:

@@ -35,9 +35,11 @@ class HistogramPanel:
             imgui.text_disabled("when the picture rests, and A and B differ")
             return
         self._update(comparison)
+        imgui.text_disabled("covered pixels by |A - B|, steps of 8-bit sRGB")
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
-        if implot.begin_plot("##histogram", ImVec2(-1, -1), flags):
-            implot.setup_axes("|A - B|, steps of 8-bit sRGB", "pixels")
+        if implot.begin_plot("##histogram", ImVec2(-1, max(60.0, imgui.get_content_region_avail().y)), flags):
+            implot.setup_axes("", "pixels")
+            implot.setup_legend(implot.Location_.north_east)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             implot.setup_axes_limits(-0.5, self._last + 0.5, 0.5, 2.0 * comparison.pixels, implot.Cond_.always)
             steps = np.arange(len(self._curves[0]), dtype=np.float64)

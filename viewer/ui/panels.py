@@ -23,7 +23,8 @@ COLUMN = WIDTH + 2.0 * EDGE
 TOP = 36.0
 LOWER_EDGE = 36.0
 """Room for the line of hints."""
-PIXEL_HEIGHT = 340.0
+PIXEL_HEIGHT = 400.0
+HISTOGRAM_HEIGHT = 150.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +105,10 @@ def make_panels() -> tuple[Panel, ...]:
         ),
         Panel(
             "Histogram",
-            "right",
-            lambda window: min(max(window - _below_scene(window) - PIXEL_HEIGHT - EDGE - LOWER_EDGE, 160.0), 300.0),
+            "left",
+            lambda _: HISTOGRAM_HEIGHT,
             lambda c: histogram.draw(c.facts, c.items),
             shown=lambda session: session.comparing.histogram,
-            place=lambda size: (max(EDGE, size[0] - WIDTH - EDGE), _below_scene(size[1]) + PIXEL_HEIGHT + EDGE),
+            place=lambda size: (EDGE, size[1] - HISTOGRAM_HEIGHT - LOWER_EDGE),
         ),
     )
