@@ -237,6 +237,9 @@ def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
 
 def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> None:
     until(live, lambda: live.frontend.facts().live.is_current)
+    live.click("show histogram")
+    assert "histogram" in labels(live)
+    live.click("show histogram")
     live.click("show errors")
     found = live.frontend.facts().live.comparison
     assert found is not None

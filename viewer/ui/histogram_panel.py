@@ -39,7 +39,7 @@ class HistogramPanel:
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         if implot.begin_plot("##histogram", ImVec2(-1, max(60.0, imgui.get_content_region_avail().y)), flags):
             implot.setup_axes("", "pixels")
-            implot.setup_legend(implot.Location_.north_east)
+            implot.setup_legend(implot.Location_.north_east, implot.LegendFlags_.horizontal)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             implot.setup_axes_limits(-0.5, self._last + 0.5, 0.5, 2.0 * comparison.pixels, implot.Cond_.always)
             steps = np.arange(len(self._curves[0]), dtype=np.float64)
