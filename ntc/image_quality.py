@@ -31,10 +31,23 @@ def _luma(image: Image) -> NDArray[np.float64]:
 
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gaussian means of `values` [H, W] over the windows that `ssim` speaks of."""
-    means = ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS)
-    inner = (slice(WINDOW_RADIUS, -WINDOW_RADIUS) if side > 2 * WINDOW_RADIUS else slice(None) for side in values.shape)
-    return np.asarray(means[tuple(inner)])
+    """[H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture goes on mirrored."""
+    return np.asarray(ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS))
+
+
+def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
+    """[H, W] SSIM of the window on each texel, which may reach beyond the picture: there it goes on mirrored.
+
+    Pictures and errors as of `ssim`.
+    """
+    _check_pair(a, b)
+    x, y = _luma(a), _luma(b)
+    mean_x, mean_y = _windowed(x), _windowed(y)
+    variance_x, variance_y = _windowed(x * x) - mean_x**2, _windowed(y * y) - mean_y**2
+    covariance = _windowed(x * y) - mean_x * mean_y
+    luminance = (2.0 * mean_x * mean_y + SSIM_C1) / (mean_x**2 + mean_y**2 + SSIM_C1)
+    structure = (2.0 * covariance + SSIM_C2) / (variance_x + variance_y + SSIM_C2)
+    return np.asarray(luminance * structure)
 
 
 def ssim(a: Image, b: Image) -> float:
@@ -45,22 +58,17 @@ def ssim(a: Image, b: Image) -> float:
     shorter than 11 texels none does: there a window stands on every texel, and the picture goes on mirrored.
     Raises InputError for pictures of two shapes, of another type, or without texels.
     """
-    _check_pair(a, b)
-    x, y = _luma(a), _luma(b)
-    mean_x, mean_y = _windowed(x), _windowed(y)
-    variance_x, variance_y = _windowed(x * x) - mean_x**2, _windowed(y * y) - mean_y**2
-    covariance = _windowed(x * y) - mean_x * mean_y
-    luminance = (2.0 * mean_x * mean_y + SSIM_C1) / (mean_x**2 + mean_y**2 + SSIM_C1)
-    structure = (2.0 * covariance + SSIM_C2) / (variance_x + variance_y + SSIM_C2)
-    return float(np.mean(luminance * structure))
+    windows = ssim_map(a, b)
+    inner = (
+        slice(WINDOW_RADIUS, -WINDOW_RADIUS) if side > 2 * WINDOW_RADIUS else slice(None) for side in windows.shape
+    )
+    return float(np.mean(windows[tuple(inner)]))
 
 
-def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> float:
-    """Mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
+def flip_map(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> NDArray[np.float32]:
+    """[H, W] LDR-FLIP of every pixel, 0 to 1. Pictures, `pixels_per_degree` and errors as of `flip`.
 
-    Of one or two channels the first is grey; alpha is left out. `pixels_per_degree` of the viewer's field of view.
-    Computed by NVIDIA's flip-evaluator. Raises InputError for pictures of two shapes, of another type or without
-    texels, for `pixels_per_degree` not above 0, and where flip-evaluator cannot be imported.
+    Keeps Python's interpreter lock until it is done.
     """
     _check_pair(reference, test)
     if not (math.isfinite(pixels_per_degree) and pixels_per_degree > 0.0):
@@ -73,5 +81,15 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
     errors, _, _ = flip_evaluator.evaluate(
         *pictures, "LDR", applyMagma=False, computeMeanError=False, parameters={"ppd": pixels_per_degree}
     )
+    return np.asarray(errors, np.float32).reshape(reference.shape[:2])
+
+
+def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> float:
+    """Mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
+
+    Of one or two channels the first is grey; alpha is left out. `pixels_per_degree` of the viewer's field of view.
+    Computed by NVIDIA's flip-evaluator. Raises InputError for pictures of two shapes, of another type or without
+    texels, for `pixels_per_degree` not above 0, and where flip-evaluator cannot be imported.
+    """
     # Its own mean is a sum in single precision.
-    return float(np.mean(errors, dtype=np.float64))
+    return float(np.mean(flip_map(reference, test, pixels_per_degree), dtype=np.float64))

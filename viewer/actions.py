@@ -21,14 +21,14 @@ class SetSlot:
 
 @dataclass(frozen=True)
 class SetCompare:
-    """Show A, B, or both with a divider."""
+    """Show A, B, both, or their difference."""
 
     mode: CompareMode
 
 
 @dataclass(frozen=True)
 class MoveDivider:
-    """Put the divider at a share of the picture's width."""
+    """Put the divider at a share of the picture's width or height."""
 
     position: float
 
@@ -64,6 +64,13 @@ class SetZoom:
 @dataclass(frozen=True)
 class InspectBlock:
     """Say what is in the block at this place (shares of the picture from its upper left corner); None: in none."""
+
+    at: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class KeepPixel:
+    """Keep the pixel at this place in the panel Pixel (shares of the picture from its upper left corner); None: none."""
 
     at: tuple[float, float] | None
 
@@ -106,6 +113,7 @@ Action = (
     | SetOverlay
     | SetZoom
     | InspectBlock
+    | KeepPixel
     | SetResolution
     | SetCoarseWhileMoving
     | OpenFile

@@ -186,7 +186,7 @@ class WindowApp:
                 self._frame((width, height))
                 drawn += 1
             elif not self.frontend.prepare_next():
-                glfw.wait_events_timeout(IDLE_SECONDS)
+                glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
 
     def _keys_held(self) -> bool:
         """Whether a held key moves the camera."""

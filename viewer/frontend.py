@@ -25,8 +25,11 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.named_images import NamedImages
 from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
+from viewer.live_comparison import LiveComparison
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
 from viewer.picture_request import PictureRequest
+from viewer.pixel_content import PixelContent
+from viewer.pixel_reading import PixelReader
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
@@ -54,6 +57,8 @@ RECORDING_SECONDS = 0.25
 """A recorded path has a camera so often."""
 LONGEST_STEP = 0.1
 """Seconds that a camera moves by itself in one frame: a slow one must not make it jump."""
+COMPARISON_POLL_SECONDS = 0.05
+"""A comparison that is under way is asked for its result so often."""
 MOVING_SECONDS = 0.3
 """A camera moves until it has rested for so long."""
 
@@ -88,6 +93,8 @@ class Frontend:
         self._thumbnails: Thumbnails | None = None
         self._block_key: object = None
         self._block_content: BlockContent | None = None
+        self._live = LiveComparison()
+        self._pixels = PixelReader()
         self._whole_frame_ms = 0.0
         self._slot_ms: Mapping[Slot, float] = {}
         self.frames_drawn = 0
@@ -156,6 +163,41 @@ class Frontend:
             if slot.precision not in ("fp32", "fp16"):
                 self.session.apply(SetSlot("a" if side == "a" else "b", replace(slot, precision="fp16")))
 
+    def _update_flicker(self) -> None:
+        session = self.session
+        turns = time.monotonic() * 2.0 * session.settings.flicker_hz
+        session.flicker_phase = session.flickers and int(turns) % 2 == 1
+
+    @property
+    def seconds_until_change(self) -> float:
+        """Seconds until the picture changes by itself; infinite where it does not."""
+        if self._live.is_computing:
+            return COMPARISON_POLL_SECONDS
+        if not self.session.flickers:
+            return math.inf
+        turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
+        return (math.floor(turns) + 1.0 - turns) / (2.0 * self.session.settings.flicker_hz)
+
+    def _figures_are_wanted(self) -> bool:
+        """Whether anything shows what a comparison of A and B would find."""
+        session, view = self.session, self.session.view
+        in_picture = view.overlay.kind in ("error-texture", "error-decoder") or (
+            view.compare == "difference" and view.difference.kind == "flip"
+        )
+        return session.show_panels or in_picture
+
+    def _compare(self, size: tuple[int, int]) -> None:
+        """Do what there is to do while the picture rests."""
+        renderer, view, now = self._renderer, self._last_view, time.monotonic()
+        if renderer is None or view is None:
+            return
+        self._live.note(renderer, view, self.session.packs, size, now)
+        if not self.session.settings.live_figures or self._is_waiting or self._is_coarse():
+            return
+        if self._live.step(view, self._figures_are_wanted(), now):
+            self._last = renderer.render(view)
+            self.frames_drawn += 1
+
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
         renderer = self._current_renderer()
@@ -206,6 +248,8 @@ class Frontend:
             thumbnail=self._thumbnail if self._thumbnails is not None else None,
             gpu_bytes=gpu_bytes,
             frames_drawn=self.frames_drawn,
+            live=self._live.figures,
+            pixel=self._pixel(),
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
             history=self._history,
@@ -224,11 +268,19 @@ class Frontend:
     def _image(self, name: str, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
         return imgui.ImTextureRef(self._images.get(name, pixels).glo)
 
+    def _pixel(self) -> PixelContent | None:
+        """The pixel to speak of, while its panel is open."""
+        session, renderer, view = self.session, self._renderer, self._last_view
+        at = session.kept_pixel or session.hovered
+        if renderer is None or view is None or at is None or not (session.comparing.pixel and session.show_panels):
+            return None
+        return self._pixels.read(renderer, view, at)
+
     def _block(self) -> BlockContent | None:
         """The block to speak of, read back when it or the picture has changed."""
         session, renderer, view = self.session, self._renderer, self._last_view
         at = session.inspected or session.hovered
-        if renderer is None or view is None or view.overlay.kind == "none" or at is None:
+        if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
             return None
         place = BlockPlace.at(at, BLOCKS[view.overlay.block], view.size)
         sources = [slot.source for slot in (view.slot_a, view.slot_b) if slot.source != REFERENCE]
@@ -262,10 +314,12 @@ class Frontend:
         self._started, self._timed = time.perf_counter(), None
         session.picture_size = size
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
+        self._update_flicker()
         try:
             self._draw_picture(size)
             if session.measure_requested:
                 self._measure()
+            self._compare(size)
         except (InputError, ShaderError) as error:
             if self._renderer is None:
                 # There is no older picture to stay with.
@@ -350,12 +404,21 @@ class Frontend:
         waiting = waiting or session.motion is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
+        comparing = session.settings.live_figures and self._live.has_work(self._figures_are_wanted(), time.monotonic())
+        self._update_flicker()
+        return waiting or ending or opened or comparing or self._picture_is_due(size)
+
+    def _picture_is_due(self, size: tuple[int, int]) -> bool:
+        session = self.session
         found = self.interface.background.take_news() or self.interface.is_settling(session)
-        return waiting or ending or opened or found or self._is_waiting or self._view(size) != self._last_view
+        return found or self._is_waiting or self._view(size) != self._last_view
 
     def is_settled(self, size: tuple[int, int]) -> bool:
-        """Whether the next frames would show the same: the picture is whole, and nothing is under way."""
-        return not (self.needs_frame(size) or self._is_coarse())
+        """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
+        session = self.session
+        wishes = session.measure_requested or bool(session.picture_requests) or session.motion is not None
+        opened = session.scene is not self._scene or session.packs is not self._packs
+        return not (wishes or opened or self._picture_is_due(size) or self._is_coarse())
 
     @property
     def skipped(self) -> Mapping[str, int]:
@@ -365,6 +428,7 @@ class Frontend:
     def release(self) -> None:
         """Free everything on the GPU, and end what runs beside it."""
         self.interface.background.close()
+        self._live.close()
         self._images.release()
         if self._thumbnails is not None:
             self._thumbnails.release()

@@ -19,7 +19,7 @@ from viewer.gl.timer import PassTimer
 from viewer.pack_files import match_scene
 from viewer.pack_on_gpu import Drawing, PackOnGpu, SeenSurfaces
 from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.composite import CompositePass, CompositeTarget, Look
+from viewer.passes.composite import CompositePass, CompositeTarget, Look, ShownDifference
 from viewer.passes.culling import Culling, DrawList
 from viewer.passes.divergence import Stage
 from viewer.passes.latent_store import LatentBudget
@@ -29,11 +29,33 @@ from viewer.passes.reference import ReferencePass
 from viewer.passes.scene_buffers import SceneBuffers, material_records
 from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
 from viewer.path_choice import PathTimes, time_paths
+from viewer.placement import shown_slots, split_of
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.shown_divergence import CountedGrouping, ShownDivergence
+from viewer.shown_errors import ShownErrors
 from viewer.tile_cache import TileCacheConfig, TileCounts
-from viewer.view_state import REFERENCE, Overlay, PathChoice, Precision, Slot, ViewState
+from viewer.view_state import (
+    REFERENCE,
+    CompareMode,
+    Difference,
+    DifferenceKind,
+    Overlay,
+    PathChoice,
+    Precision,
+    Slot,
+    ViewState,
+)
+
+COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
+    ("a", "raw"),
+    ("b", "raw"),
+    ("wipe", "raw"),
+    ("difference", "raw"),
+    ("difference", "relative"),
+    ("difference", "flip"),
+)
+"""One way to compare for each program that the composite has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +85,17 @@ class FrameResult:
     def waiting(self) -> int:
         """Tiles that are still to come: the same view drawn again shows more."""
         return sum(counts.waiting for counts in self.tiles.values())
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnPair:
+    """Slots A and B of one view, drawn whole."""
+
+    key: object
+    """Equal keys mean equal pictures."""
+    a: AlbedoTarget
+    b: AlbedoTarget
+    visibility: VisibilityTarget
 
 
 @dataclass(frozen=True)
@@ -124,6 +157,7 @@ class Renderer:
             context, scene, self._scene_buffers, self._timer, tile_cache or TileCacheConfig(), latents or LatentBudget()
         )
         self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
+        self._errors = ShownErrors(context, len(scene.textures))
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
         self._version = self._draws = 0
@@ -195,7 +229,7 @@ class Renderer:
         self._view = view
         targets = self._targets_for(view)
         draw_list = self._update_visibility(view, targets, skipped)
-        slots = {"a": (view.slot_a,), "b": (view.slot_b,), "wipe": (view.slot_a, view.slot_b)}[view.compare]
+        slots = shown_slots(view)
         for slot in dict.fromkeys(slots):
             self._update_albedo(view, slot, targets, draw_list, skipped, whole)
         self._forget_unused(view, targets)
@@ -307,15 +341,12 @@ class Renderer:
         skipped: dict[str, int],
         whole: bool,
     ) -> None:
-        is_reference = slot.source == REFERENCE
-        version = 0 if is_reference else self._pack_versions[slot.source]
-        anisotropy = view.anisotropy if is_reference or slot.path == "cached" else 1
-        on_gpu = None if is_reference else self._on_gpu(slot)
-        key = (view.camera, version, anisotropy)
-        drawn = targets.drawn.get(slot)
-        if drawn is not None and drawn.key == key and not (on_gpu is not None and on_gpu.is_waiting(slot.path)):
+        if self._is_drawn(view, slot, targets):
             skipped["passes"] += 1
             return
+        is_reference = slot.source == REFERENCE
+        anisotropy = view.anisotropy if is_reference or slot.path == "cached" else 1
+        on_gpu = None if is_reference else self._on_gpu(slot)
         if slot not in targets.albedo:
             targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
@@ -333,7 +364,20 @@ class Renderer:
             targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
             self._prepared.add(slot)
         self._draws += 1
-        targets.drawn[slot] = _Drawn(key, self._draws)
+        targets.drawn[slot] = _Drawn(self._albedo_key(view, slot), self._draws)
+
+    def _albedo_key(self, view: ViewState, slot: Slot) -> object:
+        """Albedos of equal keys are equal, unless tiles of them are still to come."""
+        version = 0 if slot.source == REFERENCE else self._pack_versions[slot.source]
+        anisotropy = view.anisotropy if slot.source == REFERENCE or slot.path == "cached" else 1
+        return view.camera, version, anisotropy
+
+    def _is_drawn(self, view: ViewState, slot: Slot, targets: _Targets) -> bool:
+        """Whether the slot's albedo is what the view asks for."""
+        drawn = targets.drawn.get(slot)
+        if drawn is None or drawn.key != self._albedo_key(view, slot):
+            return False
+        return slot.source == REFERENCE or not self._on_gpu(slot).is_waiting(slot.path)
 
     def _on_gpu(self, slot: Slot) -> PackOnGpu:
         key = (slot.source, slot.precision)
@@ -368,29 +412,105 @@ class Renderer:
         self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]
     ) -> dict[str, DivergenceStatistics]:
         """Count the decoders per block of what is shown, where the overlay asks for it."""
-        if view.overlay.kind == "none":
+        if view.overlay.kind != "divergence":
             skipped["divergence_passes"] += 1
             return {}
         groupings = {slot.source: self._counted(slot.source) for slot in slots}
         if not self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block):
             skipped["passes"] += 1
-        return {source: figures for source, figures in self._divergence.statistics.items() if source != REFERENCE}
+        statistics = self._divergence.statistics
+        return {source: statistics[source] for source in groupings if source != REFERENCE}
+
+    def _look(self, view: ViewState, targets: _Targets) -> Look:
+        """How the albedos of the shown slots come together."""
+        overlay = None
+        if view.overlay.kind == "divergence":
+            overlay = self._divergence.overlay(view.overlay, *(slot.source for slot in shown_slots(view)))
+        difference = None
+        if view.compare == "difference":
+            difference = ShownDifference(view.difference, self._errors.flip_map(self._pair_key(view, targets)))
+        marks = self._errors.marks(view.overlay, view.highlight, targets.visibility)
+        return Look(split_of(view), difference, overlay, marks, view.zoom)
+
+    def _pair_key(self, view: ViewState, targets: _Targets) -> object:
+        """Stands for what A and B are at each pixel."""
+        return tuple((slot, targets.drawn.get(slot)) for slot in (view.slot_a, view.slot_b))
 
     def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
-        wipe = view.compare == "wipe"
-        first = view.slot_b if view.compare == "b" else view.slot_a
-        second = view.slot_b if wipe else first
-        divider = view.wipe_position * view.size[0] if wipe else None
-        counted = (view.overlay, self._divergence.key) if view.overlay.kind != "none" else None
-        key = (first, second, divider, targets.drawn.get(first), targets.drawn.get(second), counted, view.zoom)
+        first, second = shown_slots(view)
+        key = (
+            first,
+            second,
+            split_of(view),
+            targets.drawn.get(first),
+            targets.drawn.get(second),
+            (view.overlay, self._divergence.key) if view.overlay.kind == "divergence" else None,
+            (view.difference, self._errors.flip_map(self._pair_key(view, targets)))
+            if view.compare == "difference"
+            else None,
+            self._errors.marks_key(view.overlay, view.highlight),
+            view.zoom,
+        )
         if targets.composite_key == key:
             skipped["passes"] += 1
             return
-        overlay = self._divergence.overlay(view.overlay, first.source, second.source) if counted else None
+        look = self._look(view, targets)
         with self._timer.measure("composite"):
-            look = Look(divider, overlay, view.zoom)
             self._composite.run(targets.albedo[first], targets.albedo[second], look, targets.composite)
         targets.composite_key = key
+
+    def prepare_slots(self) -> bool:
+        """Draw a slot of the last view that is not shown, so that it can be shown at once; whether there was one to draw."""
+        targets, view, draw_list = self._targets, self._view, self._draw_list
+        if targets is None or view is None or draw_list is None:
+            return False
+        for slot in (view.slot_a, view.slot_b):
+            if not self._is_drawn(view, slot, targets):
+                self._update_albedo(view, slot, targets, draw_list, defaultdict(int), whole=False)
+                self._timer.take()
+                return True
+        return False
+
+    def prepare_look(self) -> bool:
+        """Compile a program that another way to compare the last view would need; whether there was one.
+
+        Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
+        """
+        targets, view = self._targets, self._view
+        if targets is None or view is None or not all(slot in targets.albedo for slot in (view.slot_a, view.slot_b)):
+            return False
+        for compare, kind in COMPARISONS:
+            other = replace(view, compare=compare, difference=Difference(kind))
+            look = self._look(replace(other, overlay=Overlay()), targets)
+            if view.overlay.kind == "divergence":
+                look = replace(look, overlay=self._divergence.overlay(view.overlay, *self._counted_sources(view)))
+            first, second = (targets.albedo[slot] for slot in shown_slots(other))
+            if self._composite.prepare(first, second, look):
+                return True
+        return False
+
+    def _counted_sources(self, view: ViewState) -> tuple[str, str]:
+        first, second = shown_slots(view)
+        return first.source, second.source
+
+    def drawn_pair(self) -> DrawnPair | None:
+        """Both slots of the last view as they are on the GPU; None while one is not drawn whole."""
+        targets, view = self._targets, self._view
+        if targets is None or view is None:
+            return None
+        if not all(self._is_drawn(view, slot, targets) for slot in (view.slot_a, view.slot_b)):
+            return None
+        a, b = (targets.albedo[slot] for slot in (view.slot_a, view.slot_b))
+        return DrawnPair(self._pair_key(view, targets), a, b, targets.visibility)
+
+    def pair_key(self) -> object:
+        """That `drawn_pair` would have; None before the first picture."""
+        return None if self._targets is None or self._view is None else self._pair_key(self._view, self._targets)
+
+    @property
+    def errors(self) -> ShownErrors:
+        """What a comparison of A and B has found, for overlays and the FLIP map."""
+        return self._errors
 
     def albedo(self, slot: Slot) -> NDArray[np.float32]:
         """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
@@ -400,6 +520,19 @@ class Renderer:
         self._update_albedo(self._view, slot, self._targets, self._draw_list, defaultdict(int), whole=True)
         self._timer.take()
         return self._targets.albedo[slot].read()
+
+    def albedo_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
+        """[h, w, 3] float32 linear: a part of what `slot` shows of the last view; None if that has not been drawn.
+
+        `pixels` are left, top, right, bottom from the upper left corner. Nothing but the part is read back.
+        """
+        targets, view = self._targets, self._view
+        if targets is None or view is None:
+            return None
+        slot = self._chosen(slot, view)
+        if slot not in targets.drawn or targets.drawn[slot].key != self._albedo_key(view, slot):
+            return None
+        return targets.albedo[slot].read_in(*pixels)
 
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""
@@ -441,6 +574,7 @@ class Renderer:
         self._decode.clear()
         self._composite.release()
         self._divergence.release()
+        self._errors.release()
         self._reference.release()
         self._scene_buffers.release()
         for programs in (self._programs, *self._codec_programs.values()):

@@ -11,6 +11,7 @@ from ntc.pack_match import PackMatch, require_match
 from viewer.actions import (
     Action,
     InspectBlock,
+    KeepPixel,
     MoveDivider,
     OpenFile,
     RunCommand,
@@ -26,6 +27,7 @@ from viewer.actions import (
 from viewer.camera import frame_all
 from viewer.camera_motion import Motion
 from viewer.clipboard import Clipboard, LocalClipboard
+from viewer.comparing_panels import ComparingPanels
 from viewer.measurement import SlotMeasurement
 from viewer.message_log import MessageKind, MessageLog, details_of
 from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_source, source_of_grouping, unused_name
@@ -114,6 +116,13 @@ class Session:
         """Where the mouse is over the picture, likewise."""
         self.showing_other = False
         """While held: the other slot is shown."""
+        self.flickers = False
+        """Whether A and B take turns."""
+        self.flicker_phase = False
+        """Whether it is the other slot's turn; kept up to date by the frontend."""
+        self.comparing = ComparingPanels()
+        self.kept_pixel: tuple[float, float] | None = None
+        """Where the pixel is that stays in the panel Pixel, as shares of the picture from its upper left corner."""
         self.resolution = 1.0
         self.picture_size = settings.window_size
         """(width, height) of the window's content, kept up to date by the frontend."""
@@ -125,7 +134,7 @@ class Session:
         self.scene = scene
         self.packs = packs
         self.measurements = {}
-        self.inspected = None
+        self.inspected = self.kept_pixel = None
         self.motion = None
         self.selected_texture = self.flat_texture = None
         source = self._first_source(first.grouping)
@@ -148,10 +157,18 @@ class Session:
 
     @property
     def shown_view(self) -> ViewState:
-        """The view to draw now, the held flip taken into account."""
-        if not self.showing_other:
-            return self.view
-        return replace(self.view, compare="a" if self.view.compare == "b" else "b")
+        """The view to draw now, the held flip and the flicker taken into account.
+
+        One slot becomes the other; two change places; instead of the difference the slots themselves are shown.
+        """
+        view, other = self.view, self.showing_other != (self.flickers and self.flicker_phase)
+        if view.compare == "difference" and (self.flickers or other):
+            return replace(view, compare="b" if other else "a")
+        if not other or view.compare == "difference":
+            return view
+        if view.compare in ("a", "b"):
+            return replace(view, compare="a" if view.compare == "b" else "b")
+        return replace(view, flipped=not view.flipped)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -222,6 +239,8 @@ class Session:
                 self.view = replace(self.view, zoom=zoom)
             case InspectBlock(at=at):
                 self.inspected = at
+            case KeepPixel(at=at):
+                self.kept_pixel = at
             case SetResolution(share=share):
                 self.resolution = share
             case SetCoarseWhileMoving(value=value):

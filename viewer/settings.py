@@ -19,6 +19,10 @@ LAYOUT_FILE = "layout.ini"
 ANISOTROPIES = (1, 2, 4, 8, 16)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
+FLICKER_RANGE = (0.2, 30.0)
+"""Hz."""
+GAIN_RANGE = (0.1, 1000.0)
+"""Of the amplified difference."""
 TILE_CACHE_MEGABYTES = (1, 16384)
 MOST_PANELS = 64
 LONGEST_TITLE = 64
@@ -47,6 +51,10 @@ class ViewerSettings:
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     tile_cache_megabytes: int = 256
     """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
+    live_figures: bool = True
+    """Draw the hidden slot and compare A with B while the picture rests."""
+    flicker_hz: float = 2.0
+    """How often a second A and B both are shown while they flicker."""
     ui_scale: float = 1.0
     """Size of text and widgets; 1 is the normal one."""
     theme: Theme = "dark"
@@ -108,6 +116,8 @@ _READERS: dict[str, Any] = {
     "window_size": _window_size,
     "coarse_while_moving": _flag,
     "tile_cache_megabytes": lambda value: int(_number(value, *TILE_CACHE_MEGABYTES)),
+    "live_figures": _flag,
+    "flicker_hz": lambda value: _number(value, *FLICKER_RANGE),
     "ui_scale": lambda value: _number(value, *UI_SCALE_RANGE),
     "keys": _keys,
     "theme": lambda value: _choice(value, get_args(Theme)),

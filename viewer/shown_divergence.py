@@ -1,7 +1,7 @@
 """The divergence maps of what is shown: counted when the picture or a grouping has changed, and not while hidden."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,17 @@ from viewer.passes.visibility import VisibilityTarget
 from viewer.scene.model import Camera
 from viewer.view_state import BLOCKS, BlockName, Overlay
 
+LARGEST_COUNT = 3
+"""Groupings that are counted in one pass: those of two slots, and one that was shown before."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True)
 class CountedGrouping:
     """One grouping whose decoders are counted."""
 
     version: int
     """Changes with every pack that is opened."""
-    decoders: tuple[int, ...]
+    decoders: tuple[int, ...] = field(compare=False)
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
 
@@ -35,7 +38,8 @@ class ShownDivergence:
         self._pass = DivergencePass(context, programs, stage)
         self._target: DivergenceTarget | None = None
         self._tables: DecoderTables | None = None
-        self._tables_key: object = None
+        self._place: object = None
+        self._groupings: dict[str, CountedGrouping] = {}
         self._key: object = None
         self._rows: dict[str, int] = {}
         self.statistics: Mapping[str, DivergenceStatistics] = {}
@@ -53,16 +57,21 @@ class ShownDivergence:
         groupings: Mapping[str, CountedGrouping],
         block: BlockName,
     ) -> bool:
-        """Count unless the maps are still good; whether it counted."""
-        tables_key = tuple((source, grouping.version) for source, grouping in groupings.items())
-        key = (visibility, camera, tables_key, block)
-        if key == self._key:
+        """Count unless the maps are still good; whether it counted.
+
+        What was counted last for the same picture is counted with it: slots that alternate are then counted once.
+        """
+        place = (visibility, camera, block)
+        known = self._groupings if place == self._place else {}
+        if all(known.get(source) == grouping for source, grouping in groupings.items()):
             return False
-        if self._tables is None or tables_key != self._tables_key:
+        kept = dict(list(known.items())[: LARGEST_COUNT - len(groupings)])
+        groupings = {**groupings, **{source: grouping for source, grouping in kept.items() if source not in groupings}}
+        if self._tables is None or list(groupings.items()) != list(self._groupings.items()):
             if self._tables is not None:
                 self._tables.release()
             self._tables = DecoderTables(self._context, [grouping.decoders for grouping in groupings.values()])
-            self._tables_key = tables_key
+        self._place, self._groupings = place, dict(groupings)
         shape = (visibility.size, BLOCKS[block], len(groupings))
         target = self._target
         if target is None or (target.picture, target.block, target.groupings) != shape:
@@ -73,7 +82,7 @@ class ShownDivergence:
             self._pass.run(visibility, self._tables, target)
         self._rows = {source: row for row, source in enumerate(groupings)}
         self.statistics = {source: target.statistics(row) for source, row in self._rows.items()}
-        self._key = key
+        self._key = (place, tuple(groupings.items()))
         return True
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
@@ -95,4 +104,5 @@ class ShownDivergence:
         for part in (self._target, self._tables):
             if part is not None:
                 part.release()
-        self._target, self._tables, self._key = None, None, None
+        self._target, self._tables, self._key, self._place = None, None, None, None
+        self._groupings = {}

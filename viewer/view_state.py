@@ -11,8 +11,9 @@ DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
 Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
 """fp32; weights stored as halves; besides, products in halves; besides, sums in halves."""
-CompareMode = Literal["a", "b", "wipe"]
-OverlayKind = Literal["none", "divergence"]
+CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
+DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
+OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
 BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
 
 BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
@@ -39,11 +40,21 @@ class Overlay:
     """What lies over the picture."""
 
     kind: OverlayKind = "none"
-    """Nothing, or the map of decoders per block."""
+    """Nothing, the map of decoders per block, or the error of each texture or decoder between A and B."""
     opacity: float = 0.6
     """0 to 1."""
     palette: PaletteName = "green-red"
     block: BlockName = "8x8"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How the difference of A and B is shown."""
+
+    kind: DifferenceKind = "amplified"
+    """|A - B| of sRGB values as it is, or `gain` times it; |A - B| / max(A, 0.01) of linear light; the FLIP map."""
+    gain: float = 8.0
+    """Above 0."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +68,13 @@ class ViewState:
     slot_b: Slot = Slot()
     compare: CompareMode = "a"
     wipe_position: float = 0.5
-    """Divider of the wipe as a share of the width: A is left of it."""
+    """Divider of the wipe as a share of the width or height: A is left of it or above it."""
+    flipped: bool = False
+    """Where both slots are shown, each is in the other's place."""
+    difference: Difference = Difference()
     overlay: Overlay = Overlay()
+    highlight: tuple[int, ...] = ()
+    """Ids of textures: everything else is dimmed. Empty: nothing is."""
     zoom: Zoom = WHOLE
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""

@@ -12,6 +12,7 @@ from viewer.headless import HeadlessApp
 from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
+from viewer.settings import ViewerSettings
 
 SIZE = (720, 400)
 
@@ -39,7 +40,9 @@ def scene(scene_path: Path) -> Scene:
 
 @pytest.fixture
 def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
-    made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures")
+    made = HeadlessApp(
+        scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", ViewerSettings(live_figures=False)
+    )
     made.settle()
     yield made
     made.close()

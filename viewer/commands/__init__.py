@@ -4,13 +4,14 @@ import difflib
 from collections.abc import Mapping, Sequence
 
 from ntc.errors import InputError
-from viewer.commands import appearance, camera, compare, explore, motion, overlay, pictures, views, window
+from viewer.commands import appearance, camera, compare, errors, explore, motion, overlay, pictures, views, window
 from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
 from viewer.commands.command import Command, FixedChoices, words
 from viewer.session import Session
 
 COMMANDS: tuple[Command, ...] = (
     *compare.COMMANDS,
+    *errors.COMMANDS,
     *overlay.COMMANDS,
     *camera.COMMANDS,
     *explore.COMMANDS,
@@ -25,7 +26,10 @@ PICTURE_HINTS = (
     ("right or middle drag", "pan"),
     ("wheel", "nearer, farther; speed when flying"),
     ("Ctrl + wheel", "look at the pixels themselves; Ctrl + drag moves them"),
-    ("click", "with the heatmap: keep the block under the mouse in the panel Divergence"),
+    (
+        "click",
+        "keep the pixel under the mouse in the panel Pixel, and with the heatmap its block in the panel Divergence",
+    ),
     ("W A S D Q E", "fly; Shift: faster"),
     ("drag the divider", "wipe between A and B; double-click recentres it"),
     ("drop a file", "open a .gltf, .glb or .ntc"),

@@ -3,13 +3,14 @@
 from dataclasses import replace
 from typing import cast, get_args
 
+from ntc.errors import InputError
 from viewer.actions import Side
 from viewer.commands.command import Command, Parameter, fixed
 from viewer.session import Session
-from viewer.settings import ANISOTROPIES
-from viewer.view_state import REFERENCE, CompareMode, PathChoice, Precision, Slot
+from viewer.settings import ANISOTROPIES, FLICKER_RANGE, GAIN_RANGE
+from viewer.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Precision, Slot
 
-NEXT_MODE: dict[CompareMode, CompareMode] = {"a": "b", "b": "wipe", "wipe": "a"}
+MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 NEXT_PATH: dict[PathChoice, PathChoice] = {
     "auto": "deferred",
     "deferred": "binned",
@@ -46,7 +47,7 @@ def _mode(session: Session, mode: CompareMode) -> None:
 
 
 def _next_mode(session: Session) -> None:
-    session.view = replace(session.view, compare=NEXT_MODE[session.view.compare])
+    _mode(session, MODES[(MODES.index(session.view.compare) + 1) % len(MODES)])
 
 
 def _next_path(session: Session) -> None:
@@ -72,6 +73,36 @@ def _divider(session: Session, position: float) -> None:
     session.view = replace(session.view, wipe_position=min(max(position, 0.0), 1.0))
 
 
+def _toggle_flicker(session: Session) -> None:
+    session.flickers = not session.flickers
+
+
+def _flicker(session: Session, rate: float) -> None:
+    if rate == 0.0:
+        session.flickers = False
+        return
+    low, high = FLICKER_RANGE
+    if not low <= rate <= high:
+        raise InputError(f"compare.flicker: rate {rate:g} must be {low:g} to {high:g} Hz, or 0 to stop")
+    session.settings = replace(session.settings, flicker_hz=rate)
+    session.flickers = True
+
+
+def _difference(session: Session, kind: DifferenceKind) -> None:
+    session.view = replace(session.view, compare="difference", difference=replace(session.view.difference, kind=kind))
+
+
+def _gain(session: Session, gain: float) -> None:
+    low, high = GAIN_RANGE
+    if not low <= gain <= high:
+        raise InputError(f"compare.gain: {gain:g} must be {low:g} to {high:g}")
+    session.view = replace(session.view, difference=replace(session.view.difference, gain=gain))
+
+
+def _live(session: Session, state: str) -> None:
+    session.settings = replace(session.settings, live_figures=state == "on")
+
+
 def _anisotropy(session: Session, value: str) -> None:
     session.view = replace(session.view, anisotropy=int(value))
 
@@ -83,12 +114,32 @@ def _measure(session: Session) -> None:
 SOURCE = Parameter("source", "choice", '"reference" or an open pack', lambda session: session.sources)
 PATH = Parameter("path", "choice", "decode path", fixed(*cast(tuple[str, ...], get_args(PathChoice))))
 PRECISION = Parameter("precision", "choice", "of the decoders", fixed(*cast(tuple[str, ...], get_args(Precision))))
-MODE = Parameter("mode", "choice", "what is shown", fixed(*cast(tuple[str, ...], get_args(CompareMode))))
-POSITION = Parameter("position", "number", "share of the width, 0 to 1", default="0.5")
+MODE = Parameter("mode", "choice", "what is shown", fixed(*MODES))
+POSITION = Parameter("position", "number", "share of the width or height, 0 to 1", default="0.5")
+RATE = Parameter("rate", "number", "Hz: times a second that both are shown; 0 stops", default="2")
+DIFFERENCE = Parameter("kind", "choice", "of the difference", fixed(*cast(tuple[str, ...], get_args(DifferenceKind))))
+GAIN = Parameter("gain", "number", "factor of the amplified difference")
+STATE = Parameter("state", "choice", "on or off", fixed("on", "off"))
 ANISOTROPY = Parameter("value", "choice", "1 is trilinear", fixed(*(str(value) for value in ANISOTROPIES)))
 COMMANDS = (
-    Command("compare.next", "Next mode", "show A, B, or both with a divider", "Compare", _next_mode, key="Tab"),
-    Command("compare.mode", "Mode", "show A, B, or both", "Compare", _mode, (MODE,)),
+    Command(
+        "compare.next",
+        "Next mode",
+        "show A, B, both with a divider, side by side, or their difference",
+        "Compare",
+        _next_mode,
+        key="Tab",
+    ),
+    Command("compare.mode", "Mode", "show A, B, both, or their difference", "Compare", _mode, (MODE,)),
+    Command("compare.toggle-flicker", "Flicker", "show A and B in turns", "Compare", _toggle_flicker, key="J"),
+    Command(
+        "compare.flicker", "Flicker rate", "show A and B in turns, so often a second", "Compare", _flicker, (RATE,)
+    ),
+    Command(
+        "compare.difference", "Difference", "show the difference of A and B", "Compare", _difference, (DIFFERENCE,)
+    ),
+    Command("compare.gain", "Gain", "factor of the amplified difference", "Compare", _gain, (GAIN,)),
+    Command("compare.live", "Live figures", "compare A with B while the picture rests", "Compare", _live, (STATE,)),
     Command("compare.divider", "Divider", "put the divider somewhere", "Compare", _divider, (POSITION,)),
     Command("compare.swap", "Swap A and B", "exchange the two slots", "Compare", _swap, key="X"),
     Command(

@@ -1,6 +1,7 @@
 """Commands: the heatmap of decoders per block."""
 
 from dataclasses import replace
+from typing import cast, get_args
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
@@ -45,7 +46,7 @@ def _opacity(session: Session, opacity: float) -> None:
     session.view = replace(session.view, overlay=replace(session.view.overlay, opacity=opacity))
 
 
-KIND = Parameter("kind", "choice", "what lies over the picture", fixed("none", "divergence"))
+KIND = Parameter("kind", "choice", "what lies over the picture", fixed(*cast(tuple[str, ...], get_args(OverlayKind))))
 BLOCK = Parameter("block", "choice", "WIDTHxHEIGHT in pixels", fixed(*BLOCKS))
 PALETTE = Parameter("palette", "choice", "colours", fixed(*PALETTES))
 OPACITY = Parameter("opacity", "number", "0 to 1")

@@ -15,7 +15,7 @@ class AlbedoTarget:
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int], half: bool = False) -> None:
         self.size = size
-        self._type = np.dtype(np.float16 if half else np.float32)
+        self._type: np.dtype[np.floating] = np.dtype(np.float16 if half else np.float32)
         self.texture = context.gl.texture(size, 4, dtype="f2" if half else "f4")
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.framebuffer = context.gl.framebuffer([self.texture])
@@ -26,6 +26,23 @@ class AlbedoTarget:
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
         """A framebuffer of this target and a depth texture; the caller releases it."""
         return self._context.gl.framebuffer([self.texture], depth)
+
+    @property
+    def pixel_type(self) -> np.dtype[np.floating]:
+        """Of each of the four channels."""
+        return self._type
+
+    def read_bytes(self) -> bytes:
+        """RGBA of `pixel_type`, row 0 at the bottom: what `read` gives, before anything is done to it."""
+        return bytes(self.texture.read())
+
+    def read_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.float32]:
+        """[bottom - top, right - left, 3] float32 linear: a part of the picture, in pixels from the upper left corner."""
+        width, height = right - left, bottom - top
+        viewport = (left, self.size[1] - bottom, width, height)
+        words = self.framebuffer.read(viewport, components=4, alignment=1, dtype=f"f{self._type.itemsize}")
+        pixels = np.frombuffer(words, self._type).reshape(height, width, 4)
+        return np.ascontiguousarray(pixels[::-1, :, :3], np.float32)
 
     def read(self) -> NDArray[np.float32]:
         """[H, W, 3] float32 linear, row 0 on top, background 0."""

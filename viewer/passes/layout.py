@@ -47,6 +47,7 @@ class TextureUnit(IntEnum):
     ALBEDO_B = 6
     DIVERGENCE = 7
     ATLAS = 8
+    FLIP = 9
 
 
 class ImageUnit(IntEnum):

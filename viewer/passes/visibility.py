@@ -28,6 +28,16 @@ class SurfaceContent:
         return {"VERTEX_COLORS": int(self.colors), "GRADIENTS": int(self.gradients)}
 
 
+def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
+    """Texture ids in first words of the visibility buffer, any shape; -1 for none."""
+    return (words & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
+
+
+def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
+    """Materials in first words of the visibility buffer, any shape; -1 for the background."""
+    return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
+
+
 class VisibilityTarget:
     """The visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
 
@@ -82,9 +92,20 @@ class VisibilityTarget:
     def _ids(self) -> NDArray[np.uint32]:
         return self.words()[..., 0]
 
+    def read_id_bytes(self) -> bytes:
+        """First word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
+        return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
+
+    def words_at(self, x: int, y: int) -> NDArray[np.uint32]:
+        """[4] uint32 of one pixel, counted from the upper left corner: ids, uv and footprint (docs/decode-paths.md)."""
+        viewport = (x, self.size[1] - 1 - y, 1, 1)
+        return np.frombuffer(
+            self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4"), np.uint32
+        )
+
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel, -1 where no texture is seen."""
-        return (self._ids() & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
+        return texture_ids_of(self._ids())
 
     def texture_ids_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.int32]:
         """[bottom - top, right - left] int32: texture ids of a part of the picture, in pixels from the upper left corner."""
@@ -92,11 +113,11 @@ class VisibilityTarget:
         viewport = (left, self.size[1] - bottom, *size)
         words = self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4")
         ids = np.frombuffer(words, np.uint32).reshape(size[1], size[0], 4)[::-1, :, 0]
-        return (ids & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
+        return texture_ids_of(ids)
 
     def materials(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
-        return (self._ids() >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
+        return materials_of(self._ids())
 
     def release(self) -> None:
         """Free the textures."""

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.placement import WIPES, shown_at, shown_sides, split_of
 from viewer.session import Session, Toast
 from viewer.ui.dock_layout import Area
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import counted
-from viewer.view_state import REFERENCE, Slot
+from viewer.view_state import REFERENCE, Slot, ViewState
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
@@ -42,32 +43,73 @@ def _boxed_text(
     return float(high.y - low.y)
 
 
+def _line(start: ImVec2, end: ImVec2) -> None:
+    draw = imgui.get_background_draw_list()
+    draw.add_line(start, end, _color(SHADE), 4.0)
+    draw.add_line(start, end, _color(WHITE), 1.5)
+
+
+def _difference_label(view: ViewState) -> str:
+    texts = {
+        "raw": "difference",
+        "amplified": f"difference x {view.difference.gain:g}",
+        "relative": "relative difference",
+        "flip": "FLIP",
+    }
+    return texts[view.difference.kind]
+
+
 def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces, top: float) -> None:
-    """Names of what is shown where, from `top` on; in wipe mode left and right of the divider."""
+    """Names of what is shown where: on either side of the line where there is one, from `top` on."""
     draw = imgui.get_background_draw_list()
     view = session.shown_view
     top += 8.0
 
-    def plate(x: float, text: str, align_right: bool) -> None:
+    def plate(left: float, top: float, text: str) -> None:
         extent = imgui.calc_text_size(text)
-        left = x - extent.x if align_right else x
-        draw.add_rect_filled(
-            ImVec2(left - 6, top - 3), ImVec2(left + extent.x + 6, top + extent.y + 3), _color(SHADE), 4.0
-        )
+        low, high = ImVec2(left - 6, top - 3), ImVec2(left + extent.x + 6, top + extent.y + 3)
+        draw.add_rect_filled(low, high, _color(SHADE), 4.0)
         draw.add_text(ImVec2(left, top), _color(WHITE), text)
 
-    if view.compare == "wipe":
-        x = view.wipe_position * size[0]
-        draw.add_line(ImVec2(x, 0), ImVec2(x, size[1]), _color(SHADE), 4.0)
-        draw.add_line(ImVec2(x, 0), ImVec2(x, size[1]), _color(WHITE), 1.5)
-        draw.add_circle_filled(ImVec2(x, size[1] / 2), 7.0, _color(WHITE))
-        plate(x - MARGIN, f"A: {slot_label(view.slot_a)}", align_right=True)
-        plate(x + MARGIN, f"B: {slot_label(view.slot_b)}", align_right=False)
-        items.note_rectangle("divider", x - 1, size[1] / 2 - 1, x + 1, size[1] / 2 + 1)
-        return
-    slot = view.slot_a if view.compare == "a" else view.slot_b
-    text = f"{view.compare.upper()}: {slot_label(slot)}"
-    plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, text, align_right=False)
+    sides = shown_sides(view)
+    names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
+    split = split_of(view)
+    if split is None:
+        text = names[0] if view.compare in ("a", "b") else f"{_difference_label(view)}: {names[0]} - {names[1]}"
+        plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, top, text)
+    elif not split.vertical:
+        y = split.position * size[1]
+        _line(ImVec2(0, y), ImVec2(size[0], y))
+        draw.add_circle_filled(ImVec2(size[0] / 2, y), 7.0, _color(WHITE))
+        for text, text_top in ((names[0], y - MARGIN - imgui.get_text_line_height()), (names[1], y + MARGIN)):
+            plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, text_top, text)
+        items.note_rectangle("divider", size[0] / 2 - 1, y - 1, size[0] / 2 + 1, y + 1)
+    else:
+        x = split.position * size[0]
+        _line(ImVec2(x, 0), ImVec2(x, size[1]))
+        plate(x - MARGIN - imgui.calc_text_size(names[0]).x, top, names[0])
+        plate(x + MARGIN, top, names[1])
+        if view.compare in WIPES:
+            draw.add_circle_filled(ImVec2(x, size[1] / 2), 7.0, _color(WHITE))
+            items.note_rectangle("divider", x - 1, size[1] / 2 - 1, x + 1, size[1] / 2 + 1)
+
+
+def _frames(session: Session, part: tuple[float, float, float, float], size: tuple[float, float]) -> None:
+    """A frame around a part of the picture, wherever it is shown."""
+    view, draw = session.shown_view, imgui.get_background_draw_list()
+    left, top, right, bottom = part
+    extent = ((right - left) * view.zoom.factor * size[0], (bottom - top) * view.zoom.factor * size[1])
+    for x, y in shown_at(view, (left + right) / 2.0, (top + bottom) / 2.0):
+        low = ImVec2(x * size[0] - extent[0] / 2.0, y * size[1] - extent[1] / 2.0)
+        high = ImVec2(low.x + extent[0], low.y + extent[1])
+        draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), _color(SHADE), 0.0, 3.0)
+        draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), _color(WHITE), 0.0, 1.0)
+
+
+def draw_pixel(session: Session, facts: FrameFacts, size: tuple[float, float]) -> None:
+    """A frame around what the panel Pixel enlarges."""
+    if facts.pixel is not None:
+        _frames(session, facts.pixel.rectangle, size)
 
 
 def draw_block(session: Session, facts: FrameFacts, size: tuple[float, float]) -> None:
@@ -76,11 +118,7 @@ def draw_block(session: Session, facts: FrameFacts, size: tuple[float, float]) -
     if block is None:
         return
     left, top, right, bottom = block.rectangle
-    zoom = session.view.zoom
-    low, high = (ImVec2(x * size[0], y * size[1]) for x, y in (zoom.shown_at(left, top), zoom.shown_at(right, bottom)))
-    draw = imgui.get_background_draw_list()
-    draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), _color(SHADE), 0.0, 3.0)
-    draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), _color(WHITE), 0.0, 1.0)
+    _frames(session, (left, top, right, bottom), size)
     if session.hovered is not None and session.inspected is None and block.textures:
         slots = (("A", session.view.slot_a), ("B", session.view.slot_b))
         texts = [

@@ -20,10 +20,19 @@ from viewer.session import Session
 from viewer.settings import ANISOTROPIES
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
+from viewer.ui.live_figures_section import draw_difference, draw_flicker, draw_live_figures
 from viewer.ui.widgets import combo
 from viewer.view_state import REFERENCE, CompareMode, PathChoice, Precision, Slot
 
-MODES: tuple[tuple[CompareMode, str], ...] = (("a", "A"), ("b", "B"), ("wipe", "Wipe"))
+MODES: tuple[tuple[CompareMode, str], ...] = (
+    ("a", "A"),
+    ("b", "B"),
+    ("wipe", "Wipe"),
+    ("wipe-horizontal", "Wipe across"),
+    ("side-by-side", "Side by side"),
+    ("difference", "Difference"),
+)
+MODES_A_ROW = 4
 RESOLUTIONS = (1.0, 0.5, 0.25)
 
 
@@ -54,12 +63,29 @@ def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlace
 
 
 def _modes(session: Session, emit: Emit, items: ItemPlaces) -> None:
-    for mode, label in MODES:
+    for number, (mode, label) in enumerate(MODES):
+        if number % MODES_A_ROW:
+            imgui.same_line()
         if imgui.radio_button(label, session.view.compare == mode):
             emit(SetCompare(mode))
         items.note(label)
-        imgui.same_line()
-    imgui.text_disabled("hold Space: the other")
+    imgui.same_line()
+    imgui.text_disabled("Space: the other")
+    draw_flicker(session, emit, items)
+    if session.view.compare == "difference":
+        draw_difference(session, emit, items)
+
+
+def _panels(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    """Which panels say more."""
+    comparing = session.comparing
+    opened = {"pixel": comparing.pixel, "errors": comparing.errors, "histogram": comparing.histogram}
+    for number, (name, shown) in enumerate(opened.items()):
+        if number:
+            imgui.same_line()
+        if imgui.checkbox(name, shown)[0]:
+            emit(RunCommand(f"{name}.panel"))
+        items.note(f"show {name}")
 
 
 def _filters(session: Session, emit: Emit, items: ItemPlaces) -> None:
@@ -140,6 +166,9 @@ def draw_compare_panel(session: Session, facts: FrameFacts, emit: Emit, items: I
     _slot("a", session.view.slot_a, session, emit, items)
     _slot("b", session.view.slot_b, session, emit, items)
     _modes(session, emit, items)
+    imgui.separator()
+    draw_live_figures(session, facts.live, emit, items)
+    _panels(session, emit, items)
     imgui.separator()
     _filters(session, emit, items)
     imgui.separator()

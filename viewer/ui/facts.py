@@ -12,6 +12,8 @@ from ntc.pack_match import PackMatch
 from viewer.actions import Action
 from viewer.block_content import BlockContent
 from viewer.explore.frame_history import FrameHistory
+from viewer.live_figures import LiveFigures
+from viewer.pixel_content import PixelContent
 from viewer.tile_cache import TileCounts
 from viewer.view_state import PathChoice, Slot
 
@@ -36,6 +38,10 @@ class FrameFacts:
     """Of the shown packs, by name, while the overlay is shown."""
     block: BlockContent | None = None
     """The block that is kept, else the one under the mouse, while the overlay is shown."""
+    live: LiveFigures = field(default_factory=LiveFigures)
+    """A against B."""
+    pixel: PixelContent | None = None
+    """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Small picture of a texture by its id."""
     gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)

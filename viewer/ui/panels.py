@@ -8,11 +8,14 @@ from viewer.session import Session
 from viewer.ui.compare_panel import draw_compare_panel
 from viewer.ui.divergence_panel import draw_divergence_panel
 from viewer.ui.dock_layout import Place
+from viewer.ui.errors_panel import draw_errors_panel
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.groups_panel import GroupsPanel
+from viewer.ui.histogram_panel import HistogramPanel
 from viewer.ui.items import ItemPlaces
 from viewer.ui.log_panel import LogPanel
 from viewer.ui.memory_panel import MemoryPanel
+from viewer.ui.pixel_panel import draw_pixel_panel
 from viewer.ui.scene_panel import OpenField, draw_scene_panel
 from viewer.ui.scene_tree_list import SceneLists
 from viewer.ui.textures_panel import TexturesPanel
@@ -50,10 +53,10 @@ def _scene_height(window: float) -> float:
 
 def make_panels(background: Background) -> tuple[Panel, ...]:
     """The panels of one window; those that remember something remember it for this window."""
-    open_field, lists, plot = OpenField(), SceneLists(), TimingsPlot()
+    open_field, lists, plot, histogram = OpenField(), SceneLists(), TimingsPlot(), HistogramPanel()
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     return (
-        Panel("Compare", "left", lambda _: 356.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
+        Panel("Compare", "left", lambda _: 440.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
         Panel("Timings", "left below", lambda _: 300.0, lambda c: draw_timings_panel(c.facts, plot, c.items)),
         Panel("Memory", "left below", lambda _: 300.0, lambda c: memory.draw(c.session, c.facts, c.items)),
         Panel(
@@ -66,7 +69,28 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
             "right below",
             lambda window: max(240.0, window - _scene_height(window)),
             lambda c: draw_divergence_panel(c.session, c.facts, c.emit, c.items),
-            shown=lambda session: session.view.overlay.kind != "none",
+            shown=lambda session: session.view.overlay.kind == "divergence",
+        ),
+        Panel(
+            "Pixel",
+            "right below",
+            lambda window: max(240.0, window - _scene_height(window)),
+            lambda c: draw_pixel_panel(c.session, c.facts, c.emit, c.items),
+            shown=lambda session: session.comparing.pixel,
         ),
         Panel("Log", "bottom", lambda _: 130.0, lambda c: log.draw(c.session, c.items)),
+        Panel(
+            "Errors",
+            "bottom",
+            lambda _: 130.0,
+            lambda c: draw_errors_panel(c.session, c.facts, c.emit, c.items),
+            shown=lambda session: session.comparing.errors,
+        ),
+        Panel(
+            "Histogram",
+            "left below",
+            lambda _: 300.0,
+            lambda c: histogram.draw(c.facts, c.items),
+            shown=lambda session: session.comparing.histogram,
+        ),
     )

@@ -5,8 +5,9 @@ import math
 from imgui_bundle import imgui
 
 from viewer import navigation
-from viewer.actions import InspectBlock, MoveDivider, SetCamera, SetZoom
+from viewer.actions import InspectBlock, KeepPixel, MoveDivider, SetCamera, SetZoom
 from viewer.commands import HOLD_KEY
+from viewer.placement import WIPES, seen_at
 from viewer.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.keyboard import Keyboard, imgui_key
@@ -58,8 +59,12 @@ class PictureInput:
         if moved != session.view.camera:
             emit(SetCamera(moved))
 
-    def _near_divider(self, session: Session, size: tuple[float, float], x: float) -> bool:
-        return session.view.compare == "wipe" and abs(x - session.view.wipe_position * size[0]) <= GRAB_WIDTH
+    @staticmethod
+    def _near_divider(session: Session, size: tuple[float, float], at: tuple[float, float]) -> bool:
+        if session.view.compare not in WIPES:
+            return False
+        axis = 0 if session.view.compare == "wipe" else 1
+        return abs(at[axis] - session.view.wipe_position * size[axis]) <= GRAB_WIDTH
 
     def _mouse(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:
         left = imgui.MouseButton_.left
@@ -71,18 +76,19 @@ class PictureInput:
             return
         share = (io.mouse_pos.x / size[0], io.mouse_pos.y / size[1])
         if all(0.0 <= value < 1.0 for value in share):
-            session.hovered = session.view.zoom.seen_at(*share)
-        near = self._near_divider(session, size, io.mouse_pos.x)
+            session.hovered = seen_at(session.shown_view, *share)
+        across = session.view.compare == "wipe-horizontal"
+        near = self._near_divider(session, size, (io.mouse_pos.x, io.mouse_pos.y))
         if near:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns if across else imgui.MouseCursor_.resize_ew)
             if imgui.is_mouse_double_clicked(left):
                 emit(MoveDivider(CENTRE))
                 return
             if imgui.is_mouse_clicked(left):
                 self._dragging_divider = True
         if self._dragging_divider:
-            if io.mouse_delta.x:
-                emit(MoveDivider(io.mouse_pos.x / size[0]))
+            if io.mouse_delta.y if across else io.mouse_delta.x:
+                emit(MoveDivider(share[1] if across else share[0]))
             return
         self._click(session, io, emit)
         if io.key_ctrl:
@@ -91,13 +97,15 @@ class PictureInput:
         self._move_camera(session, size[1], io, emit)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        """A press without a drag keeps the block under the mouse, or lets the kept one go."""
+        """A press without a drag keeps what is under the mouse, where a panel is open that says what that is."""
         if imgui.is_mouse_clicked(imgui.MouseButton_.left):
             self._pressed_at = (io.mouse_pos.x, io.mouse_pos.y)
         if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:
             still = math.dist(self._pressed_at, (io.mouse_pos.x, io.mouse_pos.y)) < CLICK_DISTANCE
-            if still and session.view.overlay.kind != "none":
+            if still and session.view.overlay.kind == "divergence":
                 emit(InspectBlock(session.hovered))
+            if still and session.comparing.pixel:
+                emit(KeepPixel(session.hovered))
             self._pressed_at = None
 
     def _magnify(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:

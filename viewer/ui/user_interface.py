@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from viewer.actions import RunCommand
 from viewer.explore.background import Background
 from viewer.session import Session
-from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_toasts
+from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.dock_layout import Area, Docked, DockLayout
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.flat_window import FlatWindow
@@ -55,6 +55,7 @@ class UserInterface:
         work = imgui.get_main_viewport().work_pos
         draw_labels(session, size, self.items, work.y)
         draw_block(session, facts, size)
+        draw_pixel(session, facts, size)
         area = Area(work.x, work.y, *size)
         if session.show_panels:
             area = self._panels(session, facts, emit)

@@ -1,0 +1,326 @@
+"""Comparing A with B in the window: modes, flicker, dividers, live figures, one pixel, errors."""
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from ntc.color import linear_to_srgb8
+from ntc.metrics import psnr_db
+from tests.ui.conftest import SIZE
+from viewer import frontend, live_comparison
+from viewer.commands import run_line
+from viewer.comparison_process import ComparisonProcess
+from viewer.headless import HeadlessApp
+from viewer.pack_files import open_packs, packs_beside
+from viewer.renderer import Renderer
+from viewer.scene.model import Scene
+from viewer.settings import ViewerSettings
+from viewer.view_state import CompareMode, Slot
+
+MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
+PATIENCE_SECONDS = 60.0
+
+
+def until(app: HeadlessApp, reached: Callable[[], bool]) -> None:
+    start = time.monotonic()
+    while not reached():
+        assert time.monotonic() - start < PATIENCE_SECONDS
+        app.frame()
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def shared_process() -> Iterator[ComparisonProcess]:
+    """Starting it takes longer than what it is asked for."""
+    made = ComparisonProcess()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def live(
+    scene: Scene, scene_path: Path, tmp_path: Path, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[HeadlessApp]:
+    """With live figures; the camera looks at both squares from the front."""
+    monkeypatch.setattr(live_comparison, "ComparisonProcess", lambda: shared_process)
+    monkeypatch.setattr(shared_process, "close", lambda: None)
+    made = HeadlessApp(
+        scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path, ViewerSettings(coarse_while_moving=False)
+    )
+    camera = replace(made.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
+    made.session.view = replace(made.session.view, camera=camera)
+    made.settle()
+    yield made
+    until(made, lambda: not shared_process.busy)
+    made.close()
+
+
+def labels(app: HeadlessApp) -> tuple[str, ...]:
+    return app.frontend.interface.items.labels()
+
+
+def hide_panels(app: HeadlessApp) -> None:
+    app.session.show_panels = False
+    app.settle()
+
+
+@pytest.mark.parametrize(
+    ("label", "mode"),
+    [("Wipe across", "wipe-horizontal"), ("Side by side", "side-by-side"), ("Difference", "difference")],
+)
+def test_modes(app: HeadlessApp, label: str, mode: str) -> None:
+    app.click(label)
+    assert app.session.view.compare == mode
+
+
+def test_the_difference_is_chosen_in_the_panel(app: HeadlessApp) -> None:
+    app.click("Difference")
+    app.click("difference")
+    app.click("difference: relative")
+    assert app.session.view.difference.kind == "relative"
+    assert "gain" not in labels(app)
+    run_line("compare.gain 12", app.session)
+    run_line("compare.difference amplified", app.session)
+    app.settle()
+    assert app.session.view.difference.gain == 12.0
+    assert "gain" in labels(app)
+
+
+def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: HeadlessApp) -> None:
+    hide_panels(app)
+    run_line("compare.mode wipe-horizontal", app.session)
+    app.settle()
+    camera = app.session.view.camera
+    app.drag((100.0, MIDDLE[1] + 11), (130.0, SIZE[1] * 0.8))
+    assert app.session.view.wipe_position == pytest.approx(0.8, abs=0.01)
+    assert app.session.view.camera == camera
+    app.drag((100.0, SIZE[1] * 0.8 - 14), (100.0, SIZE[1] * 0.5))
+    assert app.session.view.wipe_position == pytest.approx(0.8, abs=0.01)
+    assert app.session.view.camera != camera
+    app.move(100.0, SIZE[1] * 0.8)
+    for down in (True, False, True, False):
+        app.button(down)
+    assert app.session.view.wipe_position == 0.5
+
+
+@pytest.mark.parametrize("mode", ["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"])
+def test_space_shows_the_other_slot_in_every_mode(app: HeadlessApp, mode: CompareMode) -> None:
+    hide_panels(app)
+    view = replace(app.session.view, compare=mode)
+    app.session.view = view
+    app.settle()
+    before = app.screenshot()
+    app.key(imgui.Key.space, True)
+    app.settle()
+    held = app.screenshot()
+    swapped: CompareMode = {"a": "b", "b": "a", "difference": "b"}.get(mode, mode)  # type: ignore[assignment]
+    other = replace(view, compare=swapped)
+    if mode not in ("a", "b", "difference"):
+        other = replace(other, slot_a=view.slot_b, slot_b=view.slot_a)
+    app.key(imgui.Key.space, False)
+    app.settle()
+    np.testing.assert_array_equal(app.screenshot(), before)
+    app.session.view = other
+    app.settle()
+    # Labels say which slot is where and keep its letter.
+    rows = slice(60, SIZE[1] // 2 - 40)
+    np.testing.assert_array_equal(held[rows], app.screenshot()[rows])
+    assert (held != before).any()
+
+
+def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> None:
+    hide_panels(app)
+    for mode in ("a", "b", "a"):
+        run_line(f"compare.mode {mode}", app.session)
+        app.settle()
+    passes: list[tuple[str, ...]] = []
+    render = Renderer.render
+
+    def counted(self: Renderer, *arguments: object) -> object:
+        frame = render(self, *arguments)  # type: ignore[arg-type]
+        passes.append(tuple(frame.timings_ms))
+        return frame
+
+    monkeypatch.setattr(Renderer, "render", counted)
+    now = [1000.0]
+    monkeypatch.setattr(frontend.time, "monotonic", lambda: now[0])
+    run_line("compare.flicker 4", app.session)
+    shown = []
+    for _ in range(16):
+        now[0] += 1.0 / 16.0
+        assert 0.0 <= app.frontend.seconds_until_change <= 0.125
+        app.frame()
+        shown.append(app.session.shown_view.compare)
+    # Both four times a second.
+    assert sum(first != second for first, second in itertools.pairwise(shown)) in (7, 8)
+    assert set(shown) == {"a", "b"}
+    assert set(passes) == {("composite",)}
+    assert len(passes) in (7, 8)
+    run_line("compare.flicker 0", app.session)
+    app.frame()
+    assert app.session.shown_view.compare == "a"
+    assert app.frontend.seconds_until_change == math.inf
+
+
+def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
+    until(live, lambda: live.frontend.facts().live.is_current)
+    found = live.frontend.facts().live.comparison
+    renderer = live.frontend._renderer
+    assert found is not None
+    assert renderer is not None
+    covered = renderer.covered()
+    a, b = (linear_to_srgb8(renderer.albedo(slot))[covered] for slot in (live.session.view.slot_a, Slot()))
+    assert found.psnr_db == pytest.approx(psnr_db(a, b), abs=0.01)
+    assert found.pixels == covered.sum()
+    assert found.ssim is not None
+    assert found.flip is not None
+    assert -1.0 < found.ssim < 1.0
+    assert 0.0 < found.flip < 1.0
+    assert (found.histogram.sum(axis=1) == found.pixels).all()
+    ids = renderer.texture_ids()[covered]
+    for row in found.textures:
+        assert row.pixels == (ids == row.number).sum()
+        assert row.psnr_db == pytest.approx(psnr_db(a[ids == row.number], b[ids == row.number]), abs=0.01)
+        difference = np.abs(a.astype(int) - b)[ids == row.number]
+        assert row.mean == pytest.approx(difference.mean())
+        assert row.largest == difference.max()
+    assert sum(row.pixels for row in found.decoders) == sum(row.pixels for row in found.textures)
+    # Other modes are of the same picture.
+    drawn = live.frontend._live._process
+    for mode in ("a", "b", "side-by-side", "difference"):
+        run_line(f"compare.mode {mode}", live.session)
+        live.settle()
+        assert live.frontend.facts().live.comparison is found
+        assert live.frontend.facts().live.is_current
+        assert not drawn.busy
+
+
+def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_dropped(live: HeadlessApp) -> None:
+    process = live.frontend._live._process
+    started = time.monotonic()
+    number = 0
+    while time.monotonic() - started < 0.8:
+        number += 1
+        camera = replace(live.session.view.camera, eye=(0.001 * number, 0.0, 1.5))
+        live.session.view = replace(live.session.view, camera=camera)
+        live.frame()
+        assert not process.busy
+    until(live, lambda: process.busy)
+    live.session.view = replace(live.session.view, camera=replace(live.session.view.camera, eye=(0.2, 0.0, 1.5)))
+    live.frame()
+    figures = live.frontend.facts().live
+    assert figures.comparison is None
+    assert not figures.is_current
+    until(live, lambda: live.frontend.facts().live.is_current)
+    found = live.frontend.facts().live.comparison
+    renderer = live.frontend._renderer
+    assert found is not None
+    assert renderer is not None
+    assert found.pixels == renderer.covered().sum()
+
+
+def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
+    live.session.view = replace(live.session.view, slot_a=Slot(), slot_b=Slot())
+    until(live, lambda: not live.frontend.needs_frame(SIZE))
+    time.sleep(0.35)
+    live.frame(8)
+    assert live.frontend.facts().live.comparison is None
+    assert not live.frontend._live._process.busy
+
+
+def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> None:
+    until(live, lambda: live.frontend.facts().live.is_current)
+    live.click("show histogram")
+    assert "histogram" in labels(live)
+    run_line("histogram.panel", live.session)
+    live.settle()
+    live.click("show errors")
+    found = live.frontend.facts().live.comparison
+    assert found is not None
+    worst = min(found.textures, key=lambda row: row.psnr_db).number
+    listed = [label for label in labels(live) if label.startswith("error texture ")]
+    assert listed[0] == f"error texture {worst}"
+    assert len(listed) == len(found.textures) == 2
+    live.click("sort by psnr")
+    assert [label for label in labels(live) if label.startswith("error texture ")] == listed[::-1]
+    run_line("errors.sort mean", live.session)
+    assert (live.session.comparing.column, live.session.comparing.descending) == ("mean", True)
+    live.settle()
+    live.click(f"error texture {worst}")
+    assert live.session.view.highlight == (worst,)
+    live.click("end highlight")
+    assert live.session.view.highlight == ()
+    live.click("errors in the picture")
+    assert live.session.view.overlay.kind == "error-texture"
+    live.click("errors by decoder")
+    live.settle()
+    assert live.session.view.overlay.kind == "error-decoder"
+    decoder = found.decoders[0].number
+    live.click(f"error decoder {decoder}")
+    assert len(live.session.view.highlight) == 1
+    assert live.session.comparing.lit_decoder == decoder
+
+
+def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> None:
+    camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
+    app.session.settings = replace(app.session.settings, coarse_while_moving=False)
+    app.session.view = replace(app.session.view, camera=camera)
+    run_line("pixel.keep 420 180", app.session)
+    app.settle()
+    assert "pixel" in labels(app)
+    pixel, renderer = app.frontend.facts().pixel, app.frontend._renderer
+    assert pixel is not None
+    assert renderer is not None
+    assert (pixel.x, pixel.y) == (420, 180)
+    for slot, patch in ((app.session.view.slot_a, pixel.a), (app.session.view.slot_b, pixel.b)):
+        whole = renderer.albedo(slot)
+        assert patch is not None
+        np.testing.assert_array_equal(patch.linear, whole[173:188, 413:428])
+        assert patch.middle[1] == tuple(linear_to_srgb8(whole[180, 420]).tolist())
+    assert pixel.texture_id == renderer.texture_ids()[180, 420]
+    assert pixel.decoders["clustered"] == renderer.decoders("clustered")[pixel.texture_id]
+    assert pixel.block_decoders["clustered"] >= 1
+    assert pixel.lod is not None
+    reads = app.frontend._pixels.reads
+    app.settle()
+    app.move(300.0, 20.0)
+    app.settle()
+    assert app.frontend._pixels.reads == reads
+    app.click("let the pixel go")
+    hide_panels(app)
+    app.session.show_panels = True
+    app.move(MIDDLE[0] + 22, SIZE[1] - 60.0)
+    app.settle()
+    assert app.frontend._pixels.reads > reads
+
+
+def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:
+    run_line("pixel.keep 0 0", app.session)
+    app.settle()
+    pixel = app.frontend.facts().pixel
+    assert pixel is not None
+    assert pixel.inside == (7, 7, 15, 15)
+    assert pixel.material_name is None
+    run_line("pixel.let-go", app.session)
+    run_line("compare.mode side-by-side", app.session)
+    hide_panels(app)
+    for x, seen in ((SIZE[0] // 4, 0.5), (SIZE[0] * 3 // 4, 0.5), (SIZE[0] // 2 - 2, 0.75), (SIZE[0] // 2 + 2, 0.25)):
+        app.move(float(x), 200.0)
+        hovered = app.session.hovered
+        assert hovered is not None
+        assert hovered[0] == pytest.approx(seen, abs=0.004)
+
+
+def test_a_click_keeps_the_pixel(app: HeadlessApp) -> None:
+    run_line("pixel.panel", app.session)
+    hide_panels(app)
+    app.click_at(MIDDLE[0] + 60, MIDDLE[1] + 30)
+    kept = app.session.kept_pixel
+    assert kept == pytest.approx(((MIDDLE[0] + 60) / SIZE[0], (MIDDLE[1] + 30) / SIZE[1]))

@@ -1,0 +1,140 @@
+"""Panel "Errors": which textures and decoders make A and B differ, worst first; a click shows where they are."""
+
+import math
+from dataclasses import dataclass, replace
+
+from imgui_bundle import imgui
+
+from viewer.actions import RunCommand, SetOverlay
+from viewer.comparing_panels import ErrorColumn, worst_is_largest
+from viewer.comparison import ErrorRow
+from viewer.session import Session
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.ui.live_figures_section import decibels, figures_state
+from viewer.view_state import OverlayKind
+
+ROWS_SHOWN = 200
+HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
+    ("name", "texture"),
+    ("decoder", "dec."),
+    ("pixels", "pixels"),
+    ("psnr", "PSNR"),
+    ("mean", "mean"),
+    ("max", "max"),
+)
+
+
+@dataclass(frozen=True)
+class NamedRow:
+    """A row of the table."""
+
+    name: str
+    row: ErrorRow
+
+
+def _value(named: NamedRow, column: ErrorColumn) -> float | str:
+    row = named.row
+    values: dict[ErrorColumn, float | str] = {
+        "name": named.name.lower(),
+        "decoder": row.decoder,
+        "pixels": row.pixels,
+        "psnr": row.psnr_db,
+        "mean": row.mean,
+        "max": row.largest,
+    }
+    return values[column]
+
+
+def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
+    """The table as it is shown: of the last comparison."""
+    found, comparing = facts.live.comparison, session.comparing
+    if found is None:
+        return []
+    if comparing.errors_by == "texture":
+        textures = session.scene.textures
+        rows = [NamedRow(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
+    else:
+        rows = [NamedRow(f"decoder {row.number}", row) for row in found.decoders]
+    # Python's sort is stable: equal rows stay in order of their numbers.
+    return sorted(rows, key=lambda named: _value(named, comparing.column), reverse=comparing.descending)
+
+
+def _choices(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    for by in ("texture", "decoder"):
+        if imgui.radio_button(f"by {by}", session.comparing.errors_by == by):
+            emit(RunCommand("errors.by", (by,)))
+        items.note(f"errors by {by}")
+        imgui.same_line()
+    overlay = session.view.overlay
+    kind: OverlayKind = "error-texture" if session.comparing.errors_by == "texture" else "error-decoder"
+    changed, shown = imgui.checkbox("in the picture", overlay.kind in ("error-texture", "error-decoder"))
+    items.note("errors in the picture")
+    if changed:
+        emit(SetOverlay(replace(overlay, kind=kind if shown else "none")))
+    elif overlay.kind in ("error-texture", "error-decoder") and overlay.kind != kind:
+        emit(SetOverlay(replace(overlay, kind=kind)))
+
+
+def _headings(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    comparing = session.comparing
+    imgui.table_next_row(imgui.TableRowFlags_.headers)
+    for column, text in HEADINGS:
+        imgui.table_next_column()
+        is_key = column == comparing.column
+        arrow = ("  v" if comparing.descending else "  ^") if is_key else ""
+        title = "decoder" if column == "name" and comparing.errors_by == "decoder" else text
+        if imgui.selectable(f"{title}{arrow}##{column}", False)[0]:
+            worst_first = comparing.descending == worst_is_largest(column)
+            emit(RunCommand("errors.sort", (column, "best" if is_key and worst_first else "worst")))
+        items.note(f"sort by {column}")
+
+
+def _row(named: NamedRow, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    row, by = named.row, session.comparing.errors_by
+    decoder = session.comparing.lit_decoder
+    lit = decoder == row.number if by == "decoder" else decoder is None and session.view.highlight == (row.number,)
+    imgui.table_next_row()
+    imgui.table_next_column()
+    flags = imgui.SelectableFlags_.span_all_columns
+    if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
+        emit(RunCommand("errors.highlight", (by, str(row.number))))
+    items.note(f"error {by} {row.number}")
+    texts = (
+        str(row.decoder) if row.decoder >= 0 else "-",
+        f"{row.pixels:,}",
+        decibels(row.psnr_db) if math.isfinite(row.psnr_db) else "equal",
+        f"{row.mean:.2f}",
+        str(row.largest),
+    )
+    for text in texts:
+        imgui.table_next_column()
+        imgui.text(text)
+
+
+def draw_errors_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    """The content of the panel."""
+    _choices(session, emit, items)
+    imgui.text_disabled(figures_state(facts.live, session))
+    if session.view.highlight:
+        imgui.same_line()
+        if imgui.small_button("end highlight"):
+            emit(RunCommand("errors.clear"))
+        items.note("end highlight")
+    rows = sorted_rows(session, facts)
+    if not rows:
+        return
+    flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.scroll_y | imgui.TableFlags_.borders_inner_v
+    if imgui.begin_table("errors", len(HEADINGS), flags):
+        imgui.table_setup_scroll_freeze(0, 1)
+        for column, text in HEADINGS:
+            imgui.table_setup_column(text, imgui.TableColumnFlags_.width_stretch, 2.4 if column == "name" else 1.0)
+        _headings(session, emit, items)
+        for named in rows[:ROWS_SHOWN]:
+            _row(named, session, emit, items)
+        if len(rows) > ROWS_SHOWN:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled(f"and {len(rows) - ROWS_SHOWN} more")
+        imgui.end_table()
+    items.note("errors table")

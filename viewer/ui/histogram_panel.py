@@ -1,0 +1,50 @@
+"""Panel "Histogram": how many covered pixels differ by how much between A and B."""
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui, implot
+from numpy.typing import NDArray
+
+from viewer.comparison import Comparison
+from viewer.ui.facts import FrameFacts
+from viewer.ui.items import ItemPlaces
+
+CHANNELS = (("red", (0.95, 0.35, 0.3, 1.0)), ("green", (0.4, 0.85, 0.4, 1.0)), ("blue", (0.4, 0.6, 1.0, 1.0)))
+
+
+class HistogramPanel:
+    """Remembers the curves of the last comparison: they are as long as a comparison is good."""
+
+    def __init__(self) -> None:
+        self._of: Comparison | None = None
+        self._curves: tuple[NDArray[np.float64], ...] = ()
+        self._last = 8
+
+    def _update(self, comparison: Comparison) -> None:
+        if comparison is self._of:
+            return
+        # Nothing is drawn where there are none: the axis is logarithmic.
+        self._curves = tuple(np.where(counts > 0, counts, np.nan).astype(np.float64) for counts in comparison.histogram)
+        occurring = np.nonzero(comparison.histogram.sum(axis=0))[0]
+        self._last = max(8, int(occurring[-1]) + 1) if len(occurring) else 8
+        self._of = comparison
+
+    def draw(self, facts: FrameFacts, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        comparison = facts.live.comparison
+        if comparison is None or comparison.pixels == 0:
+            imgui.text_disabled("when the picture rests, and A and B differ")
+            return
+        self._update(comparison)
+        imgui.text_disabled("covered pixels by |A - B|, steps of 8-bit sRGB")
+        flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
+        if implot.begin_plot("##histogram", ImVec2(-1, max(60.0, imgui.get_content_region_avail().y)), flags):
+            implot.setup_axes("", "pixels")
+            implot.setup_legend(implot.Location_.north_east, implot.LegendFlags_.horizontal)
+            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            implot.setup_axes_limits(-0.5, self._last + 0.5, 0.5, 2.0 * comparison.pixels, implot.Cond_.always)
+            steps = np.arange(len(self._curves[0]), dtype=np.float64)
+            for (name, color), counts in zip(CHANNELS, self._curves, strict=True):
+                spec = implot.Spec(line_color=imgui.ImVec4(*color), line_weight=1.5)
+                implot.plot_stairs(name, steps - 0.5, counts, spec)
+            implot.end_plot()
+        items.note("histogram")

@@ -1,0 +1,105 @@
+"""Section of the panel Compare: A against B, live, and how their difference and their turns look."""
+
+import math
+from typing import get_args
+
+from imgui_bundle import imgui
+
+from viewer.actions import RunCommand
+from viewer.live_figures import LiveFigures
+from viewer.session import Session
+from viewer.settings import FLICKER_RANGE
+from viewer.ui.facts import Emit
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo
+from viewer.view_state import DifferenceKind
+
+GAINS = (1.0, 64.0)
+"""Ends of the slider."""
+
+
+def decibels(value: float | None) -> str:
+    """A PSNR as text."""
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if math.isfinite(value) else "equal"
+
+
+def figures_state(live: LiveFigures, session: Session) -> str:
+    """Which picture the figures are of, or why there are none."""
+    if session.view.slot_a == session.view.slot_b:
+        return "A and B show the same"
+    if not session.settings.live_figures:
+        return "switched off"
+    if live.computing:
+        return "computing"
+    if live.comparison is None:
+        return live.problem or "when the picture rests"
+    return "of this view" if live.is_current else "of an earlier view"
+
+
+def draw_flicker(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    """A and B in turns, and how often."""
+    if imgui.checkbox("flicker", session.flickers)[0]:
+        emit(RunCommand("compare.toggle-flicker"))
+    items.note("flicker")
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    low, high = FLICKER_RANGE
+    rate = session.settings.flicker_hz
+    moved, rate = imgui.slider_float("##rate", rate, low, high, "%.1f Hz", imgui.SliderFlags_.logarithmic)
+    items.note("flicker rate")
+    if moved:
+        session_rate = min(max(rate, low), high)
+        emit(RunCommand("compare.flicker", (f"{session_rate:.3f}",)))
+
+
+def draw_difference(session: Session, emit: Emit, items: ItemPlaces) -> None:
+    """Which difference, and how much of it."""
+    difference = session.view.difference
+    imgui.set_next_item_width(110)
+    kind = combo("difference", difference.kind, get_args(DifferenceKind), items)
+    if kind != difference.kind:
+        emit(RunCommand("compare.difference", (kind,)))
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    if difference.kind == "amplified":
+        flags = imgui.SliderFlags_.logarithmic
+        moved, gain = imgui.slider_float("##gain", difference.gain, *GAINS, "x %.1f", flags)
+        items.note("gain")
+        if moved:
+            emit(RunCommand("compare.gain", (f"{min(max(gain, GAINS[0]), GAINS[1]):.3f}",)))
+        return
+    texts = {"raw": "|A - B|, sRGB", "relative": "|A - B| / A, linear", "flip": "dark 0, bright 1"}
+    imgui.text_disabled(texts[difference.kind])
+
+
+def draw_live_figures(session: Session, live: LiveFigures, emit: Emit, items: ItemPlaces) -> None:
+    """PSNR, SSIM and FLIP of A against B."""
+    changed, _ = imgui.checkbox("A against B", session.settings.live_figures)
+    items.note("live figures")
+    if changed:
+        emit(RunCommand("compare.live", ("off" if session.settings.live_figures else "on",)))
+    imgui.same_line()
+    imgui.text_disabled(figures_state(live, session))
+    items.note("figures state")
+    found = live.comparison
+    texts = (
+        ("PSNR", f"{decibels(found.psnr_db)} dB" if found and found.psnr_db is not None else "-"),
+        ("SSIM", f"{found.ssim:.4f}" if found and found.ssim is not None else "-"),
+        ("FLIP", f"{found.flip:.4f}" if found and found.flip is not None else "-"),
+    )
+    if imgui.begin_table("live figures", 2 * len(texts)):
+        imgui.table_next_row()
+        for name, text in texts:
+            imgui.table_next_column()
+            imgui.text_disabled(name)
+            imgui.table_next_column()
+            if live.is_current:
+                imgui.text(text)
+            else:
+                imgui.text_disabled(text)
+        imgui.end_table()
+    items.note("live table")
+    if found is not None and found.problem:
+        imgui.text_wrapped(found.problem)

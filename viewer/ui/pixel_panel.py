@@ -1,0 +1,131 @@
+"""Panel "Pixel": 15 x 15 pixels of both slots, enlarged, and everything that is known of the one in the middle."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.actions import KeepPixel
+from viewer.pixel_content import REACH, PixelContent, PixelPatch
+from viewer.session import Session
+from viewer.ui.colors import SLOT_COLORS
+from viewer.ui.facts import Emit, FrameFacts
+from viewer.ui.items import ItemPlaces
+from viewer.view_state import REFERENCE, Slot
+
+SIDE = 2 * REACH + 1
+LARGEST_CELL = 12.0
+FRAME_COLORS = (0xFF000000, 0xFFFFFFFF)
+
+
+def _patch(patch: PixelPatch | None, inside: tuple[int, int, int, int], cell: float) -> None:
+    draw = imgui.get_window_draw_list()
+    at = imgui.get_cursor_screen_pos()
+    imgui.dummy(ImVec2(SIDE * cell, SIDE * cell))
+    if patch is None:
+        draw.add_text(at, imgui.get_color_u32(imgui.Col_.text_disabled), "not drawn yet")
+        return
+    colors = patch.srgb8.tolist()
+    left, top, right, bottom = inside
+    for row in range(top, bottom):
+        y = at.y + row * cell
+        for column in range(left, right):
+            red, green, blue = colors[row][column]
+            x = at.x + column * cell
+            packed = 0xFF000000 | blue << 16 | green << 8 | red
+            draw.add_rect_filled(ImVec2(x, y), ImVec2(x + cell, y + cell), packed)
+    low = ImVec2(at.x + REACH * cell, at.y + REACH * cell)
+    for distance, color in zip((1.0, 0.0), FRAME_COLORS, strict=True):
+        draw.add_rect(
+            ImVec2(low.x - distance, low.y - distance),
+            ImVec2(low.x + cell + distance, low.y + cell + distance),
+            color,
+        )
+
+
+def _values(pixel: PixelContent) -> None:
+    if not imgui.begin_table("values", 3, imgui.TableFlags_.sizing_stretch_prop):
+        return
+    for side, patch in (("a", pixel.a), ("b", pixel.b)):
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+        if patch is None:
+            continue
+        linear, srgb = patch.middle
+        imgui.table_next_column()
+        imgui.text(" ".join(f"{value:3d}" for value in srgb))
+        imgui.table_next_column()
+        imgui.text("  ".join(f"{value:.4f}" for value in linear))
+    if pixel.a is not None and pixel.b is not None:
+        first, second = pixel.a.middle, pixel.b.middle
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text_disabled("A-B")
+        imgui.table_next_column()
+        imgui.text(" ".join(f"{a - b:+3d}" for a, b in zip(first[1], second[1], strict=True)))
+        imgui.table_next_column()
+        imgui.text(" ".join(f"{a - b:+.4f}" for a, b in zip(first[0], second[0], strict=True)))
+    imgui.end_table()
+
+
+def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
+    """`A 3, B 1`: a number for each slot that has one."""
+    texts = [
+        f"{side} {numbers[slot.source]}" if numbers[slot.source] >= 0 else f"{side} none"
+        for side, slot in zip("AB", slots, strict=True)
+        if slot.source in numbers
+    ]
+    return ", ".join(texts) or "-"
+
+
+def _facts(pixel: PixelContent, session: Session) -> None:
+    slots = (session.view.slot_a, session.view.slot_b)
+    if pixel.material_name is None:
+        imgui.text_disabled("background")
+        return
+    rows = [("material", pixel.material_name)]
+    if pixel.texture_id >= 0:
+        rows += [
+            ("texture", f"{pixel.texture_id}  {pixel.texture_name}"),
+            ("uv", f"{pixel.uv[0]:.5f}  {pixel.uv[1]:.5f}"),
+            ("lod", f"{pixel.lod:.2f}" if pixel.lod is not None else "-"),
+        ]
+        if any(slot.source != REFERENCE for slot in slots):
+            rows += [
+                ("decoder", _sources(slots, dict(pixel.decoders))),
+                (f"D of {session.view.overlay.block}", _sources(slots, dict(pixel.block_decoders))),
+            ]
+    else:
+        rows.append(("texture", "none"))
+    if imgui.begin_table("facts", 2, imgui.TableFlags_.sizing_fixed_fit):
+        for name, text in rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled(name)
+            imgui.table_next_column()
+            imgui.text(text)
+        imgui.end_table()
+
+
+def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    """The content of the panel."""
+    pixel = facts.pixel
+    if pixel is None:
+        imgui.text_disabled("point at the picture")
+        return
+    imgui.text(f"{pixel.x}, {pixel.y} of {pixel.picture[0]} x {pixel.picture[1]}")
+    imgui.same_line()
+    if session.kept_pixel is not None:
+        if imgui.small_button("let go"):
+            emit(KeepPixel(None))
+        items.note("let the pixel go")
+    else:
+        imgui.text_disabled("click keeps it")
+    cell = min(LARGEST_CELL, (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
+    cell = max(2.0, float(int(cell)))
+    _patch(pixel.a, pixel.inside, cell)
+    items.note("pixels of A")
+    imgui.same_line()
+    _patch(pixel.b, pixel.inside, cell)
+    items.note("pixels of B")
+    _values(pixel)
+    _facts(pixel, session)
+    items.note("pixel")
