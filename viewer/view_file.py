@@ -10,11 +10,13 @@ from ntc.errors import InputError
 from viewer.json_fields import JsonFields
 from viewer.palettes import PALETTES
 from viewer.scene.model import Camera
-from viewer.settings import ANISOTROPIES
+from viewer.settings import ANISOTROPIES, GAIN_RANGE
 from viewer.view_state import (
     BLOCKS,
     REFERENCE,
     CompareMode,
+    Difference,
+    DifferenceKind,
     Overlay,
     OverlayKind,
     PathChoice,
@@ -77,6 +79,7 @@ def view_json(saved: SavedView) -> str:
         },
         "compare": view.compare,
         "divider": view.wipe_position,
+        "difference": {"kind": view.difference.kind, "gain": view.difference.gain},
         "overlay": {
             "kind": view.overlay.kind,
             "opacity": view.overlay.opacity,
@@ -153,7 +156,7 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
     fields.choice("version", VERSION, (VERSION,))
     view = present.view
     slots, overlay, zoom = fields.object("slots"), fields.object("overlay"), fields.object("zoom")
-    camera = fields.object("camera")
+    camera, difference = fields.object("camera"), fields.object("difference")
     seen = replace(
         view,
         camera=_camera(camera, replace(view.camera, near=None, far=None), f"{where}.camera")
@@ -163,6 +166,10 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
         slot_b=_slot(slots.object("b"), view.slot_b),
         compare=fields.choice("compare", view.compare, get_args(CompareMode)),
         wipe_position=fields.number("divider", view.wipe_position, 0.0, 1.0),
+        difference=Difference(
+            difference.choice("kind", view.difference.kind, get_args(DifferenceKind)),
+            difference.number("gain", view.difference.gain, *GAIN_RANGE),
+        ),
         overlay=Overlay(
             overlay.choice("kind", view.overlay.kind, get_args(OverlayKind)),
             overlay.number("opacity", view.overlay.opacity, 0.0, 1.0),

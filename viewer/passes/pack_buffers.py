@@ -97,8 +97,9 @@ class PackBuffers:
     @property
     def bytes_by_part(self) -> Mapping[str, int]:
         """The same, by what it is for; adapters count as decoders."""
-        weights = self._buffers[StorageBinding.WEIGHTS].size
-        tables = sum(buffer.size for buffer in self._buffers.values()) - weights
+        stored = self._buffers.get(StorageBinding.WEIGHTS)
+        weights = self._image_bytes if stored is None else stored.size
+        tables = sum(buffer.size for buffer in self._buffers.values()) - (0 if stored is None else weights)
         return {"latents": self._latents.buffer.size, "decoders": weights, "tables": tables}
 
     @property
