@@ -215,6 +215,7 @@ class Frontend:
         """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
         session = self.session
         session.picture_size = size
+        session.training.tick(session)
         try:
             self._draw_picture(size)
             if session.measure_requested:
@@ -272,6 +273,7 @@ class Frontend:
         waiting = session.measure_requested or session.screenshot_requested or session.recorded_path is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
+        waiting = waiting or session.training.is_due
         return waiting or ending or opened or self._is_waiting or self._view(size) != self._last_view
 
     @property

@@ -30,6 +30,7 @@ from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
+from viewer.training.live_training import LiveTraining
 from viewer.view_state import REFERENCE, PathChoice, Precision, Slot, ViewState
 
 TOAST_SECONDS = 6.0
@@ -88,6 +89,7 @@ class Session:
         """Where the mouse is over the picture, likewise."""
         self.showing_other = False
         """While held: the other slot is shown."""
+        self.training = LiveTraining()
         self.resolution = 1.0
         self.picture_size = settings.window_size
         """(width, height) of the window's content, kept up to date by the frontend."""
@@ -236,6 +238,10 @@ class Session:
         """The scene's camera `number`, from 0, if there is one."""
         cameras = self.scene.cameras
         return cameras[number] if number < len(cameras) else None
+
+    def close(self) -> None:
+        """End what runs beside the window."""
+        self.training.close()
 
     def present_settings(self) -> ViewerSettings:
         """The settings to remember."""

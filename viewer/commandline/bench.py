@@ -21,10 +21,10 @@ from viewer.bench.worst_case import WorstCaseConfig, worst_case
 from viewer.camera import frame_all
 from viewer.commandline.bench_options import BenchOptions
 from viewer.commandline.sources import open_scene, packs_for
-from viewer.commandline.views import ViewSource, cameras_of
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.timer import PassTimer
 from viewer.renderer import Renderer
+from viewer.scene_views import ViewSource, cameras_of
 
 
 def _check(options: BenchOptions) -> None:

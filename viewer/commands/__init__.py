@@ -4,11 +4,17 @@ import difflib
 from collections.abc import Sequence
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, overlay, window
+from viewer.commands import camera, compare, overlay, training, window
 from viewer.commands.command import Command, words
 from viewer.session import Session
 
-COMMANDS: tuple[Command, ...] = (*compare.COMMANDS, *overlay.COMMANDS, *camera.COMMANDS, *window.COMMANDS)
+COMMANDS: tuple[Command, ...] = (
+    *compare.COMMANDS,
+    *overlay.COMMANDS,
+    *camera.COMMANDS,
+    *training.COMMANDS,
+    *window.COMMANDS,
+)
 HOLD_KEY = "Space"
 """While held, the other slot is shown."""
 PICTURE_HINTS = (
