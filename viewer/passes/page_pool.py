@@ -66,6 +66,11 @@ class PagePool:
         self._entry_of_page[pages] = FREE
         self._free += pages.tolist()
 
+    def pages_of(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The pages that hold `entries`, which all must have one."""
+        order = np.argsort(self._entry_of_page, kind="stable")
+        return order[np.searchsorted(self._entry_of_page[order], entries)]
+
     def held(self) -> NDArray[np.int64]:
         """Entries that have a page."""
         return self._entry_of_page[self._entry_of_page != FREE]

@@ -11,8 +11,12 @@ from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.scene_panel import OpenField, draw_scene_panel
 from viewer.ui.timings_panel import draw_timings_panel
+from viewer.ui.training_panel import TrainingPanel
 
 Side = Literal["left", "right"]
+LEAST_FOR_TRAINING = 500.0
+FOLDED = 20.0
+"""Height of a panel's title."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +49,14 @@ def _scene_height(window: float) -> float:
     return min(max(window - 600.0, 120.0), 360.0)
 
 
+def _training_height(window: float) -> float:
+    """Only its title where there is no room for more."""
+    return 320.0 if window >= LEAST_FOR_TRAINING else FOLDED
+
+
 def make_panels() -> tuple[Panel, ...]:
     """The panels of one window; those that remember something remember it for this window."""
-    open_field = OpenField()
+    open_field, training = OpenField(), TrainingPanel()
     return (
         Panel("Compare", "left", lambda _: 356.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
         Panel(
@@ -59,9 +68,16 @@ def make_panels() -> tuple[Panel, ...]:
         ),
         Panel("Scene", "right", _scene_height, lambda c: draw_scene_panel(c.session, open_field, c.emit, c.items)),
         Panel(
+            "Training",
+            "right",
+            _training_height,
+            lambda c: training.draw(c.session, c.emit, c.items),
+            folded=lambda height: height < LEAST_FOR_TRAINING,
+        ),
+        Panel(
             "Divergence",
             "right",
-            lambda window: max(240.0, window - 36.0 - _scene_height(window) - 48.0),
+            lambda window: max(240.0, window - 36.0 - _scene_height(window) - _training_height(window) - 56.0),
             lambda c: draw_divergence_panel(c.session, c.facts, c.emit, c.items),
             shown=lambda session: session.view.overlay.kind != "none",
         ),

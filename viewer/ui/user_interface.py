@@ -8,6 +8,7 @@ from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
+from viewer.ui.training_panel import EncodeOffer
 
 PANEL_WIDTH = 380.0
 EDGE = 8.0
@@ -21,6 +22,7 @@ class UserInterface:
         self.items = ItemPlaces()
         self._input = PictureInput()
         self._all_panels = make_panels()
+        self._offer = EncodeOffer()
 
     def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -36,6 +38,7 @@ class UserInterface:
         draw_block(session, facts, size)
         if session.show_panels:
             self._panels(session, facts, size, emit)
+            self._offer.draw(session, size[0], emit, self.items)
             draw_hints(session, size)
         if session.show_help:
             draw_help(session, size, self.items)
