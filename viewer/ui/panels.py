@@ -51,7 +51,7 @@ def _scene_height(window: float) -> float:
 
 def _training_height(window: float) -> float:
     """Only its title where there is no room for more."""
-    return 320.0 if window >= LEAST_FOR_TRAINING else FOLDED
+    return min(max(window - 400.0, 320.0), 560.0) if window >= LEAST_FOR_TRAINING else FOLDED
 
 
 def make_panels() -> tuple[Panel, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from viewer.training.runs import Curves
@@ -36,6 +37,8 @@ class TrainingCurves:
         if implot.begin_plot("loss by group##loss", size, flags | unnamed):
             implot.setup_axes("", "", fit, fit)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            ticks = _ticks(curves)
+            implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
             for group, curve in sorted(curves.losses.items()):
                 implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
             implot.end_plot()
@@ -68,6 +71,17 @@ class TrainingCurves:
         self._texture = choices[combo("curve of", current, tuple(choices), items)]
         imgui.same_line()
         imgui.text("in blue")
+
+
+def _ticks(curves: Curves) -> list[float]:
+    """1, 2 and 5 of each decade that losses fall into: on its own the plot labels whole decades only."""
+    values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not len(values):
+        return [1.0]
+    decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
+    ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
+    return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]
 
 
 def _name(texture: int, names: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from viewer.session import Session
 from viewer.training.live_training import LiveTraining, Work
 from viewer.training.runs import Run
 from viewer.training.settings import TrainingSettings
+from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.training_curves import TrainingCurves
@@ -60,14 +61,16 @@ class TrainingPanel:
         progress = work.progress
         imgui.text_wrapped(f"{work.name}: {work.wish.title()}")
         state = STATES[work.state]
-        if progress is None:
-            moving = -0.6 * imgui.get_time()
-            imgui.progress_bar(moving, ImVec2(-1, 0), state or "starting")
-        else:
-            left = _duration(progress.eta_seconds)
-            text = f"step {progress.step} of {progress.of}, {state or left + ' left'}"
-            imgui.progress_bar(min(1.0, progress.step / max(1, progress.of)), ImVec2(-1, 0), text)
+        share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.of)
+        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
+        # The text stands below: over the bar it would be hard to read.
+        imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
+        imgui.pop_style_color()
         items.note("progress")
+        if progress is None:
+            imgui.text(state or "starting")
+        else:
+            imgui.text(f"step {progress.step} of {progress.of}, {state or _duration(progress.eta_seconds) + ' left'}")
         waits = work.state in ("paused", "pausing")
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
         imgui.begin_disabled(work.state in ("preparing", "cancelling"))
