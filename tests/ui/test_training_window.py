@@ -24,7 +24,7 @@ from viewer.training.live_training import LiveTraining
 from viewer.view_state import REFERENCE
 
 SIZE = (900, 640)
-PATIENCE = 100.0
+PATIENCE = 140.0
 """Seconds that anything may take on a busy machine."""
 
 
@@ -56,7 +56,7 @@ def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraini
     while not done(training):
         app.frame()
         assert time.monotonic() - began < PATIENCE, (training.state, messages(app))
-        time.sleep(0.01)
+        time.sleep(0.05)
     return training
 
 
@@ -113,6 +113,20 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert training.curves.seconds
     assert (picture_at_rest(app) != before).any()
 
+    with pytest.raises(InputError, match=r"ends in \.ntc"):
+        run_line("training.accept pack.zip", session)
+    (folder / "file").write_text("no folder")
+    run_line(f"training.accept {folder / 'file' / 'pack.ntc'}", session)
+    wait(app, lambda t: not t.saving)
+    assert "cannot be written" in messages(app)
+    assert training.undecided == 1
+    if os.geteuid() != 0:  # root may write anywhere
+        folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
+        run_line("training.accept", session)
+        wait(app, lambda t: not t.saving)
+        folder.chmod(stat.S_IRWXU)
+        assert training.undecided == 1
+
     app.click("Accept")
     wait(app, lambda t: not t.saving)
     written = folder / "scene.baseline.ntc"
@@ -149,7 +163,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert "nothing is to be trained" in messages(app)
 
 
-def test_pause_resume_cancel(app: HeadlessApp) -> None:
+def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     session = app.session
     run_line("training.encode single auto 32 600s", session)
     with pytest.raises(InputError, match="another one is under way"):
@@ -177,6 +191,20 @@ def test_pause_resume_cancel(app: HeadlessApp) -> None:
     assert session.view.slot_a.source == REFERENCE
     assert not session.packs
 
+    run_line("training.encode single auto 32 600s", session)
+    wait(app, lambda t: t.work is not None and t.work.groups_seen)
+    process = training.process_id
+    assert process is not None
+    os.kill(process, signal.SIGKILL)
+    wait(app, lambda t: t.work is None)
+    assert "killed by signal 9" in messages(app)
+    assert session.view.slot_a.source == "run 2"
+    assert training.runs[-1].outcome == "failed"
+    assert training.runs[-1].pack is not None
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+    assert not blocks()
+
 
 def test_cancel_while_preparing(app: HeadlessApp) -> None:
     run_line("training.encode clustered 2 32 600s", app.session)
@@ -184,24 +212,6 @@ def test_cancel_while_preparing(app: HeadlessApp) -> None:
     training = wait(app, lambda t: t.work is None)
     assert training.runs[-1].outcome == "cancelled"
     assert "nothing came of it" in messages(app)
-
-
-def test_the_process_is_killed(app: HeadlessApp) -> None:
-    session = app.session
-    run_line("training.encode single auto 32 600s", session)
-    training = wait(app, lambda t: t.work is not None and t.work.groups_seen)
-    app.settle()
-    process = training.process_id
-    assert process is not None
-    os.kill(process, signal.SIGKILL)
-    wait(app, lambda t: t.work is None)
-    assert "killed by signal 9" in messages(app)
-    assert session.view.slot_a.source == "run 1"
-    assert training.runs[-1].outcome == "failed"
-    assert training.runs[-1].pack is not None
-    with pytest.raises(ProcessLookupError):
-        os.kill(process, 0)
-    assert not blocks()
 
 
 def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:
@@ -213,30 +223,6 @@ def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None
     assert training.work is None
     assert "another scene" in messages(app)
     assert app.session.view.slot_a.source == REFERENCE
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written(app: HeadlessApp, folder: Path) -> None:
-    run(app, "training.encode single auto 32 10steps")
-    folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    try:
-        run_line("training.accept", app.session)
-        training = wait(app, lambda t: not t.saving)
-    finally:
-        folder.chmod(stat.S_IRWXU)
-    assert "cannot be written" in messages(app)
-    assert training.undecided == 1
-
-
-def test_a_file_that_cannot_be_written(app: HeadlessApp, folder: Path) -> None:
-    run(app, "training.encode single auto 32 10steps")
-    with pytest.raises(InputError, match=r"ends in \.ntc"):
-        run_line("training.accept pack.zip", app.session)
-    (folder / "file").write_text("no folder")
-    run_line(f"training.accept {folder / 'file' / 'pack.ntc'}", app.session)
-    training = wait(app, lambda t: not t.saving)
-    assert "cannot be written" in messages(app)
-    assert training.undecided == 1
 
 
 @pytest.mark.parametrize(
