@@ -30,6 +30,9 @@ from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import PathChoice, Precision
 
 
+FRAMES_AHEAD = 4
+
+
 @dataclass(frozen=True, eq=False)
 class SeenSurfaces:
     """What a decode path decodes for."""
@@ -67,6 +70,8 @@ class PackOnGpu:
     programs: ProgramFactory
     """With the includes for the pack's codec."""
     _cached: DecodeCachedPass | None = None
+    _ahead: int = 0
+    """Times that tiles were decoded since the last drawing."""
     _asked: object = None
     """The view whose tiles the cache was asked for last."""
     _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass | NeededLevelsPass] = field(
@@ -167,6 +172,26 @@ class PackOnGpu:
         """Whether the picture by `path` will still become better with the same view."""
         return path == "cached" and self._cached is not None and self._cached.counts.waiting > 0
 
+    def decode_ahead(self, path: PathChoice) -> bool:
+        """Bring tiles up to date without drawing, where all are there in an older version; False when it is time to draw.
+
+        Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
+        """
+        cache = self._cached
+        if (
+            path != "cached"
+            or cache is None
+            or self._ahead >= FRAMES_AHEAD
+            or cache.only_stale <= cache.tiles_now(False)
+        ):
+            self._ahead = 0
+            return False
+        self._ahead += 1
+        with self.drawing.timer.measure("decode_cached"):
+            done = cache.decode(cache.tiles_now(False))
+        cache.note_time(done, self.drawing.timer.last_ms)
+        return True
+
     def decode(self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
         """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes."""
         drawing, timer = self.drawing, self.drawing.timer
@@ -228,7 +253,7 @@ class PackOnGpu:
             changed = changed_textures(self.pack, pack)
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
             self._cached.replace_pack(made.buffers, made._ranges, made.decoders, ids)
-            made._cached = self._cached
+            made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead
             self._made.remove(self._cached)
             made._made.append(made._cached)
         self.release()

@@ -71,6 +71,8 @@ class _Drawn:
 
     key: object
     """Equal means that it is still good."""
+    seen: object
+    """What of it does not depend on the pack."""
     number: int
     """Of the drawing: differs whenever the albedo may."""
 
@@ -278,6 +280,11 @@ class Renderer:
         if drawn is not None and drawn.key == key and not (on_gpu is not None and on_gpu.is_waiting(slot.path)):
             skipped["passes"] += 1
             return
+        seen_key = (view.camera, anisotropy)
+        still = drawn is not None and drawn.seen == seen_key and not whole
+        if on_gpu is not None and still and on_gpu.decode_ahead(slot.path):
+            skipped["passes"] += 1
+            return
         if slot not in targets.albedo:
             targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
@@ -294,7 +301,7 @@ class Renderer:
             )
             targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
         self._draws += 1
-        targets.drawn[slot] = _Drawn(key, self._draws)
+        targets.drawn[slot] = _Drawn(key, seen_key, self._draws)
 
     def _on_gpu(self, slot: Slot) -> PackOnGpu:
         key = (slot.source, slot.precision)

@@ -143,6 +143,11 @@ class DecodeCachedPass:
         tiles = self._table.tiles(np.sort(entries))
         self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
 
+    @property
+    def only_stale(self) -> int:
+        """Tiles that are shown in an older version, where nothing else is to come; 0 where something is."""
+        return 0 if len(self._waiting) or self._unheard else len(self._stale)
+
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
         limit = self._config.milliseconds
@@ -194,7 +199,7 @@ class DecodeCachedPass:
         self._decoded += len(pages)
 
     def _drop_unseen_stale(self) -> None:
-        """After a request: what it did not read need not be decoded anew."""
+        """What the last request did not read need not be decoded anew."""
         if not len(self._stale):
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
@@ -264,15 +269,14 @@ class DecodeCachedPass:
         changed_textures: Iterable[int],
     ) -> None:
         """Decode from other buffers of the same shape from now on. The tiles of `changed_textures` are decoded anew, and shown as
-        they are until then; all others stay. `request` must come next."""
+        they are until then; all others stay, and so does what the last request asked for."""
         self._buffers, self._ranges = buffers, ranges
         self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
         held = self._pool.held()
         changed = held[np.isin(self._table.tiles(held)["texture_id"], np.fromiter(changed_textures, np.int64))]
         # Those that wait already come first, or they might wait for ever.
         self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
-        self._forget_entries(self._waiting)
-        self._waiting = self._waiting[:0]
+        self._drop_unseen_stale()
 
     def release(self) -> None:
         """Free atlas and tables."""
