@@ -29,7 +29,6 @@ from viewer.scene.model import Scene
 from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import PathChoice, Precision
 
-
 FRAMES_AHEAD = 4
 
 

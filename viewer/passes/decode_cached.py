@@ -204,7 +204,7 @@ class DecodeCachedPass:
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
         read = np.frombuffer(self._places[StorageBinding.PAGE_USED].read(), np.uint32)
-        seen = read[self._pool.pages_of(stale)] == self._frame
+        seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
         self._pool.drop(stale[~seen])
         self._forget_entries(stale[~seen])
         self._stale = stale[seen]
