@@ -1,6 +1,6 @@
 """A pack on the GPU in one precision, with the decode paths that read it; each is made when it is first used."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,7 +70,7 @@ class PackOnGpu:
     """With the includes for the pack's codec."""
     _cached: DecodeCachedPass | None = None
     _ahead: int = 0
-    """Times that tiles were decoded since the last drawing."""
+    """Times that tiles were decoded since the last drawing, which then decodes none."""
     _asked: object = None
     """The view whose tiles the cache was asked for last."""
     _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass | NeededLevelsPass] = field(
@@ -165,11 +165,15 @@ class PackOnGpu:
     @property
     def tiles(self) -> TileCounts | None:
         """The tile cache, where path `cached` has been used."""
-        return self._cached.counts if self._cached is not None else None
+        if self._cached is None:
+            return None
+        counts = self._cached.counts
+        # What was decoded but not drawn is still to be seen.
+        return replace(counts, waiting=max(counts.waiting, 1)) if self._ahead else counts
 
     def is_waiting(self, path: PathChoice) -> bool:
         """Whether the picture by `path` will still become better with the same view."""
-        return path == "cached" and self._cached is not None and self._cached.counts.waiting > 0
+        return path == "cached" and self.tiles is not None and self.tiles.waiting > 0
 
     def decode_ahead(self, path: PathChoice) -> bool:
         """Bring tiles up to date without drawing, where all are there in an older version; False when it is time to draw.
@@ -177,13 +181,7 @@ class PackOnGpu:
         Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
         """
         cache = self._cached
-        if (
-            path != "cached"
-            or cache is None
-            or self._ahead >= FRAMES_AHEAD
-            or cache.only_stale <= cache.tiles_now(False)
-        ):
-            self._ahead = 0
+        if path != "cached" or cache is None or self._ahead >= FRAMES_AHEAD or not cache.only_stale:
             return False
         self._ahead += 1
         with self.drawing.timer.measure("decode_cached"):
@@ -223,7 +221,8 @@ class PackOnGpu:
                     cache.request(seen.visibility, self.drawing.scene_buffers, seen.anisotropy)
                 spent += timer.last_ms
                 self._asked = seen.key
-            wanted = cache.tiles_now(whole)
+            wanted = 0 if self._ahead and not whole else cache.tiles_now(whole)
+            self._ahead = 0
             if wanted:
                 with timer.measure(name):
                     done = cache.decode(wanted)
