@@ -62,10 +62,9 @@ class Window:
 
 def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Percentiles of frame times in ms."""
-    print(f"{name}: {len(rows)} frames", file=sys.stderr, flush=True)
     times = np.array([row["ms"] for row in rows]) if rows else np.zeros(1)
     snapshots = [row["ms"] for row in rows if row["snapshot"]]
-    return {
+    found = {
         "phase": name,
         "frames": len(rows),
         "p50 ms": float(np.percentile(times, 50)),
@@ -76,6 +75,9 @@ def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "snapshots": len(snapshots),
         "longest with one": max(snapshots, default=0.0),
     }
+    # Whoever stops it early still has the phases so far.
+    print(json.dumps(found), file=sys.stderr, flush=True)
+    return found
 
 
 def main() -> None:
