@@ -111,6 +111,14 @@ class TrainingWorker:
         """Of the process, where there is one."""
         return None if self._process is None else self._process.pid
 
+    def warm_up(self) -> None:
+        """Start the process ahead of a training, so that it has torch when that begins. Without effect where it runs, and
+        where it cannot be started: `start` says why."""
+        try:
+            self._start_process()
+        except OSError:
+            self._end_process()
+
     def start(self, request: TrainingRequest) -> TrainingRequest:
         """Begin a training; returns the request with its dirty groups named. Raises InputError for what cannot be trained,
         for a training under way, and where there is no room in shared memory or for a process."""

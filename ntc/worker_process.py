@@ -1,5 +1,6 @@
 """The training process: listens to commands in a thread, trains in the main one. torch is imported when it is needed."""
 
+import importlib
 import os
 import queue
 import signal
@@ -195,6 +196,12 @@ def _one_line(error: BaseException) -> str:
     return f"training: {type(error).__name__}: {text}"
 
 
+def _import_training() -> None:
+    # What is wrong with it is said when the training imports it.
+    with suppress(Exception):
+        importlib.import_module("ntc.retrain")
+
+
 def serve(connection: Connection) -> None:
     """The process: trains what it is told to, one after the other, until the other end of the pipe closes."""
     # Ctrl-C in a terminal reaches this process too; the other one decides what it means.
@@ -203,6 +210,8 @@ def serve(connection: Connection) -> None:
     threading.Thread(target=_listen, args=(connection, board), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):
         connection.send(Ready())
+        # Importing takes seconds, in which a request may be prepared elsewhere, or be on its way.
+        threading.Thread(target=_import_training, daemon=True).start()
         while True:
             start = board.starts.get()
             try:

@@ -202,6 +202,7 @@ class WindowApp:
             if self._folder is not None:
                 save_settings(self._folder, settings)
         finally:
+            self.session.close()
             self.frontend.release()
             imgui.backends.opengl3_shutdown()
             imgui.backends.glfw_shutdown()

@@ -313,6 +313,7 @@ class Frontend:
         session = self.session
         self._started, self._timed = time.perf_counter(), None
         session.picture_size = size
+        session.training.tick(session)
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         self._update_flicker()
         try:
@@ -404,6 +405,7 @@ class Frontend:
         waiting = waiting or session.motion is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
+        waiting = waiting or session.training.is_due
         comparing = session.settings.live_figures and self._live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
         return waiting or ending or opened or comparing or self._picture_is_due(size)

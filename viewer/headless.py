@@ -160,6 +160,7 @@ class HeadlessApp:
 
     def close(self) -> None:
         """Free everything."""
+        self.session.close()
         self.frontend.release()
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()

@@ -1,6 +1,6 @@
 """A pack on the GPU in one precision, with the decode paths that read it; each is made when it is first used."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,8 @@ from viewer.passes.visibility import VisibilityTarget
 from viewer.scene.model import Scene
 from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import PathChoice, Precision
+
+FRAMES_AHEAD = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,8 @@ class PackOnGpu:
     programs: ProgramFactory
     """With the includes for the pack's codec."""
     _cached: DecodeCachedPass | None = None
+    _ahead: int = 0
+    """Times that tiles were decoded since the last drawing, which then decodes none."""
     _asked: object = None
     """The view whose tiles the cache was asked for last."""
     _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass | NeededLevelsPass] = field(
@@ -182,11 +186,29 @@ class PackOnGpu:
     @property
     def tiles(self) -> TileCounts | None:
         """The tile cache, where path `cached` has been used."""
-        return self._cached.counts if self._cached is not None else None
+        if self._cached is None:
+            return None
+        counts = self._cached.counts
+        # What was decoded but not drawn is still to be seen.
+        return replace(counts, waiting=max(counts.waiting, 1)) if self._ahead else counts
 
     def is_waiting(self, path: PathChoice) -> bool:
         """Whether the picture by `path` will still become better with the same view."""
-        return path == "cached" and self._cached is not None and self._cached.counts.waiting > 0
+        return path == "cached" and self.tiles is not None and self.tiles.waiting > 0
+
+    def decode_ahead(self, path: PathChoice) -> bool:
+        """Bring tiles up to date without drawing, where all are there in an older version; False when it is time to draw.
+
+        Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
+        """
+        cache = self._cached
+        if path != "cached" or cache is None or self._ahead >= FRAMES_AHEAD or not cache.only_stale:
+            return False
+        self._ahead += 1
+        with self.drawing.timer.measure("decode_cached"):
+            done = cache.decode(cache.tiles_now(False))
+        cache.note_time(done, self.drawing.timer.last_ms)
+        return True
 
     def decode(self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
         """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes."""
@@ -220,7 +242,8 @@ class PackOnGpu:
                     cache.request(seen.visibility, self.drawing.scene_buffers, seen.anisotropy)
                 spent += timer.last_ms
                 self._asked = seen.key
-            wanted = cache.tiles_now(whole)
+            wanted = 0 if self._ahead and not whole else cache.tiles_now(whole)
+            self._ahead = 0
             if wanted:
                 with timer.measure(name):
                     done = cache.decode(wanted)
@@ -249,7 +272,7 @@ class PackOnGpu:
             changed = changed_textures(self.pack, pack)
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
             self._cached.replace_pack(made.buffers, made._ranges, made.decoders, ids)
-            made._cached = self._cached
+            made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead
             self._made.remove(self._cached)
             made._made.append(made._cached)
         self.release()

@@ -104,6 +104,8 @@ class _Drawn:
 
     key: object
     """Equal means that it is still good."""
+    seen: object
+    """What of it does not depend on the pack."""
     number: int
     """Of the drawing: differs whenever the albedo may."""
 
@@ -347,6 +349,12 @@ class Renderer:
         is_reference = slot.source == REFERENCE
         anisotropy = view.anisotropy if is_reference or slot.path == "cached" else 1
         on_gpu = None if is_reference else self._on_gpu(slot)
+        seen_key = (view.camera, anisotropy)
+        drawn = targets.drawn.get(slot)
+        still = drawn is not None and drawn.seen == seen_key and not whole
+        if on_gpu is not None and still and on_gpu.decode_ahead(slot.path):
+            skipped["passes"] += 1
+            return
         if slot not in targets.albedo:
             targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
@@ -364,7 +372,7 @@ class Renderer:
             targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
             self._prepared.add(slot)
         self._draws += 1
-        targets.drawn[slot] = _Drawn(self._albedo_key(view, slot), self._draws)
+        targets.drawn[slot] = _Drawn(self._albedo_key(view, slot), seen_key, self._draws)
 
     def _albedo_key(self, view: ViewState, slot: Slot) -> object:
         """Albedos of equal keys are equal, unless tiles of them are still to come."""

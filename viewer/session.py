@@ -35,6 +35,7 @@ from viewer.picture_request import PictureRequest
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
+from viewer.training.live_training import LiveTraining
 from viewer.view_state import REFERENCE, PathChoice, Precision, Slot, ViewState
 
 TOAST_SECONDS = 6.0
@@ -123,6 +124,7 @@ class Session:
         self.comparing = ComparingPanels()
         self.kept_pixel: tuple[float, float] | None = None
         """Where the pixel is that stays in the panel Pixel, as shares of the picture from its upper left corner."""
+        self.training = LiveTraining()
         self.resolution = 1.0
         self.picture_size = settings.window_size
         """(width, height) of the window's content, kept up to date by the frontend."""
@@ -313,6 +315,10 @@ class Session:
         """The scene's camera `number`, from 0, if there is one."""
         cameras = self.scene.cameras
         return cameras[number] if number < len(cameras) else None
+
+    def close(self) -> None:
+        """End what runs beside the window."""
+        self.training.close()
 
     def present_settings(self) -> ViewerSettings:
         """The settings to remember."""

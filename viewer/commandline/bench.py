@@ -23,10 +23,10 @@ from viewer.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from viewer.camera import frame_all
 from viewer.commandline.bench_options import BenchOptions
 from viewer.commandline.sources import open_scene, packs_for
-from viewer.commandline.views import ViewSource, cameras_of
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.passes.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
+from viewer.scene_views import ViewSource, cameras_of
 from viewer.view_state import Precision
 
 MOST = 2000

@@ -87,7 +87,7 @@ def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
     if source.scene is None:
         raise InputError("--grouping covisible: a folder of images cannot be seen from anywhere; encode a scene")
     # Only this grouping needs OpenGL.
-    from viewer.commandline.views import ViewSource, scene_views
+    from viewer.scene_views import ViewSource, scene_views
 
     seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
     views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())

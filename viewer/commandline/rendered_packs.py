@@ -14,10 +14,10 @@ from ntc.metrics import psnr_db
 from ntc.pack_file import read_pack
 from ntc.studies.table import Cell, Column, Table
 from viewer.commandline.render import draw
-from viewer.commandline.views import ViewSource, cameras_of
 from viewer.gl.context import create_headless_context
 from viewer.renderer import Renderer
 from viewer.scene.model import Scene
+from viewer.scene_views import ViewSource, cameras_of
 from viewer.view_state import Slot, ViewState
 
 COLUMNS = (

@@ -20,11 +20,11 @@ from ntc.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, clus
 from viewer.commandline.sources import open_scene, packs_for
 from viewer.commandline.study_files import check_output, write_study
 from viewer.commandline.study_options import ClusterStudyOptions
-from viewer.commandline.views import SceneViews, ViewSource, scene_views
 from viewer.folders import features_cache
 from viewer.pack_files import match_scene
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import source_textures
+from viewer.scene_views import SceneViews, ViewSource, scene_views
 
 
 def _folds(views: SceneViews, textures: int) -> tuple[Fold, ...]:

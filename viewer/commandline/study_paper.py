@@ -76,7 +76,7 @@ def _pages(name: str, results: Sequence[RunResult], title: str) -> list[StudyPag
 
 
 def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingInputs:
-    from viewer.commandline.views import ViewSource, scene_views
+    from viewer.scene_views import ViewSource, scene_views
 
     if source.scene is None:
         raise InputError(f"{options.source}: is no scene; use study paper-textures for a folder of images")

@@ -4,7 +4,19 @@ import difflib
 from collections.abc import Mapping, Sequence
 
 from ntc.errors import InputError
-from viewer.commands import appearance, camera, compare, errors, explore, motion, overlay, pictures, views, window
+from viewer.commands import (
+    appearance,
+    camera,
+    compare,
+    errors,
+    explore,
+    motion,
+    overlay,
+    pictures,
+    training,
+    views,
+    window,
+)
 from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
 from viewer.commands.command import Command, FixedChoices, words
 from viewer.session import Session
@@ -18,6 +30,7 @@ COMMANDS: tuple[Command, ...] = (
     *motion.COMMANDS,
     *pictures.COMMANDS,
     *views.COMMANDS,
+    *training.COMMANDS,
     *window.COMMANDS,
     *appearance.COMMANDS,
 )

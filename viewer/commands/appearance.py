@@ -7,6 +7,9 @@ from viewer.commands.command import Command, Parameter, fixed
 from viewer.session import Session
 from viewer.settings import UI_SCALE_RANGE, Theme
 
+OF_A_COMPARISON = {"Pixel": "pixel", "Errors": "errors", "Histogram": "histogram"}
+"""Panels that stay closed until they are asked for: fields of ComparingPanels."""
+
 
 def _reset_layout(session: Session) -> None:
     session.settings = replace(session.settings, hidden_panels=())
@@ -28,6 +31,8 @@ def _ui_scale(session: Session, scale: float) -> None:
 def _panel(session: Session, title: str, state: str) -> None:
     hidden = tuple(name for name in session.settings.hidden_panels if name != title)
     session.settings = replace(session.settings, hidden_panels=hidden if state == "on" else (*hidden, title))
+    if title in OF_A_COMPARISON:
+        session.comparing = replace(session.comparing, **{OF_A_COMPARISON[title]: state == "on"})
     if state == "on":
         session.show_panels = True
         session.raised_panel = title

@@ -82,6 +82,8 @@ class DecodeCachedPass:
         self._tiles = gl.buffer(reserve=4)
         self._frame = 0
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
+        """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
         self._tile_ms: float | None = None
 
@@ -90,7 +92,7 @@ class DecodeCachedPass:
         """What the cache holds now."""
         return TileCounts(
             self._pool.taken,
-            len(self._waiting) + self._unheard,
+            len(self._waiting) + len(self._stale) + self._unheard,
             self._starved,
             self._kept,
             self._decoded,
@@ -129,6 +131,7 @@ class DecodeCachedPass:
         set_uniforms(program, {"frame": self._frame, "anisotropy": anisotropy})
         program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
         self._gl.memory_barrier()
+        self._drop_unseen_stale()
         asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
         count = min(asked_count, MOST_TILES_ASKED_FOR)
         self._unheard = asked_count - count
@@ -139,16 +142,26 @@ class DecodeCachedPass:
         tiles = self._table.tiles(np.sort(entries))
         self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
 
+    @property
+    def only_stale(self) -> int:
+        """Tiles that are shown in an older version, where nothing else is to come; 0 where something is."""
+        return 0 if len(self._waiting) or self._unheard else len(self._stale)
+
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
         limit = self._config.milliseconds
+        waiting = len(self._waiting) + len(self._stale)
         if whole or limit is None:
-            return len(self._waiting)
+            return waiting
         fitting = 0 if self._tile_ms is None else int(limit / self._tile_ms)
-        return min(len(self._waiting), max(self._config.least_tiles, fitting))
+        return min(waiting, max(self._config.least_tiles, fitting))
 
     def decode(self, count: int) -> int:
         """Decode the next `count` waiting tiles; how many it were, fewer where the budget is full of tiles that are seen."""
+        missing = min(count, len(self._waiting))
+        return self._decode_missing(missing) + self._decode_stale(count - missing)
+
+    def _decode_missing(self, count: int) -> int:
         entries = self._waiting[:count]
         if not len(entries):
             return 0
@@ -163,15 +176,37 @@ class DecodeCachedPass:
             self._waiting = self._waiting[: len(pages)]
         if not len(pages):
             return 0
-        tiles = self._table.tiles(entries[: len(pages)])
+        self._decode_into(entries[: len(pages)], pages)
+        self._waiting = self._waiting[len(pages) :]
+        return len(pages)
+
+    def _decode_stale(self, count: int) -> int:
+        """Decode tiles anew where they are."""
+        entries = self._stale[:count]
+        if len(entries):
+            self._decode_into(entries, self._pool.pages_of(entries))
+            self._stale = self._stale[len(entries) :]
+        return len(entries)
+
+    def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
+        tiles = self._table.tiles(entries)
         tiles["page"] = pages
         self._buffers.need(finest_levels(tiles))
         decoders = self._decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])
-        self._waiting = self._waiting[len(pages) :]
         self._decoded += len(pages)
-        return len(pages)
+
+    def _drop_unseen_stale(self) -> None:
+        """What the last request did not read need not be decoded anew."""
+        if not len(self._stale):
+            return
+        stale = self._stale[np.isin(self._stale, self._pool.held())]
+        read = np.frombuffer(self._places[StorageBinding.PAGE_USED].read(), np.uint32)
+        seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
+        self._pool.drop(stale[~seen])
+        self._forget_entries(stale[~seen])
+        self._stale = stale[seen]
 
     def note_time(self, tiles: int, milliseconds: float) -> None:
         """Learn how long decoding takes."""
@@ -232,15 +267,15 @@ class DecodeCachedPass:
         decoder_of_texture: Iterable[int],
         changed_textures: Iterable[int],
     ) -> None:
-        """Decode from other buffers of the same shape from now on; the tiles of `changed_textures` are void, all others stay."""
+        """Decode from other buffers of the same shape from now on. The tiles of `changed_textures` are decoded anew, and shown as
+        they are until then; all others stay, and so does what the last request asked for."""
         self._buffers, self._ranges = buffers, ranges
         self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
         held = self._pool.held()
-        changed = np.fromiter(changed_textures, np.int64)
-        gone = held[np.isin(self._table.tiles(held)["texture_id"], changed)]
-        self._pool.drop(gone)
-        self._forget_entries(np.concatenate([gone, self._waiting]))
-        self._waiting = self._waiting[:0]
+        changed = held[np.isin(self._table.tiles(held)["texture_id"], np.fromiter(changed_textures, np.int64))]
+        # Those that wait already come first, or they might wait for ever.
+        self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
+        self._drop_unseen_stale()
 
     def release(self) -> None:
         """Free atlas and tables."""

@@ -66,6 +66,15 @@ class PagePool:
         self._entry_of_page[pages] = FREE
         self._free += pages.tolist()
 
+    def pages_of(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The pages that hold `entries`, which all must have one."""
+        order = np.argsort(self._entry_of_page, kind="stable")
+        return order[np.searchsorted(self._entry_of_page[order], entries)]
+
+    def needed_in(self, pages: NDArray[np.int64], frame: int, last_read: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        """Which of `pages` were read in `frame`, or placed in it and so not read yet. `last_read` as for `place`."""
+        return np.asarray((last_read[pages] == frame) | (self._placed_in[pages] == frame), np.bool_)
+
     def held(self) -> NDArray[np.int64]:
         """Entries that have a page."""
         return self._entry_of_page[self._entry_of_page != FREE]

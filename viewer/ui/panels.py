@@ -21,6 +21,7 @@ from viewer.ui.scene_tree_list import SceneLists
 from viewer.ui.textures_panel import TexturesPanel
 from viewer.ui.timings_panel import draw_timings_panel
 from viewer.ui.timings_plot import TimingsPlot
+from viewer.ui.training_panel import TrainingPanel
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
     """The panels of one window; those that remember something remember it for this window."""
     open_field, lists, plot, histogram = OpenField(), SceneLists(), TimingsPlot(), HistogramPanel()
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
+    training = TrainingPanel()
     return (
         Panel("Compare", "left", lambda _: 440.0, lambda c: draw_compare_panel(c.session, c.facts, c.emit, c.items)),
         Panel("Timings", "left below", lambda _: 300.0, lambda c: draw_timings_panel(c.facts, plot, c.items)),
@@ -64,6 +66,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
         ),
         Panel("Textures", "right", _scene_height, lambda c: textures.draw(c.session, c.facts, c.emit, c.items)),
         Panel("Groups", "right", _scene_height, lambda c: groups.draw(c.session, c.facts, c.emit, c.items)),
+        Panel("Training", "right", _scene_height, lambda c: training.draw(c.session, c.emit, c.items)),
         Panel(
             "Divergence",
             "right below",

@@ -15,6 +15,7 @@ from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
+from viewer.ui.training_panel import EncodeOffer
 
 
 class UserInterface:
@@ -30,6 +31,7 @@ class UserInterface:
         self._flat = FlatWindow(self.background)
         self._palette = Palette()
         self._key_sheet = KeySheet()
+        self._offer = EncodeOffer()
 
     @property
     def panel_titles(self) -> tuple[str, ...]:
@@ -61,6 +63,7 @@ class UserInterface:
             area = self._panels(session, facts, emit)
             if not session.show_help:
                 draw_hints(session, area)
+            self._offer.draw(session, area, emit, self.items)
             self._flat.draw(session, facts, emit, self.items)
         self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)

@@ -1,0 +1,252 @@
+"""Training in the background of the window, without a window: a tiny scene, the real worker process."""
+
+import hashlib
+import os
+import signal
+import stat
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from ntc.pack import Pack
+from ntc.pack_file import read_pack
+from ntc.shared_arrays import PREFIX
+from tests.end_to_end.conftest import two_squares
+from viewer.actions import OpenFile
+from viewer.commands import run_line
+from viewer.headless import HeadlessApp
+from viewer.scene.load import load_scene
+from viewer.training.live_training import LiveTraining
+from viewer.view_state import REFERENCE
+
+SIZE = (900, 640)
+PATIENCE = 140.0
+"""Seconds that anything may take on a busy machine."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    two_squares(5).write(tmp_path / "scene.glb")
+    return tmp_path
+
+
+@pytest.fixture
+def app(folder: Path) -> Iterator[HeadlessApp]:
+    made = HeadlessApp(load_scene(folder / "scene.glb"), {}, SIZE, folder / "pictures")
+    made.settle()
+    yield made
+    made.close()
+    assert not blocks()
+
+
+def blocks() -> list[str]:
+    shared = Path("/dev/shm")
+    own = [path for path in shared.glob(f"{PREFIX}*") if path.stat().st_uid == os.getuid()] if shared.is_dir() else []
+    # Other programs may train on this machine: theirs are not this process's.
+    held = Path("/proc/self/maps").read_text() if Path("/proc/self/maps").exists() else ""
+    return [path.name for path in own if path.name in held]
+
+
+def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraining:
+    training, began = app.session.training, time.monotonic()
+    while not done(training):
+        app.frame()
+        assert time.monotonic() - began < PATIENCE, (training.state, messages(app))
+        time.sleep(0.05)
+    return training
+
+
+def run(app: HeadlessApp, line: str) -> LiveTraining:
+    """Run a command that trains, to its end."""
+    run_line(line, app.session)
+    return wait(app, lambda training: training.work is None)
+
+
+def messages(app: HeadlessApp) -> str:
+    return "\n".join(toast.text for toast in app.session.toasts)
+
+
+def fingerprint(pack: Pack, group: int) -> str:
+    digest = hashlib.sha256()
+    decoder = pack.decoders[group]
+    for array in (*decoder.weights, *decoder.biases):
+        digest.update(array.tobytes())
+    for texture in pack.textures:
+        if texture.group == group:
+            digest.update(texture.latents.tobytes() + texture.scale.tobytes() + texture.offset.tobytes())
+            if texture.adapter is not None:
+                digest.update(texture.adapter.scales.tobytes() + texture.adapter.biases.tobytes())
+    return digest.hexdigest()
+
+
+def picture_at_rest(app: HeadlessApp) -> np.ndarray:
+    app.session.show_panels = False
+    app.session.toasts = ()
+    app.settle()
+    shot = app.screenshot()
+    app.session.show_panels = True
+    app.settle()
+    return shot
+
+
+def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
+    """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
+    session = app.session
+    before = picture_at_rest(app)
+    assert "Encode it now" in app.frontend.interface.items.labels()
+    app.click("budget")
+    app.frontend.interface.items.centre("Encode this scene")
+    run_line("training.encode baseline auto 32 60steps", session)
+    app.settle()
+    assert "Encode it now" not in app.frontend.interface.items.labels()
+    training = wait(app, lambda t: t.work is None or t.work.groups_seen)
+    assert session.view.slot_a.source == "run 1"
+    assert session.view.slot_b.source == REFERENCE
+    training = wait(app, lambda t: t.work is None)
+    assert [r.outcome for r in training.runs] == ["done"]
+    assert training.undecided == 1
+    assert training.curves is not None
+    assert training.curves.seconds
+    assert (picture_at_rest(app) != before).any()
+
+    with pytest.raises(InputError, match=r"ends in \.ntc"):
+        run_line("training.accept pack.zip", session)
+    (folder / "file").write_text("no folder")
+    run_line(f"training.accept {folder / 'file' / 'pack.ntc'}", session)
+    wait(app, lambda t: not t.saving)
+    assert "cannot be written" in messages(app)
+    assert training.undecided == 1
+    if os.geteuid() != 0:  # root may write anywhere
+        folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
+        run_line("training.accept", session)
+        wait(app, lambda t: not t.saving)
+        folder.chmod(stat.S_IRWXU)
+        assert training.undecided == 1
+
+    app.click("Accept")
+    wait(app, lambda t: not t.saving)
+    written = folder / "scene.baseline.ntc"
+    assert str(written) in messages(app)
+    first = read_pack(written)
+    assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["run 1"].textures]
+    with pytest.raises(InputError, match="no finished run waits"):
+        run_line("training.discard", session)
+
+    app.click("tab Retrain")
+    app.click("group 1")
+    assert "Retrain" in app.frontend.interface.items.labels()
+    run(app, "training.retrain 1 30steps")
+    old, new = session.packs["run 1"], session.packs["run 2"]
+    assert fingerprint(old, 0) == fingerprint(new, 0)
+    assert new.textures[0] is old.textures[0]
+    assert (new.textures[1].psnr_db or 0.0) >= (old.textures[1].psnr_db or 0.0)
+    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", "run 1")
+
+    run_line("training.discard", session)
+    app.settle()
+    assert session.view.slot_a.source == "run 1"
+    assert "run 2" not in session.packs
+    app.click("run 2 into B")
+    assert session.view.slot_b.source == "run 2"
+    assert [r.outcome for r in training.runs] == ["done, accepted", "done, discarded"]
+
+    run(app, "training.move 1 0 20steps")
+    assert session.packs["run 3"].grouping.groups == (0, 0)
+    run(app, "training.regroup baseline auto 20steps")
+    assert session.packs["run 4"].grouping.groups == (0, 1)
+    run_line("training.regroup baseline auto 20steps", session)
+    wait(app, lambda t: t.work is None)
+    assert "nothing is to be trained" in messages(app)
+
+
+def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
+    session = app.session
+    run_line("training.encode single auto 32 600s", session)
+    with pytest.raises(InputError, match="another one is under way"):
+        run_line("training.encode", session)
+    training = wait(app, lambda t: t.work is not None and t.work.groups_seen)
+    app.click("Pause")
+    wait(app, lambda t: t.state == "paused")
+    app.settle()
+    work = training.work
+    assert work is not None
+    stood = work.progress
+    app.frame(20)
+    assert work.progress == stood
+    app.click("Resume")
+    wait(app, lambda t: work.progress != stood)
+    app.click("Cancel")
+    began = time.monotonic()
+    wait(app, lambda t: t.work is None)
+    assert time.monotonic() - began < 2.0
+    assert "was cancelled" in messages(app)
+    assert training.runs[-1].outcome == "cancelled"
+    assert session.view.slot_a.source == "run 1"
+    run_line("training.discard", session)
+    app.settle()
+    assert session.view.slot_a.source == REFERENCE
+    assert not session.packs
+
+    run_line("training.encode single auto 32 600s", session)
+    wait(app, lambda t: t.work is not None and t.work.groups_seen)
+    process = training.process_id
+    assert process is not None
+    os.kill(process, signal.SIGKILL)
+    wait(app, lambda t: t.work is None)
+    assert "killed by signal 9" in messages(app)
+    assert session.view.slot_a.source == "run 2"
+    assert training.runs[-1].outcome == "failed"
+    assert training.runs[-1].pack is not None
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+    assert not blocks()
+
+
+def test_cancel_while_preparing(app: HeadlessApp) -> None:
+    run_line("training.encode clustered 2 32 600s", app.session)
+    run_line("training.cancel", app.session)
+    training = wait(app, lambda t: t.work is None)
+    assert training.runs[-1].outcome == "cancelled"
+    assert "nothing came of it" in messages(app)
+
+
+def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:
+    other = two_squares(6).write(folder / "other.glb")
+    run_line("training.encode single auto 32 600s", app.session)
+    app.session.apply(OpenFile(other))
+    app.frame()
+    training = app.session.training
+    assert training.work is None
+    assert "another scene" in messages(app)
+    assert app.session.view.slot_a.source == REFERENCE
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("training.encode clustered 2 32 5", "budget"),
+        ("training.encode clustered 2 32 0s", "above 0"),
+        ("training.encode clustered many", "whole number"),
+        ("training.encode clustered 2 1", "4 to"),
+        ("training.retrain 0", "no pack"),
+        ("training.regroup single", "no pack"),
+        ("training.move 0 1", "no pack"),
+        ("training.pause", "none under way"),
+        ("training.cancel", "none under way"),
+        ("training.accept", "no finished run"),
+        ("training.show 3 a", "no such run"),
+    ],
+)
+def test_what_cannot_be_is_said(app: HeadlessApp, line: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        run_line(line, app.session)
+
+
+def test_more_groups_than_textures(app: HeadlessApp) -> None:
+    run(app, "training.encode clustered 9 32 10steps")
+    assert "only 2 textures" in messages(app)
+    assert not app.session.packs

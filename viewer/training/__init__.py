@@ -1,0 +1,1 @@
+"""Training in the background of the window: settings, preparation, the run under way, and the log of runs. No OpenGL, no torch."""

@@ -1,0 +1,457 @@
+"""Training beside the window: prepares it, runs it, takes its pictures in one by one, keeps the log. No OpenGL, no torch."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ntc.errors import InputError
+from ntc.pack import Pack
+from ntc.snapshot import GroupSnapshot, apply_snapshot, ended_pack
+from ntc.worker import TrainingWorker, starting_pack
+from ntc.worker_messages import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
+from viewer.actions import Side
+from viewer.scene.model import Scene
+from viewer.training.accepting import checked_path, default_path, save_pack
+from viewer.training.preparation import EncodeScene, Wish, prepare, settings_text
+from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db, run_name
+from viewer.training.settings import TrainingSettings
+from viewer.training.task import Task
+from viewer.view_state import REFERENCE, CompareMode, Slot
+
+if TYPE_CHECKING:
+    from viewer.session import Session
+
+State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
+SECONDS_BETWEEN_TICKS = 0.1
+"""A window that otherwise rests looks so often what the training says."""
+MOST_RUNS = 100
+MOST_PACKS = 8
+"""Packs of runs that are kept for a second look, besides those that are shown."""
+MOST_NOTES = 20
+SECONDS_TO_STOP = 3.0
+SECONDS_TO_WRITE = 20.0
+
+
+@dataclass(frozen=True)
+class Before:
+    """What was shown before a run."""
+
+    slot_a: Slot
+    slot_b: Slot
+    compare: CompareMode
+
+
+@dataclass
+class Work:
+    """The run under way."""
+
+    number: int
+    wish: Wish
+    scene: Scene
+    base_name: str | None
+    """The pack that it goes on from."""
+    base: Pack | None
+    began: float
+    """Monotonic seconds."""
+    state: State = "preparing"
+    request: TrainingRequest | None = None
+    pack: Pack | None = None
+    """What the snapshots so far make."""
+    groups_seen: frozenset[int] = frozenset()
+    """Groups of which a snapshot has come."""
+    progress: WorkerProgress | None = None
+    first_picture_seconds: float | None = None
+    """From the wish to the first snapshot."""
+    curves: Curves = field(default_factory=Curves)
+    notes: tuple[str, ...] = ()
+    before: "Before | None" = None
+    """What was shown when the first snapshot came."""
+
+    @property
+    def name(self) -> str:
+        """As which its pack is open."""
+        return run_name(self.number)
+
+
+def put_away(session: "Session", name: str, before: Before | None) -> None:
+    """Close the pack `name`; where A shows it, show what was there before."""
+    packs = {other: pack for other, pack in session.packs.items() if other != name}
+    view = session.view
+    if view.slot_a.source == name and before is not None:
+        view = replace(view, slot_a=before.slot_a, slot_b=before.slot_b, compare=before.compare)
+    gone = {slot.source for slot in (view.slot_a, view.slot_b)} - {REFERENCE, *packs}
+    a, b = (replace(slot, source=REFERENCE) if slot.source in gone else slot for slot in (view.slot_a, view.slot_b))
+    session.view = replace(view, slot_a=a, slot_b=b)
+    session.packs = packs
+
+
+class LiveTraining:
+    """The training of one session. All calls belong to one thread; none of them waits."""
+
+    def __init__(self, settings: TrainingSettings | None = None) -> None:
+        self.settings = settings or TrainingSettings()
+        """What the next training is asked for where nobody says otherwise."""
+        self.runs: tuple[Run, ...] = ()
+        """Oldest first."""
+        self.undecided: int | None = None
+        """Number of the run that is to be accepted or discarded."""
+        self.curves: Curves | None = None
+        """Of the run under way, else of the last one."""
+        self._work: Work | None = None
+        self._worker = TrainingWorker()
+        self._preparation: Task[TrainingRequest] | None = None
+        self._saving: tuple[int, Task[Pack]] | None = None
+        self._dropped: list[Task[None]] = []
+        self._last_tick = 0.0
+        self._scene: Scene | None = None
+        self._before: dict[int, Before] = {}
+
+    @property
+    def work(self) -> Work | None:
+        """The run under way. To be read only."""
+        return self._work
+
+    @property
+    def state(self) -> State:
+        """What is going on."""
+        return "idle" if self._work is None else self._work.state
+
+    @property
+    def saving(self) -> bool:
+        """Whether a pack is being written."""
+        return self._saving is not None
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the training process, where there is one."""
+        return self._worker.process_id
+
+    def run_numbered(self, number: int) -> Run:
+        """A run of the log. Raises InputError."""
+        for run in self.runs:
+            if run.number == number:
+                return run
+        raise InputError(f"run {number}: there is no such run; runs so far: {len(self.runs)}")
+
+    def base_name(self, session: "Session") -> str | None:
+        """Name of the pack that a training would go on from: what A shows, else B, else the first that is open."""
+        for slot in (session.view.slot_a, session.view.slot_b):
+            if slot.source in session.packs:
+                return slot.source
+        return next(iter(session.packs), None)
+
+    def start(self, session: "Session", wish: Wish) -> None:
+        """Begin. Raises InputError where another training is under way, and for wishes that cannot be."""
+        if self._work is not None:
+            raise InputError("training: another one is under way; cancel it first (training.cancel)")
+        if self._saving is not None:
+            raise InputError("training: a pack is being written; try again in a moment")
+        if self._scene is not session.scene:
+            self._forget_runs(session.scene)
+        name = None if isinstance(wish, EncodeScene) else self.base_name(session)
+        base = session.packs[name] if name is not None else None
+        if base is None and not isinstance(wish, EncodeScene):
+            raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
+        number = self.runs[-1].number + 1 if self.runs else 1
+        scene = session.scene
+        self._work = Work(number, wish, scene, name, base, time.monotonic())
+        self.undecided = None
+        self.curves = self._work.curves
+        worker = self._worker
+
+        def work(stopped: Callable[[], bool]) -> TrainingRequest:
+            # Nobody else uses the worker until this is done.
+            worker.warm_up()
+            request = prepare(wish, scene, base, stopped)
+            return request if stopped() else worker.start(request)
+
+        self._preparation = Task(work)
+
+    def pause(self) -> None:
+        """Stand still. Raises InputError where nothing is trained."""
+        work = self._trained()
+        if work.state == "training":
+            self._worker.pause()
+            work.state = "pausing"
+
+    def resume(self) -> None:
+        """Go on. Raises InputError where nothing is trained."""
+        work = self._trained()
+        if work.state in ("paused", "pausing"):
+            self._worker.resume()
+
+    def cancel(self) -> None:
+        """End the training; what has been shown stays. Raises InputError where there is none."""
+        if self._work is None:
+            raise InputError("training: there is none under way")
+        if self._preparation is not None:
+            self._preparation.stop()
+        else:
+            self._worker.cancel()
+        self._work.state = "cancelling"
+
+    def _trained(self) -> Work:
+        if self._work is None:
+            raise InputError("training: there is none under way")
+        if self._work.state == "preparing":
+            raise InputError("training: it has not begun yet; wait, or cancel it")
+        return self._work
+
+    def accept(self, session: "Session", path: Path | None = None) -> None:
+        """Write the undecided run's pack. Raises InputError where there is none, and for a path that cannot be."""
+        run = self._undecided_run()
+        assert run.pack is not None
+        pack = run.pack
+        chosen = checked_path(path) if path is not None else default_path(session.scene, pack)
+        self._saving = (run.number, Task(lambda _stopped: save_pack(chosen, pack)))
+
+    def discard(self, session: "Session") -> None:
+        """Show again what was shown before the undecided run. Raises InputError where there is none."""
+        run = self._undecided_run()
+        self.undecided = None
+        self._change_run(replace(run, outcome=f"{run.outcome}, discarded"))
+        put_away(session, run.name, self._before.get(run.number))
+
+    def show(self, session: "Session", number: int, side: Side) -> None:
+        """Put the pack of a run into a slot. Raises InputError where there is no such run, or none of its pack."""
+        run = self.run_numbered(number)
+        if run.pack is None:
+            raise InputError(f"run {number}: has no pack ({run.outcome}); train it again")
+        if session.packs.get(run.name) is not run.pack:
+            session.packs = {**session.packs, run.name: run.pack}
+        view = session.view
+        slot = view.slot_a if side == "a" else view.slot_b
+        slot = replace(slot, source=run.name, path="cached" if slot.source == REFERENCE else slot.path)
+        session.view = replace(view, slot_a=slot) if side == "a" else replace(view, slot_b=slot)
+        if view.compare not in (side, "wipe"):
+            session.view = replace(session.view, compare=side)
+        if self._work is None and self._saving is None and run.saved is None:
+            self.undecided = number
+
+    def _undecided_run(self) -> Run:
+        if self._saving is not None:
+            raise InputError("training: the pack is being written already")
+        if self.undecided is None:
+            raise InputError("training: no finished run waits to be accepted or discarded")
+        return self.run_numbered(self.undecided)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether a window that rests should draw a frame, for there may be news."""
+        active = self._work is not None or self._saving is not None
+        return active and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
+
+    def tick(self, session: "Session") -> None:
+        """Once a frame: take in what has happened, one snapshot at most."""
+        self._last_tick = time.monotonic()
+        self._dropped = [task for task in self._dropped if not task.done]
+        self._take_saved(session)
+        work = self._work
+        if work is None:
+            return
+        if work.scene is not session.scene:
+            self._leave(session)
+            return
+        if self._preparation is not None:
+            self._take_prepared(session, work)
+            return
+        for report in self._worker.poll():
+            self._take(session, work, report)
+
+    def _take_prepared(self, session: "Session", work: Work) -> None:
+        task = self._preparation
+        if task is None or not task.done:
+            return
+        self._preparation = None
+        try:
+            request = task.result()
+        except InputError as error:
+            session.say(str(error), "error")
+            self._end(session, work, "failed", None, (str(error),))
+            return
+        if request is not None:
+            work.request, work.pack = request, starting_pack(request)
+        if work.state == "preparing":
+            work.state = "training"
+        elif self._worker.busy:
+            # It was cancelled, but has begun all the same.
+            self._worker.cancel()
+        else:
+            self._end(session, work, "cancelled", None)
+            session.say(f"{work.name} was cancelled; nothing came of it")
+
+    def _take(self, session: "Session", work: Work, report: Report) -> None:
+        match report:
+            case WorkerProgress():
+                work.progress = report
+                work.curves.add(report)
+                if report.note:
+                    work.notes = (*work.notes, report.note)[-MOST_NOTES:]
+            case GroupSnapshot():
+                self._take_snapshot(session, work, report)
+            case Paused():
+                work.state = "paused" if work.state == "pausing" else work.state
+            case Resumed():
+                work.state = "training" if work.state in ("paused", "pausing") else work.state
+            case Finished():
+                self._take_finished(session, work, report)
+            case Failed():
+                session.say(report.line, "error")
+                self._end(session, work, "failed", self._pack_so_far(work), (report.line,))
+
+    def _take_snapshot(self, session: "Session", work: Work, snapshot: GroupSnapshot) -> None:
+        assert work.pack is not None
+        work.pack = apply_snapshot(work.pack, snapshot)
+        first = not work.groups_seen
+        work.groups_seen |= {snapshot.group}
+        session.packs = {**session.packs, work.name: work.pack}
+        if first:
+            work.first_picture_seconds = time.monotonic() - work.began
+            self._show_beside(session, work)
+
+    def _show_beside(self, session: "Session", work: Work) -> None:
+        """Slot A shows the pack that changes, B what it was or should become."""
+        view = session.view
+        work.before = Before(view.slot_a, view.slot_b, view.compare)
+        path = "cached" if view.slot_a.source == REFERENCE else view.slot_a.path
+        slot_b = view.slot_b
+        if work.base_name is not None and work.base_name in session.packs:
+            # Without another decode of the same: B is as A was.
+            slot_b = replace(view.slot_a, source=work.base_name)
+        compare = "wipe" if view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE else view.compare
+        slot_a = replace(view.slot_a, source=work.name, path=path)
+        session.view = replace(view, slot_a=slot_a, slot_b=slot_b, compare=compare)
+
+    def _take_finished(self, session: "Session", work: Work, finished: Finished) -> None:
+        lines = tuple(outcome.line() for outcome in finished.outcomes)
+        if finished.pack is not None:
+            session.packs = {**session.packs, work.name: finished.pack}
+            if not work.groups_seen:
+                self._show_beside(session, work)
+            worse = sum(outcome.kept_old for outcome in finished.outcomes)
+            kept = (
+                f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were"
+                if worse
+                else ""
+            )
+            self._end(session, work, finished.reason, finished.pack, lines)
+            session.say(f"{work.name} ({work.wish.title()}): {finished.reason}{kept}. Accept or discard it")
+            return
+        pack = self._pack_so_far(work)
+        self._end(session, work, "cancelled", pack, lines)
+        stays = "its last picture stays: accept or discard it" if pack is not None else "nothing came of it"
+        session.say(f"{work.name} was cancelled; {stays}")
+
+    def _pack_so_far(self, work: Work) -> Pack | None:
+        """What snapshots have made, if every group that was to be trained has had one."""
+        request, pack = work.request, work.pack
+        if request is None or pack is None or not work.groups_seen >= (request.dirty or frozenset()):
+            return None
+        whole = ended_pack(pack, request.grouping)
+        return replace(whole, training={**whole.training, "ended_early": True})
+
+    def _end(
+        self, session: "Session", work: Work, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()
+    ) -> None:
+        """Put the run down in the log; without a pack what was shown before is shown again."""
+        progress, request = work.progress, work.request
+        psnr = mean_psnr_db(pack) if pack is not None else None
+        if psnr is None and pack is not None and progress is not None and progress.psnr_db:
+            psnr = mean_of_psnr(list(progress.psnr_db.values()))
+        run = Run(
+            work.number,
+            work.wish.title(),
+            settings_text(work.wish),
+            request.grouping.group_count if request is not None else 0,
+            outcome,
+            progress.elapsed_seconds if progress is not None else 0.0,
+            psnr,
+            (*lines, *work.notes),
+            pack,
+        )
+        self._work = None
+        if work.before is not None:
+            self._before[work.number] = work.before
+        self.runs = (*self.runs, run)[-MOST_RUNS:]
+        if pack is not None:
+            self.undecided = run.number
+            session.packs = {**session.packs, run.name: pack}
+        elif work.name in session.packs:
+            put_away(session, work.name, work.before)
+        self._let_go(session)
+
+    def _let_go(self, session: "Session") -> None:
+        """Forget packs of old runs that nobody looks at."""
+        shown = {session.view.slot_a.source, session.view.slot_b.source}
+        with_pack = [run for run in self.runs if run.pack is not None]
+        for run in with_pack[:-MOST_PACKS]:
+            if run.name not in shown and run.number != self.undecided:
+                self._change_run(replace(run, pack=None))
+                session.packs = {name: pack for name, pack in session.packs.items() if name != run.name}
+
+    def _change_run(self, changed: Run) -> None:
+        self.runs = tuple(changed if run.number == changed.number else run for run in self.runs)
+
+    def _take_saved(self, session: "Session") -> None:
+        if self._saving is None or not self._saving[1].done:
+            return
+        number, task = self._saving
+        self._saving = None
+        try:
+            pack = task.result()
+        except InputError as error:
+            session.say(str(error), "error")
+            return
+        if pack is None or not any(run.number == number for run in self.runs):
+            return
+        run = self.run_numbered(number)
+        self._change_run(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
+        if self.undecided == number:
+            self.undecided = None
+        if run.name in session.packs:
+            session.packs = {**session.packs, run.name: pack}
+        session.say(f"wrote {pack.path}")
+
+    def _leave(self, session: "Session") -> None:
+        """Another scene was opened."""
+        if self._preparation is not None:
+            self._leave_preparation(self._preparation)
+        else:
+            self._worker.close()
+        self._work = None
+        self._forget_runs(session.scene)
+        session.say("the training ended, because another scene was opened")
+
+    def _leave_preparation(self, preparation: Task[TrainingRequest]) -> None:
+        """Its thread may be using the worker: both are left to end, and there is a new worker."""
+        worker, self._worker, self._preparation = self._worker, TrainingWorker(), None
+        preparation.stop()
+
+        def end(_stopped: Callable[[], bool]) -> None:
+            preparation.join(SECONDS_TO_WRITE)
+            worker.close()
+
+        self._dropped.append(Task(end))
+
+    def _forget_runs(self, scene: Scene) -> None:
+        self._scene = scene
+        self.runs = ()
+        self.undecided = None
+        self.curves = None
+        self._before = {}
+
+    def close(self) -> None:
+        """End everything: the process, the threads; a pack that is being written is finished."""
+        if self._preparation is not None:
+            self._preparation.stop()
+            self._preparation.join(SECONDS_TO_STOP)
+            self._preparation = None
+        if self._saving is not None:
+            self._saving[1].join(SECONDS_TO_WRITE)
+            self._saving = None
+        for task in self._dropped:
+            task.join(SECONDS_TO_STOP)
+        self._worker.close()
+        self._work = None

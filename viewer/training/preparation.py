@@ -1,0 +1,153 @@
+"""From what the user wants to a request that can be trained. Takes seconds: runs in a thread beside the window."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from ntc.config import GroupingConfig
+from ntc.errors import InputError
+from ntc.pack import Grouping, Pack
+from ntc.snapshot import moved_texture, unchanged_groups
+from ntc.textures import SourceTexture
+from ntc.training_config import recipe_codec, recipe_config
+from ntc.worker_messages import TrainingRequest
+from viewer.scene.model import Scene
+from viewer.scene.source_textures import reduce_texture, source_textures
+from viewer.training.grouping_process import GroupingJob, StoppedError, find_grouping
+from viewer.training.settings import TrainingSettings, budget_text
+
+Stopped = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class EncodeScene:
+    """Make a pack of a scene from nothing."""
+
+    settings: TrainingSettings
+
+    def title(self) -> str:
+        """For progress and log."""
+        return f"encode {strategy_text(self.settings)}"
+
+
+@dataclass(frozen=True)
+class RetrainGroups:
+    """Go on training some groups of a pack."""
+
+    settings: TrainingSettings
+    groups: frozenset[int]
+
+    def title(self) -> str:
+        """For progress and log."""
+        numbers = ", ".join(map(str, sorted(self.groups)[:6])) + (" ..." if len(self.groups) > 6 else "")
+        return f"retrain group{'s' if len(self.groups) > 1 else ''} {numbers}"
+
+
+@dataclass(frozen=True)
+class MoveTexture:
+    """Put one texture of a pack into another group, and train the two."""
+
+    settings: TrainingSettings
+    texture: int
+    group: int
+    """One more than there are for a group of its own."""
+
+    def title(self) -> str:
+        """For progress and log."""
+        return f"move texture {self.texture} to group {self.group}"
+
+
+@dataclass(frozen=True)
+class Regroup:
+    """Find groups anew, and go on from the pack's latents."""
+
+    settings: TrainingSettings
+
+    def title(self) -> str:
+        """For progress and log."""
+        return f"regroup {strategy_text(self.settings)}"
+
+
+Wish = EncodeScene | RetrainGroups | MoveTexture | Regroup
+
+
+def strategy_text(settings: TrainingSettings) -> str:
+    """`clustered`, `clustered k=4`."""
+    return settings.strategy if settings.clusters is None else f"{settings.strategy} k={settings.clusters}"
+
+
+def settings_text(wish: Wish) -> str:
+    """Everything of the settings that the title does not say."""
+    settings = wish.settings
+    size = f"{settings.texture_size} texels, " if isinstance(wish, EncodeScene) else ""
+    return f"{size}{settings.recipe}, {budget_text(settings.budget)}"
+
+
+def prepare(wish: Wish, scene: Scene, base: Pack | None, stopped: Stopped) -> TrainingRequest:
+    """The request for a wish. `base` is the pack to go on from, of no effect for EncodeScene.
+
+    Raises InputError for what cannot be trained, and StoppedError once `stopped` says so.
+    """
+    if isinstance(wish, EncodeScene):
+        return _encode(wish.settings, scene, stopped)
+    if base is None:
+        raise InputError("no pack is shown; encode the scene first")
+    if isinstance(wish, MoveTexture):
+        grouping = moved_texture(base.grouping, wish.texture, wish.group)
+        if grouping.groups == base.grouping.groups:
+            raise InputError(f"texture {wish.texture} is in group {wish.group} already")
+    else:
+        grouping = base.grouping
+    textures = _textures_of(base, scene, stopped)
+    dirty: frozenset[int] | None = None
+    if isinstance(wish, Regroup):
+        grouping = _grouping(wish.settings, textures, scene, stopped)
+        if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
+            raise InputError(
+                f"{strategy_text(wish.settings)}: gives the groups that there are; nothing is to be trained"
+            )
+    elif isinstance(wish, RetrainGroups):
+        dirty = wish.groups
+    training = recipe_config(wish.settings.recipe)
+    return TrainingRequest(textures, grouping, base.config, training, wish.settings.budget, base, dirty)
+
+
+def _encode(settings: TrainingSettings, scene: Scene, stopped: Stopped) -> TrainingRequest:
+    textures = tuple(_reduced(texture, settings.texture_size, stopped) for texture in source_textures(scene, None))
+    if not textures:
+        raise InputError(f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)")
+    grouping = _grouping(settings, textures, scene, stopped)
+    codec = recipe_codec(settings.recipe, max(texture.pixels.shape[2] for texture in textures), None)
+    return TrainingRequest(textures, grouping, codec, recipe_config(settings.recipe), settings.budget)
+
+
+def _reduced(texture: SourceTexture, size: int, stopped: Stopped) -> SourceTexture:
+    """One after the other: the second core belongs to the window."""
+    if stopped():
+        raise StoppedError
+    return reduce_texture(texture, size)
+
+
+def _grouping(
+    settings: TrainingSettings, textures: tuple[SourceTexture, ...], scene: Scene, stopped: Stopped
+) -> Grouping:
+    if settings.clusters is not None and settings.clusters > len(textures):
+        raise InputError(
+            f"k {settings.clusters}: there are only {len(textures)} textures; choose at most as many groups"
+        )
+    config = GroupingConfig(settings.strategy, settings.clusters)
+    return find_grouping(GroupingJob(config, textures, scene.path), stopped)
+
+
+def _textures_of(pack: Pack, scene: Scene, stopped: Stopped) -> tuple[SourceTexture, ...]:
+    """The scene's textures as `pack` was made from them, in its order."""
+    by_hash = {texture.pixel_hash: texture for texture in source_textures(scene, None)}
+    found = []
+    for encoded in pack.textures:
+        source = by_hash.get(encoded.pixel_hash)
+        if source is None:
+            raise InputError(
+                f"{encoded.name}: is in the pack but not in {scene.name}, so the pack cannot be trained here; encode the scene"
+            )
+        small = _reduced(source, max(encoded.width, encoded.height), stopped)
+        found.append(replace(small, name=encoded.name, wrap=encoded.wrap, category=encoded.category))
+    return tuple(found)

@@ -1,0 +1,88 @@
+"""Curves of a training: loss by group, PSNR of the mean and of one texture."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui, implot
+
+from viewer.training.runs import Curves
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo
+
+PLOT_HEIGHT = 120.0
+MOST_NAMED = 6
+"""Groups up to which the plot names them."""
+MEAN_COLOR = (0.95, 0.95, 0.95, 1.0)
+TEXTURE_COLOR = (0.35, 0.65, 1.0, 1.0)
+WORST = "worst texture"
+
+
+class TrainingCurves:
+    """Two plots; remembers which texture is looked at."""
+
+    def __init__(self) -> None:
+        self._texture: int | None = None
+        """None: the one that is worst now."""
+
+    def draw(self, curves: Curves, names: Sequence[str], items: ItemPlaces) -> None:
+        """The plots, each as wide as the panel; `names` of all textures of the pack."""
+        if len(curves.seconds) < 2:
+            imgui.text_disabled("curves follow with the first steps")
+            return
+        seconds = curves.array(curves.seconds)
+        flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
+        unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
+        fit = implot.AxisFlags_.auto_fit
+        size = ImVec2(imgui.get_content_region_avail().x, PLOT_HEIGHT)
+        if implot.begin_plot("loss by group##loss", size, flags | unnamed):
+            implot.setup_axes("", "", fit, fit)
+            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            ticks = _ticks(curves)
+            implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
+            for group, curve in sorted(curves.losses.items()):
+                implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
+            implot.end_plot()
+        items.note("loss by group")
+        texture = self._chosen(curves)
+        if implot.begin_plot("PSNR, dB##psnr", size, flags):
+            implot.setup_axes("", "", fit, fit)
+            implot.setup_legend(implot.Location_.south_east)
+            white, blue = (imgui.ImVec4(*color) for color in (MEAN_COLOR, TEXTURE_COLOR))
+            implot.plot_line(
+                "mean", seconds, curves.array(curves.mean_db), implot.Spec(line_color=white, line_weight=2.0)
+            )
+            if texture is not None:
+                spec = implot.Spec(line_color=blue, line_weight=1.5)
+                implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
+            implot.end_plot()
+        items.note("PSNR curve")
+        self._choose(curves, names, items)
+
+    def _chosen(self, curves: Curves) -> int | None:
+        if self._texture in curves.psnr_db:
+            return self._texture
+        now = {texture: curve[-1] for texture, curve in curves.psnr_db.items() if curve[-1] == curve[-1]}
+        return min(now, key=lambda texture: now[texture]) if now else None
+
+    def _choose(self, curves: Curves, names: Sequence[str], items: ItemPlaces) -> None:
+        choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
+        current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
+        imgui.set_next_item_width(-70)
+        self._texture = choices[combo("curve of", current, tuple(choices), items)]
+        imgui.same_line()
+        imgui.text("in blue")
+
+
+def _ticks(curves: Curves) -> list[float]:
+    """1, 2 and 5 of each decade that losses fall into: on its own the plot labels whole decades only."""
+    values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not len(values):
+        return [1.0]
+    decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
+    ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
+    return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]
+
+
+def _name(texture: int, names: Sequence[str]) -> str:
+    return f"{texture} {names[texture]}" if texture < len(names) else str(texture)

@@ -1,0 +1,201 @@
+"""What the user fills in before a training: drafts, and the buttons that send them off as commands."""
+
+from typing import get_args
+
+from imgui_bundle import ImVec2, imgui
+
+from ntc.config import GroupingName, RecipeName
+from ntc.errors import InputError
+from ntc.pack import Pack
+from viewer.actions import RunCommand
+from viewer.training.runs import mean_of_psnr
+from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
+from viewer.ui.facts import Emit
+from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import combo, counted
+
+SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
+USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
+UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
+LIST_HEIGHT = 110.0
+LABEL_PLACE = 84.0
+"""Where fields begin."""
+
+
+def _field(label: str, text: str, width: float, items: ItemPlaces) -> str:
+    imgui.set_next_item_width(width)
+    changed = imgui.input_text(f"##{label}", text)[1]
+    items.note(label)
+    return changed
+
+
+def _labelled(text: str) -> None:
+    imgui.align_text_to_frame_padding()
+    imgui.text(text)
+    imgui.same_line(LABEL_PLACE)
+
+
+class TrainingForms:
+    """Drafts of what is to be trained."""
+
+    def __init__(self, defaults: TrainingSettings) -> None:
+        self._strategy: str = defaults.strategy
+        self._clusters = AUTO
+        self._size = str(defaults.texture_size)
+        self._recipe: str = defaults.recipe
+        self._unit = "s"
+        self._value = USUAL_VALUES["s"]
+        self._groups: set[int] = set()
+        self._texture = 0
+        self._group = "0"
+        self._pack: Pack | None = None
+        """What groups and texture belong to."""
+
+    def draw(self, pack: Pack | None, name: str, emit: Emit, items: ItemPlaces) -> None:
+        """The forms; `pack` is what a training would go on from, open as `name`, None without one."""
+        if pack is None:
+            imgui.text_wrapped("This scene has no pack. Encode it, and watch the picture sharpen:")
+            self._encode(emit, items)
+            return
+        if pack is not self._pack:
+            same = self._pack is not None and self._pack.grouping.groups == pack.grouping.groups
+            self._groups = self._groups if same else set()
+            self._pack = pack
+        if imgui.begin_tab_bar("training forms"):
+            for label, form in (
+                ("Retrain", self._retrain),
+                ("Move", self._move),
+                ("Regroup", self._regroup),
+                ("Encode", self._encode_anew),
+            ):
+                shown = imgui.begin_tab_item(label)[0]
+                items.note(f"tab {label}")
+                if shown:
+                    if label != "Encode":
+                        imgui.text_disabled(f"goes on from {name}: {counted(pack.grouping.group_count, 'group')}")
+                    form(pack, emit, items)
+                    imgui.end_tab_item()
+            imgui.end_tab_bar()
+
+    def _length(self, items: ItemPlaces) -> str | None:
+        """Recipe and budget; the budget as a command takes it, None where it is not right."""
+        _labelled("budget")
+        self._value = _field("budget", self._value, 70, items)
+        imgui.same_line()
+        imgui.set_next_item_width(90)
+        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS)
+        chosen = combo("budget unit", UNIT_NAMES[self._unit], names, items)
+        unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
+        if unit != self._unit:
+            self._unit, self._value = unit, USUAL_VALUES[unit]
+        imgui.same_line()
+        imgui.set_next_item_width(70)
+        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), items)
+        try:
+            make_budget(float(self._value), unit)
+        except (InputError, ValueError):
+            imgui.text_disabled("the budget must be a number above 0")
+            return None
+        return f"{self._value.strip()}{unit}"
+
+    def _grouping(self, items: ItemPlaces) -> None:
+        _labelled("grouping")
+        imgui.set_next_item_width(110)
+        self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), items)
+        if self._strategy in ("clustered", "random", "covisible"):
+            imgui.same_line()
+            imgui.text("k")
+            imgui.same_line()
+            self._clusters = _field("k", self._clusters, 60, items)
+
+    def _button(self, label: str, command: RunCommand | None, emit: Emit, items: ItemPlaces) -> None:
+        imgui.begin_disabled(command is None)
+        clicked = imgui.button(label, ImVec2(-1, 0))
+        imgui.end_disabled()
+        items.note(label)
+        if clicked and command is not None:
+            emit(command)
+
+    @property
+    def _k(self) -> str:
+        return self._clusters.strip() or AUTO
+
+    def _encode(self, emit: Emit, items: ItemPlaces) -> None:
+        self._grouping(items)
+        _labelled("textures")
+        imgui.set_next_item_width(70)
+        self._size = combo("size", self._size, SIZES, items)
+        imgui.same_line()
+        imgui.text("texels at most")
+        budget = self._length(items)
+        command = None
+        if budget is not None:
+            command = RunCommand("training.encode", (self._strategy, self._k, self._size, budget, self._recipe))
+        self._button("Encode this scene", command, emit, items)
+
+    def _encode_anew(self, _pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+        imgui.text_disabled("from nothing, as a pack of its own")
+        self._encode(emit, items)
+
+    def _retrain(self, pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+        if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
+            for group, line in enumerate(_group_lines(pack)):
+                changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
+                items.note(f"group {group}")
+                if changed:
+                    self._groups ^= {group} if chosen != (group in self._groups) else set()
+        imgui.end_child()
+        if imgui.small_button("all"):
+            self._groups = set(range(pack.grouping.group_count))
+        items.note("all groups")
+        imgui.same_line()
+        if imgui.small_button("none"):
+            self._groups = set()
+        items.note("no groups")
+        budget = self._length(items)
+        command = None
+        if budget is not None and self._groups:
+            groups = ",".join(map(str, sorted(self._groups)))
+            command = RunCommand("training.retrain", (groups, budget, self._recipe))
+        label = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
+        self._button(label, command, emit, items)
+        items.note("Retrain")
+
+    def _move(self, pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+        self._texture = min(self._texture, len(pack.textures) - 1)
+        labels = tuple(f"{index} {t.name} (group {t.group})" for index, t in enumerate(pack.textures))
+        _labelled("texture")
+        imgui.set_next_item_width(-1)
+        self._texture = labels.index(combo("texture", labels[self._texture], labels, items))
+        own = pack.textures[self._texture].group
+        targets = (*(str(group) for group in range(pack.grouping.group_count) if group != own), "new")
+        if self._group not in targets:
+            self._group = targets[0]
+        _labelled("to group")
+        imgui.set_next_item_width(90)
+        self._group = combo("to group", self._group, targets, items)
+        budget = self._length(items)
+        command = None
+        if budget is not None:
+            command = RunCommand("training.move", (str(self._texture), self._group, budget, self._recipe))
+        self._button("Move and train both groups", command, emit, items)
+
+    def _regroup(self, _pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+        self._grouping(items)
+        budget = self._length(items)
+        command = None
+        if budget is not None:
+            command = RunCommand("training.regroup", (self._strategy, self._k, budget, self._recipe))
+        self._button("Regroup and train", command, emit, items)
+
+
+def _group_lines(pack: Pack) -> list[str]:
+    members: dict[int, list[float | None]] = {group: [] for group in range(pack.grouping.group_count)}
+    for texture in pack.textures:
+        members[texture.group].append(texture.psnr_db)
+    lines = []
+    for group, values in members.items():
+        known = [value for value in values if value is not None]
+        quality = f"{mean_of_psnr(known):.1f} dB, worst {min(known):.1f}" if known else "PSNR unknown"
+        lines.append(f"{group:>3}: {counted(len(values), 'texture')}, {quality}")
+    return lines

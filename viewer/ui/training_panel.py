@@ -1,0 +1,197 @@
+"""Panel "Training": the offer to encode, what is under way with its curves, the decision about it, and the log of runs."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.actions import RunCommand
+from viewer.session import Session
+from viewer.training.live_training import LiveTraining, Work
+from viewer.training.runs import Run
+from viewer.training.settings import TrainingSettings
+from viewer.ui.colors import SLOT_COLORS
+from viewer.ui.dock_layout import Area
+from viewer.ui.facts import Emit
+from viewer.ui.items import ItemPlaces
+from viewer.ui.training_curves import TrainingCurves
+from viewer.ui.training_forms import TrainingForms
+from viewer.view_state import REFERENCE
+
+STATES = {
+    "preparing": "preparing textures and groups",
+    "training": "",
+    "pausing": "about to pause",
+    "paused": "paused",
+    "cancelling": "about to end",
+}
+
+
+class TrainingPanel:
+    """The panel of one window."""
+
+    def __init__(self) -> None:
+        self._forms = TrainingForms(TrainingSettings())
+        self._curves = TrainingCurves()
+        self._path = ""
+
+    def draw(self, session: Session, emit: Emit, items: ItemPlaces) -> None:
+        """The content of the panel."""
+        training = session.training
+        work = training.work
+        if work is not None:
+            self._under_way(work, emit, items)
+            names = [texture.name for texture in work.request.textures] if work.request is not None else []
+            self._curves.draw(work.curves, names, items)
+        else:
+            if training.undecided is not None:
+                self._decision(training, training.run_numbered(training.undecided), emit, items)
+                imgui.separator()
+            name = training.base_name(session)
+            self._forms.draw(session.packs[name] if name is not None else None, name or "", emit, items)
+            if training.curves is not None and len(training.curves.seconds) > 1:
+                opened = imgui.tree_node("curves of the last run")
+                items.note("curves of the last run")
+                if opened:
+                    last = training.runs[-1] if training.runs else None
+                    names = [t.name for t in last.pack.textures] if last is not None and last.pack is not None else []
+                    self._curves.draw(training.curves, names, items)
+                    imgui.tree_pop()
+        if training.runs:
+            imgui.separator()
+            _log(session, training, emit, items)
+
+    def _under_way(self, work: Work, emit: Emit, items: ItemPlaces) -> None:
+        progress = work.progress
+        imgui.text_wrapped(f"{work.name}: {work.wish.title()}")
+        state = STATES[work.state]
+        share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.of)
+        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
+        # The text stands below: over the bar it would be hard to read.
+        imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
+        imgui.pop_style_color()
+        items.note("progress")
+        if progress is None:
+            imgui.text(state or "starting")
+        else:
+            imgui.text(f"step {progress.step} of {progress.of}, {state or _duration(progress.eta_seconds) + ' left'}")
+        waits = work.state in ("paused", "pausing")
+        third = (imgui.get_content_region_avail().x - 8.0) / 2.0
+        imgui.begin_disabled(work.state in ("preparing", "cancelling"))
+        if imgui.button("Resume" if waits else "Pause", ImVec2(third, 0)):
+            emit(RunCommand("training.resume" if waits else "training.pause"))
+        items.note("Resume" if waits else "Pause")
+        imgui.end_disabled()
+        imgui.same_line()
+        imgui.begin_disabled(work.state == "cancelling")
+        if imgui.button("Cancel", ImVec2(-1, 0)):
+            emit(RunCommand("training.cancel"))
+        items.note("Cancel")
+        imgui.end_disabled()
+        if progress is not None:
+            mean = f"{work.curves.mean_db[-1]:.2f} dB" if work.curves.mean_db else "-"
+            imgui.text(
+                f"PSNR {mean}   {progress.ktexels_per_second:.0f} Ktexel/s   freezing {progress.freezing_scale:.2f}"
+            )
+        if work.notes:
+            imgui.text_wrapped(work.notes[-1])
+
+    def _decision(self, training: LiveTraining, run: Run, emit: Emit, items: ItemPlaces) -> None:
+        quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
+        imgui.text_wrapped(f"{run.name}: {run.outcome}{quality}. Keep it?")
+        imgui.set_next_item_width(-1)
+        self._path = imgui.input_text_with_hint("##file", "file; without one beside the scene", self._path)[1]
+        items.note("file")
+        half = (imgui.get_content_region_avail().x - 8.0) / 2.0
+        imgui.begin_disabled(training.saving)
+        if imgui.button("writing ..." if training.saving else "Accept", ImVec2(half, 0)):
+            path = self._path.strip()
+            emit(RunCommand("training.accept", (path,) if path else ()))
+        items.note("Accept")
+        imgui.same_line()
+        if imgui.button("Discard", ImVec2(-1, 0)):
+            emit(RunCommand("training.discard"))
+        items.note("Discard")
+        imgui.end_disabled()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _log(session: Session, training: LiveTraining, emit: Emit, items: ItemPlaces) -> None:
+    """All runs, newest first."""
+    imgui.text_disabled("runs")
+    flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
+    if not imgui.begin_table("runs", 5, flags):
+        return
+    imgui.table_setup_column("run")
+    imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
+    imgui.table_setup_column("dB")
+    imgui.table_setup_column("time")
+    imgui.table_setup_column("into")
+    imgui.table_headers_row()
+    shown = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
+    for run in reversed(training.runs):
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text(str(run.number))
+        imgui.table_next_column()
+        imgui.text(run.title)
+        if imgui.is_item_hovered():
+            saved = (f"written to {run.saved}",) if run.saved is not None else ()
+            about = (run.title, run.settings, f"{run.groups} groups, {run.outcome}", *saved, *run.lines[:12])
+            imgui.set_tooltip("\n".join(about))
+        imgui.table_next_column()
+        imgui.text("-" if run.psnr_db is None else f"{run.psnr_db:.2f}")
+        imgui.table_next_column()
+        imgui.text(_duration(run.seconds))
+        imgui.table_next_column()
+        for side in ("a", "b"):
+            imgui.begin_disabled(run.pack is None or shown[side] == run.name)
+            if imgui.small_button(f"{side.upper()}##{run.number}"):
+                emit(RunCommand("training.show", (str(run.number), side)))
+            items.note(f"run {run.number} into {side.upper()}")
+            imgui.end_disabled()
+            if side == "a":
+                imgui.same_line()
+    imgui.end_table()
+
+
+class EncodeOffer:
+    """A question over the picture where a scene has no pack, until it is answered."""
+
+    def __init__(self) -> None:
+        self._answered_for: object = None
+
+    def draw(self, session: Session, area: Area, emit: Emit, items: ItemPlaces) -> None:
+        """The question, if it is to be asked, at the upper edge of `area`."""
+        training = session.training
+        if training.state != "idle":
+            self._answered_for = session.scene
+        if session.packs or training.runs or session.scene is self._answered_for or not session.scene.textures:
+            return
+        if {session.view.slot_a.source, session.view.slot_b.source} != {REFERENCE}:
+            return
+        imgui.set_next_window_pos(
+            ImVec2((area.left + area.right) / 2.0, area.top + 40.0), imgui.Cond_.always, ImVec2(0.5, 0.0)
+        )
+        imgui.set_next_window_bg_alpha(0.88)
+        flags = (
+            imgui.WindowFlags_.no_decoration
+            | imgui.WindowFlags_.always_auto_resize
+            | imgui.WindowFlags_.no_saved_settings
+            | imgui.WindowFlags_.no_focus_on_appearing
+            | imgui.WindowFlags_.no_nav
+        )
+        if imgui.begin("##offer", None, flags)[0]:
+            settings = training.settings
+            imgui.text("This scene has no pack.")
+            imgui.text_disabled(f"{settings.texture_size} texels, 30 s; more in the panel Training")
+            if imgui.button("Encode it now"):
+                emit(RunCommand("training.encode"))
+            items.note("Encode it now")
+            imgui.same_line()
+            if imgui.button("Not now"):
+                self._answered_for = session.scene
+            items.note("Not now")
+        imgui.end()
