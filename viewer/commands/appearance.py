@@ -7,8 +7,16 @@ from viewer.commands.command import Command, Parameter, fixed
 from viewer.session import Session
 from viewer.settings import UI_SCALE_RANGE, Theme
 
-OF_A_COMPARISON = {"Pixel": "pixel", "Errors": "errors", "Histogram": "histogram"}
-"""Panels that stay closed until they are asked for: fields of ComparingPanels."""
+
+def _open_for_comparison(session: Session, title: str, is_open: bool) -> None:
+    """Some panels stay closed until they are asked for."""
+    comparing = session.comparing
+    if title == "Pixel":
+        session.comparing = replace(comparing, pixel=is_open)
+    elif title == "Errors":
+        session.comparing = replace(comparing, errors=is_open)
+    elif title == "Histogram":
+        session.comparing = replace(comparing, histogram=is_open)
 
 
 def _reset_layout(session: Session) -> None:
@@ -31,8 +39,7 @@ def _ui_scale(session: Session, scale: float) -> None:
 def _panel(session: Session, title: str, state: str) -> None:
     hidden = tuple(name for name in session.settings.hidden_panels if name != title)
     session.settings = replace(session.settings, hidden_panels=hidden if state == "on" else (*hidden, title))
-    if title in OF_A_COMPARISON:
-        session.comparing = replace(session.comparing, **{OF_A_COMPARISON[title]: state == "on"})
+    _open_for_comparison(session, title, state == "on")
     if state == "on":
         session.show_panels = True
         session.raised_panel = title

@@ -11,7 +11,7 @@ from ntc.errors import InputError
 if TYPE_CHECKING:
     from viewer.session import Session
 
-Menu = Literal["File", "View", "Camera", "Compare", "Overlay", "Train", "Window", "Help"]
+Menu = Literal["File", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
 Value = str | float | int | Path
 Choices = Callable[["Session"], tuple[str, ...]]
 

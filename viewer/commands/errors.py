@@ -80,23 +80,23 @@ COLUMN = Parameter("column", "choice", "to sort by", fixed("name", "decoder", "p
 ORDER = Parameter("order", "choice", "which first", fixed("worst", "best", "ascending", "descending"), "worst")
 COMMANDS = (
     Command(
-        "pixel.panel", "Pixel", "look at one pixel and its surroundings in A and B", "Compare", _pixel_panel, key="I"
+        "pixel.panel", "Pixel", "look at one pixel and its surroundings in A and B", "Inspect", _pixel_panel, key="I"
     ),
     Command(
-        "pixel.keep", "Keep a pixel", "keep a pixel of the whole picture in the panel Pixel", "Compare", _keep, (X, Y)
+        "pixel.keep", "Keep a pixel", "keep a pixel of the whole picture in the panel Pixel", "Inspect", _keep, (X, Y)
     ),
-    Command("pixel.let-go", "Let the pixel go", "follow the mouse again", "Compare", _let_go),
-    Command("errors.panel", "Errors", "list textures and decoders by their error", "Compare", _errors_panel, key="U"),
-    Command("errors.by", "Errors by", "list the errors of textures or of decoders", "Compare", _by, (BY,)),
-    Command("errors.sort", "Sort errors", "sort the list of errors", "Compare", _sort, (COLUMN, ORDER)),
+    Command("pixel.let-go", "Let the pixel go", "follow the mouse again", "Inspect", _let_go),
+    Command("errors.panel", "Errors", "list textures and decoders by their error", "Inspect", _errors_panel, key="U"),
+    Command("errors.by", "Errors by", "list the errors of textures or of decoders", "Inspect", _by, (BY,)),
+    Command("errors.sort", "Sort errors", "sort the list of errors", "Inspect", _sort, (COLUMN, ORDER)),
     Command(
         "errors.highlight",
         "Highlight",
         "dim all but a texture, or a decoder's textures; once more ends it",
-        "Compare",
+        "Inspect",
         _highlight,
         (BY, NUMBER),
     ),
-    Command("errors.clear", "End highlight", "dim nothing", "Compare", _clear),
-    Command("histogram.panel", "Histogram", "how many pixels differ by how much", "Compare", _histogram_panel),
+    Command("errors.clear", "End highlight", "dim nothing", "Inspect", _clear),
+    Command("histogram.panel", "Histogram", "how many pixels differ by how much", "Inspect", _histogram_panel),
 )

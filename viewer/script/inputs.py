@@ -11,6 +11,8 @@ from viewer.frontend import SETTLING_FRAMES
 from viewer.script.stage import Stage
 from viewer.ui.keyboard import imgui_key
 
+LAYOUT_FRAMES = 16
+"""Within which panels come to the front."""
 LABELS_SHOWN = 3
 MODIFIER_KEYS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift, "Alt": imgui.Key.mod_alt}
 
@@ -56,8 +58,12 @@ def _button(down: bool, button: int) -> Iterator[None]:
 
 
 def click(label: str, stage: Stage) -> Iterator[None]:
-    """Click on the widget called `label`. Raises InputError where there is none."""
+    """Click on the widget called `label`, which may still be on its way to the front. Raises InputError where there is none."""
     items = stage.frontend.interface.items
+    for _ in range(LAYOUT_FRAMES):
+        if label in items.labels():
+            break
+        yield
     try:
         place = items.centre(label)
     except KeyError:

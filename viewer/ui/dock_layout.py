@@ -71,21 +71,24 @@ class DockLayout:
     def __init__(self) -> None:
         self._front: list[str] = []
         """Panels that are to come to the front, the last one first."""
+        self._saw_menu_bar = False
+        """Whether a frame has passed: only then the viewport knows what a menu bar leaves of it."""
         self._pause = 0
         """Frames until the next one may come, or until the last one is seen there."""
 
     @property
     def is_settling(self) -> bool:
         """Whether panels are still to come to the front after a new layout."""
-        return bool(self._front) or self._pause > 0
+        return not self._saw_menu_bar or bool(self._front) or self._pause > 0
 
     def draw(self, panels: Sequence[Docked], scale: float, reset: bool) -> Area:
         """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture."""
         viewport = imgui.get_main_viewport()
         dock_space = imgui.get_id(DOCK_SPACE)
         known = imgui.internal.dock_builder_get_node(dock_space)
-        if reset or known is None or not (known.is_split_node() or known.windows):
+        if self._saw_menu_bar and (reset or known is None or not (known.is_split_node() or known.windows)):
             self._build(dock_space, panels, viewport, scale)
+        self._saw_menu_bar = True
         imgui.dock_space_over_viewport(dock_space, viewport, imgui.DockNodeFlags_.passthru_central_node)
         central = imgui.internal.dock_builder_get_central_node(dock_space)
         low, size = (viewport.work_pos, viewport.work_size) if central is None else (central.pos, central.size)
@@ -104,6 +107,11 @@ class DockLayout:
         self._front = [title, *self._front]
         # One that was closed is a window again in this frame only.
         self._pause = max(self._pause, 2)
+
+    def bring_all(self, titles: Sequence[str]) -> None:
+        """Bring these panels to the front, one for each stack of tabs."""
+        self._front = list(titles)
+        self._pause = 3
 
     def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal

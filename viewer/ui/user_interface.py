@@ -32,6 +32,9 @@ class UserInterface:
         self._palette = Palette()
         self._key_sheet = KeySheet()
         self._offer = EncodeOffer()
+        self._in_front: list[str] = []
+        """Panels that were seen when panels were drawn last: they come to the front when all come back."""
+        self._were_shown = True
 
     @property
     def panel_titles(self) -> tuple[str, ...]:
@@ -60,11 +63,14 @@ class UserInterface:
         draw_pixel(session, facts, size)
         area = Area(work.x, work.y, *size)
         if session.show_panels:
+            if not self._were_shown:
+                self._layout.bring_all(self._in_front)
             area = self._panels(session, facts, emit)
             if not session.show_help:
                 draw_hints(session, area)
             self._offer.draw(session, area, emit, self.items)
             self._flat.draw(session, facts, emit, self.items)
+        self._were_shown = session.show_panels
         self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)
         draw_toasts(session.toasts, area)
@@ -78,11 +84,15 @@ class UserInterface:
         area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.layout_reset_requested)
         session.layout_reset_requested = False
         hidden = session.settings.hidden_panels
+        if not self._layout.is_settling:
+            self._in_front = []
         for panel in self._all_panels:
             if panel.title in hidden or not panel.shown(session):
                 continue
             opened, stays = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             self.items.note(panel.title)
+            if opened and not self._layout.is_settling:
+                self._in_front.append(panel.title)
             if opened:
                 panel.draw(context)
             imgui.end()
