@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from ntc.studies.table import Table
 from viewer.bench.scaling import LAYOUTS, PATHS, Layout, ScalingRow, SweepName
@@ -98,7 +99,9 @@ def _draw_sweep(axes: Axes, rows: Sequence[ScalingRow]) -> None:
     axes.set_xticks(list(names), list(names.values()))
     axes.set_xticks([], minor=True)
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
+    low, high = axes.get_ylim()
+    # Numbers between powers of ten are only written where they do not run into each other.
+    axes.yaxis.set_minor_formatter("{x:g}" if high < 20.0 * low else NullFormatter())
     axes.tick_params(axis="y", which="minor", labelsize=7)
     axes.set_ylabel("decode pass, ms")
     axes.grid(alpha=0.3)
