@@ -4,16 +4,56 @@ import json
 import sys
 from typing import Any
 
+from ntc.error_bound import ErrorBound, pack_bounds
 from ntc.errors import InputError
-from ntc.metrics import psnr_table
+from ntc.metrics import finite_or_none, psnr_table
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
+from ntc.precision import Precision
+from ntc.studies.table import Column, Table
 from viewer.commandline.info_all import info_all
 from viewer.commandline.options import InfoOptions
 from viewer.pack_files import PACK_SUFFIX
 from viewer.scene.gltf_container import printable
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
+
+BOUND_COLUMNS = (
+    Column("precision", "precision"),
+    Column("error", "error at most"),
+    Column("position", "of it from inputs"),
+    Column("sum", "largest sum"),
+    Column("overflow", "overflow"),
+)
+
+
+def bounds_json(bounds: dict[Precision, ErrorBound]) -> dict[str, Any]:
+    """Certified bounds by precision, the worst of all textures (docs/accuracy.md). `largest_sum` is null beyond fp32."""
+    return {
+        precision: {
+            "error": bound.error,
+            "from_inputs": bound.position,
+            "largest_sum": finite_or_none(max(bound.activations)),
+            "may_overflow": bound.overflows,
+        }
+        for precision, bound in bounds.items()
+    }
+
+
+def bounds_lines(bounds: dict[Precision, ErrorBound]) -> list[str]:
+    """The same as text."""
+    rows = [
+        {
+            "precision": precision,
+            "error": f"{bound.error:.1e}" if bound.error < 1.0 else "nothing certified",
+            "position": f"{bound.position:.1e}",
+            "sum": f"{max(bound.activations):.1e}",
+            "overflow": "may" if bound.overflows else "never",
+        }
+        for precision, bound in bounds.items()
+    ]
+    title = "certified error against exact decoding, in [0, 1], worst texture (half an 8-bit step is 2.0e-03):"
+    return [title, *Table(BOUND_COLUMNS, rows).text().splitlines()]
 
 
 def pack_json(pack: Pack) -> dict[str, Any]:
@@ -25,6 +65,7 @@ def pack_json(pack: Pack) -> dict[str, Any]:
         "decoders": len(pack.decoders),
         "training": dict(pack.training),
         **psnr_table(pack).json(),
+        "certified_error": bounds_json(pack_bounds(pack)),
     }
 
 
@@ -38,6 +79,7 @@ def pack_lines(pack: Pack) -> list[str]:
         f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {printable(pack.grouping.name)}",
         f"training: {printable(training)}",
         *psnr_table(pack).lines(),
+        *bounds_lines(pack_bounds(pack)),
     ]
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from viewer.commandline.doctor import has_display
 from viewer.commandline.options import RenderOptions, ViewOptions
+from viewer.commandline.precision import resolve_precision
 from viewer.commandline.render import render
 from viewer.commandline.sources import choose_source, open_scene, packs_for
 from viewer.session import FirstLook
@@ -30,7 +31,8 @@ def view(options: ViewOptions) -> int:
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        return run_window(WindowContent(scene, packs, FirstLook(source, options.path, options.precision)))
+        precision = resolve_precision(options.precision, packs.get(source), None)
+        return run_window(WindowContent(scene, packs, FirstLook(source, options.path, precision)))
     sys.stdout.write("no display (DISPLAY and WAYLAND_DISPLAY are unset): drawing without a window\n")
     draw_pictures(options, PICTURES_FOLDER)
     sys.stdout.write(f"the pictures are in {PICTURES_FOLDER.resolve()}\n")

@@ -7,6 +7,7 @@ import numpy as np
 
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Pack
+from ntc.rescale import stored_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.latent_store import LatentBudget, LatentCounts, LatentStore
@@ -40,6 +41,7 @@ class PackBuffers:
         on_demand: LatentBudget | None = None,
     ) -> None:
         """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers."""
+        pack = stored_pack(pack, precision)
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks
