@@ -1,62 +1,31 @@
 """How far a decoded value can be from the exact one: bounds that hold for every texel, from weights alone (docs/accuracy.md)."""
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.input_bounds import SINGLE_UNIT, InputBounds, input_bounds
-from ntc.pack import Adapter, Decoder, Pack
+from ntc.input_bounds import InputBounds, input_bounds
+from ntc.pack import Pack
 from ntc.precision import LARGEST_HALF, Precision
 from ntc.rescale import stored_pack
+from ntc.rounding_model import (
+    ARITHMETIC,
+    HALF,
+    LARGEST_SINGLE,
+    SMALLEST_SINGLE,
+    Arithmetic,
+    Layer,
+    decoder_layers,
+    effective_weight,
+    hidden_values,
+    layer_sums,
+)
 
 Array = NDArray[np.float64]
-HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)
-"""Relative error of a rounding to a half, and a little more: emulated halves round to fp32 first."""
-SMALLEST_HALF_ERROR = 2.0**-25
-"""Error of a half below 2^-14, where halves lie 2^-24 apart."""
-SMALLEST_SINGLE = 2.0**-126
-"""fp32 numbers below this may count as 0."""
-LARGEST_SINGLE = 3.0e38
 OWN_ROUNDING = 1.0 + 1e-9
 """These sums are float64 themselves."""
-
-
-@dataclass(frozen=True)
-class Rounding:
-    """A result is off by at most `unit` of its magnitude plus `smallest`."""
-
-    unit: float
-    smallest: float
-
-
-SINGLE = Rounding(SINGLE_UNIT, SMALLEST_SINGLE)
-HALF = Rounding(HALF_UNIT, SMALLEST_HALF_ERROR)
-
-
-@dataclass(frozen=True)
-class Arithmetic:
-    """What a precision rounds to what."""
-
-    stored_as_half: bool
-    products: Rounding
-    sums: Rounding
-
-    @property
-    def factors_are_half(self) -> bool:
-        """Whether inputs and hidden values are rounded before they are multiplied."""
-        return self.products is HALF
-
-
-ARITHMETIC: Mapping[Precision, Arithmetic] = {
-    "fp32": Arithmetic(False, SINGLE, SINGLE),
-    "fp16": Arithmetic(True, SINGLE, SINGLE),
-    "fp16-arithmetic": Arithmetic(True, HALF, SINGLE),
-    "fp16-accumulate": Arithmetic(True, HALF, HALF),
-}
 
 
 @dataclass(frozen=True)
@@ -73,127 +42,16 @@ class ErrorBound:
     """Whether a number may leave the range of the format it is kept in."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """scale * (weight x) + bias, exactly and as it is stored."""
-
-    weight: Array
-    bias: Array
-    scale: Array | None
-    stored_weight: Array
-    stored_bias: Array
-    stored_scale: Array | None
-
-
-def _stored(values: NDArray[np.float32], arithmetic: Arithmetic) -> Array:
-    if not arithmetic.stored_as_half:
-        return values.astype(np.float64)
-    return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16).astype(np.float64)
-
-
-def _layers(decoder: Decoder, adapter: Adapter | None, arithmetic: Arithmetic) -> list[_Layer]:
-    layers = []
-    for number, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-        scale: NDArray[np.float32] | None = None
-        if adapter is not None and number < len(adapter.scales):
-            scale, bias = adapter.scales[number], adapter.biases[number]
-        elif adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
-            weight, bias = adapter.output_weight, adapter.output_bias
-        exact = (weight.astype(np.float64), bias.astype(np.float64), None if scale is None else scale.astype(float))
-        stored_scale = None if scale is None else _stored(scale, arithmetic)
-        layers.append(_Layer(*exact, _stored(weight, arithmetic), _stored(bias, arithmetic), stored_scale))
-    return layers
-
-
-@dataclass(frozen=True, eq=False)
-class _Sums:
-    """Of a layer's computed sums."""
-
-    local: Array
-    """[outputs] what storage and rounding of this layer add to their error."""
-    largest: Array
-    """[outputs] bound of every partial sum."""
-
-
-def _sums(layer: _Layer, products: Array, storage: Array, inputs: int, arithmetic: Arithmetic) -> _Sums:
-    """`products` [outputs]: sums of magnitudes of stored weights times inputs; `storage` alike of what storing changed."""
-    own = layer.scale is None or layer.stored_scale is None
-    bias = np.abs(layer.stored_bias)
-    total = products + bias if own else products
-    of_products = arithmetic.products.unit * products + inputs * arithmetic.products.smallest
-    # Any order of n additions: each rounding is of a partial sum, and no path through them is longer than n.
-    unit = inputs * arithmetic.sums.unit
-    growth = unit / (1.0 - unit) if unit < 1.0 else math.inf
-    of_sums = growth * (total + of_products) + inputs * SMALLEST_SINGLE
-    changed_bias = np.abs(layer.bias - layer.stored_bias) + SMALLEST_SINGLE
-    local, largest = storage + of_products + of_sums, total + of_products + of_sums
-    if layer.scale is None or layer.stored_scale is None:
-        return _Sums(local + changed_bias, largest)
-    scale, rounding = np.abs(layer.stored_scale), arithmetic.sums
-    changed_scale = np.abs(layer.scale - layer.stored_scale) + SMALLEST_SINGLE
-    scaled = scale * largest
-    of_scaling = rounding.unit * scaled + rounding.smallest
-    adapted = scaled + of_scaling + bias
-    of_bias = rounding.unit * adapted + rounding.smallest
-    own_error = np.abs(layer.scale) * local + changed_scale * largest + of_scaling + of_bias + changed_bias
-    return _Sums(own_error, np.maximum(largest, adapted + of_bias))
-
-
-@dataclass(frozen=True, eq=False)
-class _Hidden:
-    """Hidden values after LeakyReLU."""
-
-    low: Array
-    high: Array
-    slope_low: Array
-    """[neurons] smallest slope that an error in the sum can meet on its way out: 1 or the leaky slope."""
-    slope_high: Array
-    rounding: Array
-    """[neurons] what the activation itself adds to the error."""
-    largest: Array
-    """[neurons] largest magnitude of the computed value."""
-
-
-def _leaky(values: Array, slope: float) -> Array:
-    return np.where(values > 0.0, values, slope * values)
-
-
-def _hidden(low: Array, high: Array, error: Array, slope: float, arithmetic: Arithmetic) -> _Hidden:
-    """The activation of sums in [`low`, `high`] that are off by at most `error`."""
-    rounding = arithmetic.sums
-    kept = float(np.float16(slope)) if rounding is HALF else float(np.float32(slope))
-    below = np.maximum(error - low, 0.0)
-    of_slope = below * (abs(kept - slope) + rounding.unit * kept) + rounding.smallest
-    ends = np.stack([_leaky(low - error, slope), _leaky(high + error, slope)])
-    largest = np.abs(ends).max(axis=0) + of_slope
-    # Sums that are halves already are not rounded again.
-    of_factor = HALF.unit * largest + HALF.smallest if arithmetic.factors_are_half and rounding is not HALF else 0.0
-    return _Hidden(
-        _leaky(low, slope),
-        _leaky(high, slope),
-        np.where(low - error >= 0.0, 1.0, slope),
-        np.where(high + error <= 0.0, slope, 1.0),
-        of_slope + of_factor,
-        largest + of_factor,
-    )
-
-
-def _effective(layer: _Layer) -> Array:
-    return layer.weight if layer.scale is None else layer.scale[:, None] * layer.weight
-
-
-def _bound(
-    layers: list[_Layer], bounds: InputBounds, slope: float, arithmetic: Arithmetic, channels: int
-) -> ErrorBound:
+def _bound(layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: Arithmetic, channels: int) -> ErrorBound:
     first, second, third = layers
     read = bounds.error
     if arithmetic.factors_are_half:
         read = read + HALF.unit * (bounds.magnitude + bounds.error) + HALF.smallest
     # First layer: inputs lie in a box, waves in pairs.
-    weight_1 = _effective(first)
+    weight_1 = effective_weight(first)
     centre = weight_1 @ ((bounds.low + bounds.high) / 2.0) + first.bias
     radius = bounds.spread(weight_1)
-    sums_1 = _sums(
+    sums_1 = layer_sums(
         first,
         bounds.largest_sum(first.stored_weight, read),
         bounds.largest_sum(np.abs(first.weight - first.stored_weight) + SMALLEST_SINGLE, read),
@@ -202,14 +60,14 @@ def _bound(
     )
     from_inputs_1 = np.abs(weight_1) @ read
     error_1 = from_inputs_1 + sums_1.local
-    hidden_1 = _hidden(centre - radius, centre + radius, error_1, slope, arithmetic)
+    hidden_1 = hidden_values(centre - radius, centre + radius, error_1, slope, arithmetic)
     carried_1 = hidden_1.slope_high * error_1 + hidden_1.rounding
     # Second layer: hidden values lie in a box.
-    weight_2 = _effective(second)
+    weight_2 = effective_weight(second)
     centre = weight_2 @ ((hidden_1.low + hidden_1.high) / 2.0) + second.bias
     radius = np.abs(weight_2) @ ((hidden_1.high - hidden_1.low) / 2.0)
     changed = np.abs(second.weight - second.stored_weight) + SMALLEST_SINGLE
-    sums_2 = _sums(
+    sums_2 = layer_sums(
         second,
         np.abs(second.stored_weight) @ hidden_1.largest,
         changed @ hidden_1.largest,
@@ -217,10 +75,10 @@ def _bound(
         arithmetic,
     )
     error_2 = np.abs(weight_2) @ carried_1 + sums_2.local
-    hidden_2 = _hidden(centre - radius, centre + radius, error_2, slope, arithmetic)
+    hidden_2 = hidden_values(centre - radius, centre + radius, error_2, slope, arithmetic)
     # Third layer.
     changed = np.abs(third.weight - third.stored_weight) + SMALLEST_SINGLE
-    sums_3 = _sums(
+    sums_3 = layer_sums(
         third,
         np.abs(third.stored_weight) @ hidden_2.largest,
         changed @ hidden_2.largest,
@@ -228,13 +86,11 @@ def _bound(
         arithmetic,
     )
     # Errors on their way out meet slopes, the same for all of them: so weights are summed up before magnitudes are taken.
-    middle_2 = (hidden_2.slope_low + hidden_2.slope_high) / 2.0
-    half_2 = (hidden_2.slope_high - hidden_2.slope_low) / 2.0
+    middle_2, half_2 = hidden_2.slope, hidden_2.slope_doubt
     middle = (third.weight * middle_2) @ weight_2
     spread = (np.abs(third.weight) * half_2) @ np.abs(weight_2)
     reach_1 = np.abs(middle) + spread
-    middle_1 = (hidden_1.slope_low + hidden_1.slope_high) / 2.0
-    half_1 = (hidden_1.slope_high - hidden_1.slope_low) / 2.0
+    middle_1, half_1 = hidden_1.slope, hidden_1.slope_doubt
     reach_0 = np.abs((middle * middle_1) @ weight_1) + (
         np.abs(middle) * half_1 + spread * hidden_1.slope_high
     ) @ np.abs(weight_1)
@@ -272,7 +128,7 @@ def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> Error
     """Of the pack's texture `texture_index`, for weights as they stand: `pack` is what `ntc.rescale.stored_pack` gave."""
     texture = pack.textures[texture_index]
     arithmetic = ARITHMETIC[precision]
-    layers = _layers(pack.decoders[texture.group], texture.adapter, arithmetic)
+    layers = decoder_layers(pack.decoders[texture.group], texture.adapter, arithmetic)
     bounds = input_bounds(texture, pack.config)
     # Sums that leave float64 are sums that leave fp32.
     with np.errstate(over="ignore", invalid="ignore"):

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.error_bound import texture_bounds, worst_of
 from ntc.half_reference import as_stored, decode_texels_in_half
@@ -12,7 +13,9 @@ from ntc.pack import Adapter, Decoder, Pack
 from ntc.precision import Precision
 from ntc.reference import decode_texels, decoder_inputs, run_decoder
 from ntc.rescale import stored_pack
+from ntc.running_error import running_bounds
 
+Array = NDArray[np.float64]
 HALF_STEP = 0.5 / 255.0
 """Errors below this change an 8-bit value by one step at most."""
 CHEAPEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16-arithmetic", "fp16")
@@ -41,6 +44,28 @@ def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
     return Adapter(as_stored(adapter.scales), as_stored(adapter.biases), weight, bias)
 
 
+def sampled_places(pack: Pack, texture_index: int, count: int, random: np.random.Generator) -> tuple[Array, Array]:
+    """([N, 2] uv, [N] lod) at random over one texture, float64 numbers that are fp32 exactly."""
+    texture = pack.textures[texture_index]
+    levels = len(latent_levels(texture.width, texture.height, pack.config))
+    uv, lod = random.uniform(0.0, 1.0, (count, 2)), random.uniform(0.0, levels - 1, count)
+    return uv.astype(np.float32).astype(np.float64), lod.astype(np.float32).astype(np.float64)
+
+
+def _each(pack: Pack, texels: int) -> int:
+    return max(LEAST_OF_A_TEXTURE, texels // max(1, len(pack.textures)))
+
+
+def sampled_bound(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
+    """The largest certified error of `texels` single texels (`ntc.running_error`): as an error that is measured, without decoding."""
+    random = np.random.default_rng(seed)
+    stored, worst = stored_pack(pack, precision), 0.0
+    for index in range(len(pack.textures)):
+        uv, lod = sampled_places(pack, index, _each(pack, texels), random)
+        worst = max(worst, float(running_bounds(stored, index, uv, lod, precision).max()))
+    return worst
+
+
 def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
     """Largest difference from float64 at random places and levels of detail of every texture, `texels` of them or a few more.
 
@@ -48,12 +73,9 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
     """
     random = np.random.default_rng(seed)
     stored = stored_pack(pack, precision)
-    each = max(LEAST_OF_A_TEXTURE, texels // max(1, len(pack.textures)))
     worst = 0.0
     for index, texture in enumerate(pack.textures):
-        levels = len(latent_levels(texture.width, texture.height, pack.config))
-        uv = random.uniform(0.0, 1.0, (each, 2))
-        lod = random.uniform(0.0, max(levels - 1, 0), each)
+        uv, lod = sampled_places(pack, index, _each(pack, texels), random)
         exact = decode_texels(pack, index, uv, lod)
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             found = decode_texels_in_half(stored, index, uv, lod, precision == "fp16-accumulate", rescale=False)
