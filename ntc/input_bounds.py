@@ -83,8 +83,11 @@ def _level_errors(texture: EncodedTexture, level: LatentLevel, config: CodecConf
     return stored + 16.0 * SINGLE_UNIT * config.largest_stored, np.array(waves)
 
 
-def input_bounds(texture: EncodedTexture, config: CodecConfig) -> InputBounds:
-    """Bounds for `texture` whatever its latents are, and wherever it is read."""
+def input_bounds(texture: EncodedTexture, config: CodecConfig, lod_error: float = 0.0) -> InputBounds:
+    """Bounds for `texture` whatever its latents are, and wherever it is read.
+
+    `lod_error` is how far the level of detail itself may be off: 0 where it is given, more where a shader takes a logarithm.
+    """
     scale, offset = texture.scale.astype(np.float64), texture.offset.astype(np.float64)
     ends = np.stack([offset, offset + scale * config.largest_stored])
     levels = latent_levels(texture.width, texture.height, config)
@@ -100,6 +103,8 @@ def input_bounds(texture: EncodedTexture, config: CodecConfig) -> InputBounds:
     latents = np.abs(scale) * stored + 6.0 * SINGLE_UNIT * reach
     waves = np.max([waves for _, waves in errors], axis=0) + 4.0 * SINGLE_UNIT
     error = np.concatenate([latents, waves, np.zeros(config.lod_inputs)])
+    # Features are linear in lod between two levels.
+    error += lod_error * np.concatenate([(high - low)[: -len(lods) or None], np.full(len(lods), LOD_INPUT_SCALE)])
     first = config.latent_channels
     # Numbers that a driver takes for 0 are smaller than this.
     return InputBounds(low, high, error + 2.0**-120, slice(first, first + config.positional_inputs))

@@ -84,18 +84,17 @@ def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, ari
 
 
 def running_bounds(
-    stored: Pack, texture_index: int, uv: Array, lod: Array, precision: Precision, inputs: Array | None = None
+    stored: Pack, texture_index: int, uv: Array, lod: Array, precision: Precision, lod_error: float = 0.0
 ) -> Array:
     """[N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
 
-    `stored` is what `ntc.rescale.stored_pack` gave; `inputs` are those of `ntc.reference.decoder_inputs`, if they are known.
+    `stored` is what `ntc.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
     1 where numbers may overflow.
     """
     texture = stored.textures[texture_index]
     arithmetic = ARITHMETIC[precision]
     layers = decoder_layers(stored.decoders[texture.group], texture.adapter, arithmetic)
-    if inputs is None:
-        inputs = decoder_inputs(stored, texture, uv, lod, texture.wrap)
-    error = input_bounds(texture, stored.config).error
+    inputs = decoder_inputs(stored, texture, uv, lod, texture.wrap)
+    error = input_bounds(texture, stored.config, lod_error).error
     with np.errstate(over="ignore", invalid="ignore"):
         return _running(layers, inputs, error, stored.config.leaky_slope, arithmetic)[:, : texture.channels]

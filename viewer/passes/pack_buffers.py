@@ -39,9 +39,13 @@ class PackBuffers:
         emulate_half: bool = False,
         weights_in_image: bool | None = None,
         on_demand: LatentBudget | None = None,
+        rescale: bool = True,
     ) -> None:
-        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers."""
-        pack = stored_pack(pack, precision)
+        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers.
+
+        Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
+        """
+        pack = stored_pack(pack, precision) if rescale else pack
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks
