@@ -18,6 +18,9 @@ LARGEST_SUM = 2.0**15
 """Bounds of sums are brought below this: half of the largest half, which leaves room for roundings."""
 SMALLEST_SUM = 1.0
 """Bounds of sums below this are brought up to it, for halves below 2^-14 lose digits."""
+SMALLEST_WEIGHT = 2.0**-9
+"""Of the largest weight of a layer: 32 times the smallest half that has all its digits."""
+LARGEST_SINGLE = 3.4e38
 LARGEST_EXPONENT = 96
 """Beyond this fp32 ends as well."""
 
@@ -71,7 +74,12 @@ def exponents(pack: Pack) -> list[Exponents]:
 
 
 def _times(values: NDArray[np.float32], exponent: int) -> NDArray[np.float32]:
-    return values if exponent == 0 else np.ldexp(values, exponent).astype(np.float32)
+    if exponent == 0:
+        return values
+    with np.errstate(over="ignore", under="ignore"):
+        return np.clip(np.ldexp(values.astype(np.float64), exponent), -LARGEST_SINGLE, LARGEST_SINGLE).astype(
+            np.float32
+        )
 
 
 def _rescaled_decoder(decoder: Decoder, by: Exponents) -> Decoder:
@@ -101,19 +109,23 @@ def rescaled_pack(pack: Pack) -> Pack:
     return replace(pack, decoders=decoders, textures=textures)
 
 
-def _has_large_weights(pack: Pack) -> bool:
-    parts = [part for decoder in pack.decoders for part in (*decoder.weights, *decoder.biases)]
+def _halves_are_enough(pack: Pack) -> bool:
+    """Whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
+    weights = [part for decoder in pack.decoders for part in decoder.weights]
+    others = [part for decoder in pack.decoders for part in decoder.biases]
     for texture in pack.textures:
         if texture.adapter is not None:
-            parts += [texture.adapter.scales, texture.adapter.biases]
-    return any(float(np.abs(part).max(initial=0.0)) > LARGEST_HALF for part in parts)
+            others += [texture.adapter.scales, texture.adapter.biases]
+    largest = [float(np.abs(part).max(initial=0.0)) for part in weights]
+    fit = all(float(np.abs(part).max(initial=0.0)) <= LARGEST_HALF for part in others)
+    return fit and all(size == 0.0 or SMALLEST_WEIGHT <= size <= LARGEST_HALF for size in largest)
 
 
 def stored_pack(pack: Pack, precision: Precision) -> Pack:
     """What of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
 
-    `fp16` computes in fp32: it needs rescaling only where weights themselves are beyond the range of halves.
+    `fp16` computes in fp32: it needs rescaling only where weights themselves are too large or too small for halves.
     """
-    if precision == "fp32" or (precision == "fp16" and not _has_large_weights(pack)):
+    if precision == "fp32" or (precision == "fp16" and _halves_are_enough(pack)):
         return pack
     return rescaled_pack(pack)

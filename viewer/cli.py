@@ -18,6 +18,7 @@ from viewer.commandline.study_options import (
     ClusterStudyOptions,
     PaperScenesOptions,
     PaperStudyOptions,
+    StabilityStudyOptions,
     TrainingStudyOptions,
 )
 
@@ -56,6 +57,10 @@ def run(options: Options) -> int:
             from viewer.commandline.study_clusters import study_clusters
 
             return study_clusters(options)
+        case StabilityStudyOptions():
+            from viewer.commandline.study_stability import study_stability
+
+            return study_stability(options)
         case PaperScenesOptions():
             from viewer.commandline.study_paper import study_paper_scenes
 

@@ -26,7 +26,7 @@ STAND_SIDE = 64
 """Pixels a side of the pictures of paths that decode pictures: at most so many texels squared of a case are drawn."""
 LOGARITHM_ERROR = 2.0**-14
 """Of log2 in a shader, for the sizes of footprint that there are."""
-ULP_FLOOR = 0.5 / 255.0
+ULP_FLOOR = 1.0 / 255.0
 """Values below this are counted in units of the last place of this: what is near 0 has as many as one likes."""
 
 
@@ -38,18 +38,18 @@ class StabilityRow:
     path: str
     precision: Precision
     texels: int
-    largest: float
-    """Error against float64, in [0, 1] of the texture's colour space."""
-    rms: float
+    largest: float | None
+    """Error against float64, in [0, 1] of the texture's colour space; None where only numbers were looked for."""
+    rms: float | None
     psnr_db: float | None
     """Of the error, peak 1; None for no error."""
     ulps: float | None
     """Largest error in units of the last place of the exact value in fp32; for fp32 only."""
     not_finite: int
     """Values that are no numbers; there must be none."""
-    bound: float
-    """Largest bound of the texels' own."""
-    holds: bool
+    bound: float | None = None
+    """Largest bound of the texels' own; None for paths that filter or convert what they decoded."""
+    holds: bool | None = None
     """Whether every texel's error is within its own bound."""
 
 
@@ -108,16 +108,14 @@ class StabilityBench:
     def _emulated(self, precision: Precision) -> bool:
         return precision not in supported_precisions(self._context)
 
+    def texel_decoder(self, pack: Pack, precision: Precision, rescale: bool = True) -> GlTexelDecoder:
+        """Decodes texels of `pack`; the caller releases it."""
+        emulated = self._emulated(precision)
+        return GlTexelDecoder(self._context, pack, precision, emulated, self._programs.of(pack), rescale)
+
     def texels(self, case: StabilityCase, precision: Precision) -> StabilityRow:
         """`case` by the texel decoder, which `ntc-viewer decode` uses."""
-        decoder = GlTexelDecoder(
-            self._context,
-            case.pack,
-            precision,
-            self._emulated(precision),
-            self._programs.of(case.pack),
-            case.rescale,
-        )
+        decoder = self.texel_decoder(case.pack, precision, case.rescale)
         found = [_padded(decoder.decode_texels(part.texture, part.uv, part.lod)) for part in case.requests]
         decoder.release()
         return _row(

@@ -29,10 +29,11 @@ from viewer.commandline.study_options import (
     PaperScenesOptions,
     PaperStudyOptions,
     RecipeStudyOptions,
+    StabilityStudyOptions,
 )
 from viewer.pack_files import PACK_SUFFIX
 
-StudyOptions = ClusterStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
+StudyOptions = ClusterStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions | StabilityStudyOptions
 Options = (
     ViewOptions
     | RenderOptions
@@ -62,6 +63,7 @@ STUDIES: dict[str, type[StudyOptions]] = {
     "mlp-size": MlpSizeStudyOptions,
     "mips": MipStudyOptions,
     "ablation": AblationStudyOptions,
+    "stability": StabilityStudyOptions,
 }
 """Options by the name of the study: each has settings of its own."""
 DESCRIPTION = (
@@ -144,7 +146,9 @@ def _study(words: list[str]) -> type[StudyOptions]:
 def _with_scene_found(options: Options) -> Options:
     """A scene written behind `--pack F ...` was read as a pack: take it back."""
     if (
-        not isinstance(options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions)
+        not isinstance(
+            options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions | StabilityStudyOptions
+        )
         or options.scene is not None
     ):
         return options
