@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.pack import Adapter, Decoder, Pack
+from ntc.precision import LARGEST_HALF
 from ntc.reference import decoder_inputs
+from ntc.rescale import stored_pack
 
 Single = NDArray[np.float32]
 
@@ -13,6 +15,11 @@ def to_half(values: Single) -> Single:
     """`values` rounded to the nearest half, ties to even; infinite beyond the range of halves."""
     with np.errstate(over="ignore"):
         return values.astype(np.float16).astype(np.float32)
+
+
+def as_stored(weights: Single) -> Single:
+    """`weights` as halves; those beyond the range of halves become the largest one, as on the GPU."""
+    return to_half(np.clip(weights, -LARGEST_HALF, LARGEST_HALF))
 
 
 def run_decoder_in_half(
@@ -27,21 +34,21 @@ def run_decoder_in_half(
     values = to_half(inputs)
     last = len(decoder.weights) - 1
     for index, (weight, bias) in enumerate(zip(decoder.weights[:-1], decoder.biases[:-1], strict=True)):
-        weight, bias = to_half(weight), to_half(bias)
+        weight, bias = as_stored(weight), as_stored(bias)
         adapted = adapter is not None
         sums = np.broadcast_to(np.float32(0.0) if adapted else bias, (len(values), len(weight))).astype(np.float32)
         for column in range(weight.shape[1]):
             sums = rounded(sums + to_half(values[:, column, None] * weight[:, column]))
         if adapter is not None:
-            scaled = rounded(to_half(adapter.scales[index]) * sums)
-            sums = rounded(scaled + to_half(adapter.biases[index]))
+            scaled = rounded(as_stored(adapter.scales[index]) * sums)
+            sums = rounded(scaled + as_stored(adapter.biases[index]))
         sums = np.maximum(sums, rounded(slope * sums))
         values = to_half(sums)
     weight, bias = decoder.weights[last], decoder.biases[last]
     if adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
         weight, bias = adapter.output_weight, adapter.output_bias
-    weight = to_half(weight)
-    result = np.broadcast_to(to_half(bias), (len(values), len(bias))).astype(np.float32)
+    weight = as_stored(weight)
+    result = np.broadcast_to(as_stored(bias), (len(values), len(bias))).astype(np.float32)
     for first in range(0, weight.shape[1], 4):
         products = to_half(values[:, None, first : first + 4] * weight[:, first : first + 4])
         pairs = rounded(products[..., 0::2] + products[..., 1::2])
@@ -50,11 +57,22 @@ def run_decoder_in_half(
 
 
 def decode_texels_in_half(
-    pack: Pack, texture_index: int, uv: NDArray[np.float64], lod: NDArray[np.float64], accumulate: bool
+    pack: Pack,
+    texture_index: int,
+    uv: NDArray[np.float64],
+    lod: NDArray[np.float64],
+    accumulate: bool,
+    rescale: bool = True,
 ) -> Single:
-    """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.reference.decode_texels`, in half precision."""
+    """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.reference.decode_texels`, in half precision.
+
+    With `rescale`, as the viewer does, weights are kept such that nothing overflows (`ntc.rescale`); what is no number is 0.
+    """
+    if rescale:
+        pack = stored_pack(pack, "fp16-accumulate" if accumulate else "fp16-arithmetic")
     texture = pack.textures[texture_index]
     inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap).astype(np.float32)
     decoder = pack.decoders[texture.group]
-    values = run_decoder_in_half(decoder, inputs, pack.config.leaky_slope, texture.adapter, accumulate)
-    return np.clip(values, 0.0, 1.0)[:, : texture.channels]
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = run_decoder_in_half(decoder, inputs, pack.config.leaky_slope, texture.adapter, accumulate)
+    return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, : texture.channels]

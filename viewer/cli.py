@@ -19,6 +19,7 @@ from viewer.commandline.study_options import (
     FilteringStudyOptions,
     PaperScenesOptions,
     PaperStudyOptions,
+    StabilityStudyOptions,
     TrainingStudyOptions,
 )
 
@@ -61,6 +62,10 @@ def run(options: Options) -> int:
             from viewer.commandline.study_filtering import study_filtering
 
             return study_filtering(options)
+        case StabilityStudyOptions():
+            from viewer.commandline.study_stability import study_stability
+
+            return study_stability(options)
         case PaperScenesOptions():
             from viewer.commandline.study_paper import study_paper_scenes
 

@@ -56,6 +56,8 @@ class Drawing:
     timer: PassTimer
     tile_cache: TileCacheConfig
     latents: LatentBudget
+    emulate_half: bool = False
+    """Round in single precision what the driver cannot compute in halves: for tests and studies."""
 
 
 @dataclass
@@ -86,7 +88,12 @@ class PackOnGpu:
     def buffers(self) -> PackBuffers:
         """Latents, tables and weights."""
         made = PackBuffers(
-            self.drawing.context, self.pack, self.match.texture_index, self.precision, on_demand=self.drawing.latents
+            self.drawing.context,
+            self.pack,
+            self.match.texture_index,
+            self.precision,
+            self.drawing.emulate_half,
+            on_demand=self.drawing.latents,
         )
         self._made.append(made)
         return made

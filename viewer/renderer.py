@@ -144,6 +144,7 @@ class Renderer:
         divergence_stage: Stage = "compute",
         tile_cache: TileCacheConfig | None = None,
         latents: LatentBudget | None = None,
+        emulate_half: bool = False,
     ) -> None:
         self._context, self._scene = context, scene
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
@@ -156,7 +157,13 @@ class Renderer:
         self._composite = CompositePass(context, self._programs)
         self._timer = PassTimer(context)
         self._drawing = Drawing(
-            context, scene, self._scene_buffers, self._timer, tile_cache or TileCacheConfig(), latents or LatentBudget()
+            context,
+            scene,
+            self._scene_buffers,
+            self._timer,
+            tile_cache or TileCacheConfig(),
+            latents or LatentBudget(),
+            emulate_half,
         )
         self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
         self._errors = ShownErrors(context, len(scene.textures))

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from ntc.precision import Precision as Precision
 from viewer.palettes import PaletteName
 from viewer.scene.model import Camera
 from viewer.zoom import WHOLE, Zoom
 
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
-Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
-"""fp32; weights stored as halves; besides, products in halves; besides, sums in halves."""
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]

@@ -116,10 +116,15 @@ void decoder_input(TextureRecord record, vec2 uv, float lod, ivec2 wrap, out flo
     for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = to_half(x[input_number]);
 }
 
+// What may be shown of the network's result: in [0, 1]. Sums that overflow can give what is no number, for which clamp is undefined.
+vec4 shown_result(vec4 result) {
+    return mix(clamp(result, 0.0, 1.0), vec4(0.0), isnan(result));
+}
+
 // Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
 // Where `wanted` is false nothing is decoded and the result means nothing.
 vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
     float x[DECODER_INPUTS];
     decoder_input(record, uv, lod, wrap, x);
-    return clamp(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0), 0.0, 1.0);
+    return shown_result(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0));
 }

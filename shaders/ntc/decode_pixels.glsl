@@ -41,7 +41,7 @@ void decode_pixels() {
         vec4 own = decoded[0];
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
-        vec3 shown = shown_albedo(wanted_texel(surface), clamp(own, 0.0, 1.0));
+        vec3 shown = shown_albedo(wanted_texel(surface), shown_result(own));
         imageStore(albedo, pixel, vec4(shown, surface.material >= 0 ? 1.0 : 0.0));
     }
 }

@@ -33,6 +33,8 @@ def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFix
         (["study", "clusters", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
         (["study", "clusters", "--out", "o", "--features", "shape"], "shape"),
         (["study", "clusters", "nowhere.glb", "--out", "o"], "nowhere.glb"),
+        (["study", "stability", "--out", "o", "--texels", "0"], "--texels 0: must be at least 1"),
+        (["study", "stability", "nowhere.glb", "--out", "o"], "nowhere.glb"),
         (["study", "clusters", "--out", "o", "--views", "nowhere.json"], "nowhere.json"),
     ],
 )
@@ -49,6 +51,22 @@ def test_bad_input_is_one_line(
     assert [line for line in errors.splitlines() if line.startswith("error: ") and words in line]
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
+
+
+def test_stability_is_studied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "o"
+    arguments = ["study", "stability", "--out", str(out), "--texels", "20", "--bound-texels", "4000", "--size", "32x18"]
+    assert cli.main([*arguments, "--grouping", "single", "--precisions", "fp32"]) == 0
+    record = json.loads((out / "stability.json").read_text())
+    paths = {row["path"] for row in record["rows"]}
+    assert paths == {"texels", "deferred", "deferred, shared", "binned", "forward", "cached"}
+    assert all(row["not_finite"] == 0 and row["holds"] is not False for row in record["rows"])
+    assert all(check["beyond"] == 0 for check in record["bounds"])
+    assert record["trained"][0]["largest_loss_db"] < 0.1
+    assert (out / "stability.csv").read_text().count("\n") == len(record["rows"]) + 1
+    assert read_image(out / "stability.png").shape[1] > 300
+    assert "0 values beyond" in capsys.readouterr().out
+    assert cli.main([*arguments, "--grouping", "nothing"]) == 2
 
 
 def test_help_lists_the_studies(capsys: pytest.CaptureFixture[str]) -> None:

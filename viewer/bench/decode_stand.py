@@ -106,9 +106,16 @@ class DecodePrograms:
 class LoadedPack:
     """A pack on the GPU in one precision, for every path of a stand."""
 
-    def __init__(self, context: GraphicsContext, programs: DecodePrograms, pack: Pack, precision: Precision) -> None:
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: DecodePrograms,
+        pack: Pack,
+        precision: Precision,
+        emulate_half: bool = False,
+    ) -> None:
         self._context, self._programs, self._pack = context, programs, pack
-        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision)
+        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half)
         self._ranges = DecoderRanges(context, pack, precision)
         self._binned: DecodeBinnedPass | None = None
 

@@ -30,10 +30,18 @@ from viewer.commandline.study_options import (
     PaperScenesOptions,
     PaperStudyOptions,
     RecipeStudyOptions,
+    StabilityStudyOptions,
 )
 from viewer.pack_files import PACK_SUFFIX
 
-StudyOptions = ClusterStudyOptions | FilteringStudyOptions | RecipeStudyOptions | PaperStudyOptions | PaperScenesOptions
+StudyOptions = (
+    ClusterStudyOptions
+    | FilteringStudyOptions
+    | StabilityStudyOptions
+    | RecipeStudyOptions
+    | PaperStudyOptions
+    | PaperScenesOptions
+)
 Options = (
     ViewOptions
     | RenderOptions
@@ -64,6 +72,7 @@ STUDIES: dict[str, type[StudyOptions]] = {
     "mlp-size": MlpSizeStudyOptions,
     "mips": MipStudyOptions,
     "ablation": AblationStudyOptions,
+    "stability": StabilityStudyOptions,
 }
 """Options by the name of the study: each has settings of its own."""
 DESCRIPTION = (
@@ -147,7 +156,13 @@ def _with_scene_found(options: Options) -> Options:
     """A scene written behind `--pack F ...` was read as a pack: take it back."""
     if (
         not isinstance(
-            options, ViewOptions | RenderOptions | BenchOptions | ClusterStudyOptions | FilteringStudyOptions
+            options,
+            ViewOptions
+            | RenderOptions
+            | BenchOptions
+            | ClusterStudyOptions
+            | FilteringStudyOptions
+            | StabilityStudyOptions,
         )
         or options.scene is not None
     ):

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from ntc.config import FeatureName, GroupingConfig, GroupingName, RecipeName
+from ntc.precision import PrecisionChoice
 from viewer.palettes import PaletteName
 from viewer.view_state import BlockName, Overlay, PathChoice, Precision
 
@@ -73,8 +74,8 @@ class ViewOptions:
     """What slot A shows first: "reference", or the grouping of an open pack."""
     path: PathChoice = "deferred"
     """Decode path of slot A; `auto` times all of them first."""
-    precision: Precision = "fp32"
-    """Storage of the decoder weights on the GPU."""
+    precision: PrecisionChoice = "fp32"
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
     script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Play the commands of this file (docs/scripts.md); then the window stays open."""
     exec: Lines = ()
@@ -101,8 +102,8 @@ class RenderOptions:
     """"reference" (original images), or the grouping of a pack. None: clustered, else the first pack, else reference."""
     path: PathChoice = "deferred"
     """Decode path; `auto` times all of them first."""
-    precision: Precision = "fp32"
-    """Storage of the decoder weights on the GPU."""
+    precision: PrecisionChoice = "fp32"
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
     size: Size = (1280, 720)
     """Picture size in pixels."""
     cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from viewer.commandline.options import ViewOptions
+from viewer.commandline.precision import resolve_precision
 from viewer.commandline.sources import choose_source, open_scene, packs_for
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.parse import Script, parse_exec, read_script
@@ -32,7 +33,8 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     script = script_of(options) or parse_exec(WITHOUT_SCRIPT)
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
-    first = FirstLook(choose_source(packs, options.grouping, options.pack), options.path, options.precision)
+    source = choose_source(packs, options.grouping, options.pack)
+    first = FirstLook(source, options.path, resolve_precision(options.precision, packs.get(source), None))
     app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, first=first)
     try:
         app.play(script)

@@ -18,6 +18,7 @@ from ntc.files import write_bytes, write_text
 from ntc.metrics import psnr_db
 from ntc.pack import Pack
 from viewer.commandline.options import RenderOptions
+from viewer.commandline.precision import resolve_precision
 from viewer.commandline.sources import choose_camera, choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
 from viewer.measurement import decoder_ids
@@ -157,7 +158,8 @@ def render(options: RenderOptions) -> int:
     renderer = Renderer(context, scene)
     chosen = {source: packs[source]} if source != REFERENCE else {}
     renderer.set_packs(chosen)
-    slot = Slot(source, options.path, options.precision)
+    precision = resolve_precision(options.precision, chosen.get(source), context)
+    slot = Slot(source, options.path, precision)
     overlay = Overlay(
         "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
     )

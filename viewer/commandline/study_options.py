@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
 from ntc.config import FeatureName, GroupingConfig, GroupingName
 from ntc.errors import InputError
+from ntc.precision import Precision
 from ntc.studies.settings import ScaleName, StudySettings
 from viewer.commandline.options import OptionalScene, Packs, Size
 
@@ -58,6 +59,30 @@ class FilteringStudyOptions:
     """Pixels of the pictures; the truth has 16 samples in each."""
     frames: int = 10
     """Of the moving camera, at least 2."""
+
+
+@dataclass(frozen=True)
+class StabilityStudyOptions:
+    """Every decode path in every precision against float64 and certified bounds, on ordinary and hostile cases."""
+
+    out: Path
+    """Folder for stability.md, stability.csv, stability.json and stability.png."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
+    grouping: tuple[str, ...] = ("clustered", "single")
+    """Packs of the scene that are measured, by grouping."""
+    texels: int = 2000
+    """Texels of each case."""
+    bound_texels: int = 100_000
+    """Random texels at which certified bounds are checked, in all."""
+    size: Size = (96, 54)
+    """Pixels of the pictures of the scene."""
+    precisions: tuple[Precision, ...] = get_args(Precision)
+    """Precisions; what the driver cannot compute is emulated."""
+    seed: int = 0
+    """Seed of random weights and places."""
 
 
 @dataclass(frozen=True)

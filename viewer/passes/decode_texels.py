@@ -23,13 +23,22 @@ class GlTexelDecoder:
     """The GLSL twin of `ntc.reference` for one pack."""
 
     def __init__(
-        self, context: GraphicsContext, pack: Pack, precision: Precision = "fp32", emulate_half: bool = False
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        precision: Precision = "fp32",
+        emulate_half: bool = False,
+        programs: ProgramFactory | None = None,
+        rescale: bool = True,
     ) -> None:
+        """`programs` are those of `codec_programs` for the pack's codec, where several packs share them; `rescale` as for
+        the PackBuffers."""
         self._gl: moderngl.Context = context.gl
         self._pack = pack
-        library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-        programs = codec_programs(ProgramFactory(context.gl, library), pack)
-        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half)
+        if programs is None:
+            library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+            programs = codec_programs(ProgramFactory(context.gl, library), pack)
+        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
         self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
 
     def decode_texels(

@@ -4,6 +4,7 @@ import moderngl
 import numpy as np
 
 from ntc.pack import Pack
+from ntc.rescale import stored_pack
 from viewer.gl.context import GraphicsContext
 from viewer.passes.layout import StorageBinding, UniformBinding
 from viewer.passes.network import NetworkLayout, weight_bytes
@@ -34,7 +35,8 @@ class DecoderRanges:
             parts = [np.array([number * blocks, 0, 0, 0], "<i4").tobytes() for number in range(len(pack.decoders))]
             self._size = 16
         else:
-            parts = [weight_bytes(pack.config, [decoder], [], precision) for decoder in pack.decoders]
+            decoders = stored_pack(pack, precision).decoders
+            parts = [weight_bytes(pack.config, [decoder], [], precision) for decoder in decoders]
             # Halves are read in pairs of blocks, and there may be an odd number of those.
             self._size = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT

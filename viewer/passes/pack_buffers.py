@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Pack
+from ntc.rescale import stored_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.latent_store import LatentBudget, LatentCounts, LatentStore
@@ -39,8 +40,13 @@ class PackBuffers:
         emulate_half: bool = False,
         weights_in_image: bool | None = None,
         on_demand: LatentBudget | None = None,
+        rescale: bool = True,
     ) -> None:
-        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers."""
+        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers.
+
+        Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
+        """
+        pack = stored_pack(pack, precision) if rescale else pack
         config = pack.config
         network = NetworkLayout(config)
         self.hidden_blocks = network.hidden_blocks

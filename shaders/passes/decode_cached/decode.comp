@@ -69,7 +69,7 @@ void main() {
         if (!inside) continue;
         vec4 value = decoded[0];
         for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
-        value = clamp(value, 0.0, 1.0);
+        value = shown_result(value);
         vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
         // The atlas holds sRGB, whatever the texture: the hardware filters it in linear light.
         if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
