@@ -29,7 +29,7 @@ def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFix
     ("arguments", "words"),
     [
         (["study"], "no such study"),
-        (["study", "nothing"], "study nothing: no such study (there are: clusters, paper-textures"),
+        (["study", "nothing"], "study nothing: no such study (there are: clusters, "),
         (["study", "clusters", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
         (["study", "clusters", "--out", "o", "--features", "shape"], "shape"),
         (["study", "clusters", "nowhere.glb", "--out", "o"], "nowhere.glb"),

@@ -26,11 +26,20 @@ DRAWN = [
 ]
 FULL_SCREEN = [
     *[
-        ("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": wipe, "OVERLAY": overlay, "ZOOM": zoom})
-        for wipe in (0, 1)
-        for overlay in (0, 1)
+        (
+            "common/fullscreen.vert",
+            "passes/composite/composite.frag",
+            {"SPLIT": split, "DIFFERENCE": difference, "OVERLAY": overlay, "MARKS": marks, "ZOOM": zoom},
+        )
+        for split, difference in ((0, 0), (1, 0), (0, 1), (0, 2), (0, 3))
+        for overlay, marks in ((0, 0), (1, 0), (0, 1))
         for zoom in (0, 1)
     ],
+    *(
+        ("common/fullscreen.vert", "passes/decode_cached/sample.frag", {"GRADIENTS": gradients, **precision})
+        for gradients in (0, 1)
+        for precision in PRECISIONS
+    ),
     ("common/fullscreen.vert", "passes/divergence/divergence.frag", {"BLOCK_WIDTH": 16, "BLOCK_HEIGHT": 4}),
     *(
         ("common/fullscreen.vert", "passes/reference/sample.frag", {"GRADIENTS": a, "FIRST": first, "SORTS": sorts})
@@ -45,13 +54,23 @@ COMPUTED = [
 ]
 COMPUTED += [
     (name, {**precision, "DECODER_IN_STORAGE": storage})
-    for name in ("passes/decode_deferred/decode_shared.comp", "passes/decode_binned/decode.comp")
+    for name in (
+        "passes/decode_deferred/decode_shared.comp",
+        "passes/decode_binned/decode.comp",
+        "passes/decode_cached/decode.comp",
+    )
     for precision in PRECISIONS
     for storage in (0, 1)
 ]
 COMPUTED += [
     (f"passes/decode_binned/{name}.comp", {"PRECISION_FP16": 0, "VERTEX_COLORS": 1})
     for name in ("count", "scan", "scatter")
+]
+COMPUTED += [
+    ("passes/decode_cached/forget.comp", {}),
+    ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 0}),
+    ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
+    ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),
 ]
 COMPUTED += [("passes/divergence/divergence.comp", {"BLOCK_WIDTH": 8, "BLOCK_HEIGHT": 8})]
 ALL_GLSL = sorted(
@@ -126,7 +145,8 @@ def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: Progr
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
         assert decode[block].binding == StorageBinding[binding]
-    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", {"WIPE": 1, "OVERLAY": 0})
+    defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
+    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
     assert composite["albedo_a"].value == TextureUnit.ALBEDO_A
     assert composite["albedo_b"].value == TextureUnit.ALBEDO_B
 

@@ -98,6 +98,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     session = app.session
     before = picture_at_rest(app)
     assert "Encode it now" in app.frontend.interface.items.labels()
+    app.show_panel("Training")
     app.click("budget")
     app.frontend.interface.items.centre("Encode this scene")
     run_line("training.encode baseline auto 32 60steps", session)

@@ -10,7 +10,7 @@ from ntc.pack import Pack
 from viewer.actions import Side
 from viewer.commands.command import Command, Parameter, fixed
 from viewer.session import Session
-from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups
+from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, Wish
 from viewer.training.settings import AUTO, TrainingSettings, budget_text, parse_budget, read_clusters, read_size
 
 NEW_GROUP = "new"
@@ -28,6 +28,12 @@ def _strategy(text: str) -> GroupingName:
     return cast(GroupingName, text)
 
 
+def _start(session: Session, wish: Wish) -> None:
+    session.training.start(session, wish)
+    # Where its progress is seen.
+    session.raised_panel = "Training"
+
+
 def _encode(session: Session, strategy: str, k: str, size: str, budget: str, recipe: str) -> None:
     settings = replace(
         _settings(session, budget, recipe),
@@ -35,7 +41,7 @@ def _encode(session: Session, strategy: str, k: str, size: str, budget: str, rec
         clusters=read_clusters(k),
         texture_size=read_size(size),
     )
-    session.training.start(session, EncodeScene(settings))
+    _start(session, EncodeScene(settings))
 
 
 def _base(session: Session) -> Pack:
@@ -71,7 +77,7 @@ def _groups(text: str, pack: Pack) -> frozenset[int]:
 
 def _retrain(session: Session, groups: str, budget: str, recipe: str) -> None:
     chosen = _groups(groups, _base(session))
-    session.training.start(session, RetrainGroups(_settings(session, budget, recipe), chosen))
+    _start(session, RetrainGroups(_settings(session, budget, recipe), chosen))
 
 
 def _texture(text: str, pack: Pack) -> int:
@@ -88,12 +94,12 @@ def _move(session: Session, texture: str, group: str, budget: str, recipe: str) 
     count = pack.grouping.group_count
     number = count if group == NEW_GROUP else _whole(group, "group", count - 1)
     wish = MoveTexture(_settings(session, budget, recipe), _texture(texture, pack), number)
-    session.training.start(session, wish)
+    _start(session, wish)
 
 
 def _regroup(session: Session, strategy: str, k: str, budget: str, recipe: str) -> None:
     settings = replace(_settings(session, budget, recipe), strategy=_strategy(strategy), clusters=read_clusters(k))
-    session.training.start(session, Regroup(settings))
+    _start(session, Regroup(settings))
 
 
 def _pause(session: Session) -> None:
