@@ -186,13 +186,18 @@ class Frontend:
         )
         return session.show_panels or in_picture
 
+    @property
+    def _compares(self) -> bool:
+        """Whether A is compared with B: not while a training changes the picture every second and needs the processors."""
+        return self.session.settings.live_figures and self.session.training.state in ("idle", "paused")
+
     def _compare(self, size: tuple[int, int]) -> None:
         """Do what there is to do while the picture rests."""
         renderer, view, now = self._renderer, self._last_view, time.monotonic()
         if renderer is None or view is None:
             return
         self._live.note(renderer, view, self.session.packs, size, now)
-        if not self.session.settings.live_figures or self._is_waiting or self._is_coarse():
+        if not self._compares or self._is_waiting or self._is_coarse():
             return
         if self._live.step(view, self._figures_are_wanted(), now):
             self._last = renderer.render(view)
@@ -406,7 +411,7 @@ class Frontend:
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
         opened = session.scene is not self._scene or session.packs is not self._packs
         waiting = waiting or session.training.is_due
-        comparing = session.settings.live_figures and self._live.has_work(self._figures_are_wanted(), time.monotonic())
+        comparing = self._compares and self._live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
         return waiting or ending or opened or comparing or self._picture_is_due(size)
 

@@ -29,7 +29,9 @@ from viewer.scene.model import Scene
 from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import PathChoice, Precision
 
-FRAMES_AHEAD = 4
+BANDS = 4
+"""Parts in which a picture is drawn anew while the one before is still shown: none of them makes a frame long."""
+FRAMES_AHEAD = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,8 @@ class PackOnGpu:
     programs: ProgramFactory
     """With the includes for the pack's codec."""
     _cached: DecodeCachedPass | None = None
+    _bands_left: int = 0
+    """Parts of the picture that are still to be drawn."""
     _ahead: int = 0
     """Times that tiles were decoded since the last drawing, which then decodes none."""
     _asked: object = None
@@ -197,7 +201,7 @@ class PackOnGpu:
             return None
         counts = self._cached.counts
         # What was decoded but not drawn is still to be seen.
-        return replace(counts, waiting=max(counts.waiting, 1)) if self._ahead else counts
+        return replace(counts, waiting=max(counts.waiting, 1)) if self._ahead or self._bands_left else counts
 
     def is_waiting(self, path: PathChoice) -> bool:
         """Whether the picture by `path` will still become better with the same view."""
@@ -209,19 +213,24 @@ class PackOnGpu:
         Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
         """
         cache = self._cached
-        if path != "cached" or cache is None or self._ahead >= FRAMES_AHEAD or not cache.only_stale:
+        if path != "cached" or cache is None or self._bands_left or self._ahead >= FRAMES_AHEAD or not cache.only_stale:
             return False
         self._ahead += 1
         with self.drawing.timer.measure("decode_cached"):
-            done = cache.decode(cache.tiles_now(False))
+            done = cache.decode(cache.tiles_ahead())
         cache.note_time(done, self.drawing.timer.last_ms)
         return True
 
-    def decode(self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
-        """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes."""
+    def decode(
+        self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool, in_bands: bool = False
+    ) -> float:
+        """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes.
+
+        With `in_bands` path `cached` may draw some rows only: `is_half_drawn` until the next calls have drawn the others.
+        """
         drawing, timer = self.drawing, self.drawing.timer
         if path == "cached":
-            return self._decode_cached(seen, target, whole)
+            return self._decode_cached(seen, target, whole, in_bands)
         self._upload_latents(seen)
         # Made outside of the measured time: compiling is no part of a frame.
         chosen: DecodeForwardPass | DecodeBinnedPass | DecodeDeferredPass
@@ -240,9 +249,19 @@ class PackOnGpu:
                 chosen.run(seen.visibility, drawing.scene_buffers, target)
         return timer.last_ms
 
-    def _decode_cached(self, seen: SeenSurfaces, target: AlbedoTarget, whole: bool) -> float:
+    @property
+    def is_half_drawn(self) -> bool:
+        """Whether the last `decode` left rows of the picture for the next ones."""
+        return self._bands_left > 0
+
+    def _decode_cached(self, seen: SeenSurfaces, target: AlbedoTarget, whole: bool, in_bands: bool) -> float:
         cache, timer, name = self._tile_cache(), self.drawing.timer, "decode_cached"
         spent = 0.0
+        # Only where a picture of older tiles is shown: one that lacks tiles is to become better in every frame.
+        in_bands = in_bands and not whole and self._asked == seen.key and bool(self._ahead or self._bands_left)
+        if in_bands and self._bands_left:
+            return self._sample_band(seen, target)
+        self._bands_left = 0
         while True:
             if self._asked != seen.key or cache.must_ask_again:
                 with timer.measure(name):
@@ -258,9 +277,21 @@ class PackOnGpu:
                 spent += timer.last_ms
             if not (whole and wanted and cache.must_ask_again):
                 break
+        if in_bands:
+            self._bands_left = BANDS
+            return spent + self._sample_band(seen, target)
         with timer.measure(name):
             cache.sample(seen.visibility, self.drawing.scene_buffers, target, seen.anisotropy)
         return spent + timer.last_ms
+
+    def _sample_band(self, seen: SeenSurfaces, target: AlbedoTarget) -> float:
+        """Draw the next rows; the time in ms."""
+        timer = self.drawing.timer
+        band = (BANDS - self._bands_left, BANDS)
+        self._bands_left -= 1
+        with timer.measure("decode_cached"):
+            self._tile_cache().sample(seen.visibility, self.drawing.scene_buffers, target, seen.anisotropy, band)
+        return timer.last_ms
 
     def _textures_in(self, draw_list: DrawList) -> list[int]:
         """Encoded textures whose materials are drawn."""
@@ -280,6 +311,7 @@ class PackOnGpu:
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
             self._cached.replace_pack(made.buffers, made._ranges, made.decoders, ids)
             made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead
+            made._bands_left = self._bands_left
             self._made.remove(self._cached)
             made._made.append(made._cached)
         self.release()

@@ -169,6 +169,7 @@ class Renderer:
         self._errors = ShownErrors(context, len(scene.textures))
         self._packs: dict[str, Pack] = {}
         self._pack_versions: dict[str, int] = {}
+        self._grouping_versions: dict[tuple[int, ...], int] = {}
         self._version = self._draws = 0
         self._matches: dict[str, PackMatch] = {}
         self._decode: dict[tuple[str, Precision], PackOnGpu] = {}
@@ -376,8 +377,12 @@ class Renderer:
             seen = SeenSurfaces(
                 targets.visibility, draw_list, self._matrix, anisotropy, (view.camera, view.size, anisotropy)
             )
-            targets.slot_ms[slot] = on_gpu.decode(slot.path, seen, target, whole)
+            # A composite of the picture before is shown until all rows are drawn.
+            spent = on_gpu.decode(slot.path, seen, target, whole, in_bands=still)
             self._prepared.add(slot)
+            if on_gpu.is_half_drawn:
+                return
+            targets.slot_ms[slot] = spent
         self._draws += 1
         targets.drawn[slot] = _Drawn(self._albedo_key(view, slot), seen_key, self._draws)
 
@@ -421,7 +426,10 @@ class Renderer:
         pack = self._packs.get(source)
         if pack is None:
             return CountedGrouping(0, (-1,) * len(self._scene.textures))
-        return CountedGrouping(self._pack_versions[source], tuple(self._matches[source].decoders(pack)))
+        decoders = tuple(self._matches[source].decoders(pack))
+        # A pack that is trained keeps its grouping: nothing is to be counted anew.
+        version = self._grouping_versions.setdefault(decoders, len(self._grouping_versions) + 1)
+        return CountedGrouping(version, decoders)
 
     def _update_divergence(
         self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]

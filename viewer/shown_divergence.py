@@ -25,7 +25,7 @@ class CountedGrouping:
     """One grouping whose decoders are counted."""
 
     version: int
-    """Changes with every pack that is opened."""
+    """Changes with the decoders, and only with them."""
     decoders: tuple[int, ...] = field(compare=False)
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 

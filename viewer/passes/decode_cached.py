@@ -32,6 +32,8 @@ from viewer.tile_cache import TileCacheConfig, TileCounts
 FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
+AHEAD_MILLISECONDS = 8.0
+"""Of a frame, for tiles that are shown in an older version."""
 TILES_AT_ONCE = 8192
 """Of one dispatch: OpenGL lets none have more than 65535 work groups."""
 
@@ -149,12 +151,17 @@ class DecodeCachedPass:
 
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
-        limit = self._config.milliseconds
+        return self._fitting(None if whole else self._config.milliseconds, self._config.least_tiles)
+
+    def tiles_ahead(self) -> int:
+        """How many tiles to decode in a frame that shows the picture before: few, for nobody waits for them."""
+        return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, 1)
+
+    def _fitting(self, milliseconds: float | None, least: int) -> int:
         waiting = len(self._waiting) + len(self._stale)
-        if whole or limit is None:
+        if milliseconds is None:
             return waiting
-        fitting = 0 if self._tile_ms is None else int(limit / self._tile_ms)
-        return min(waiting, max(self._config.least_tiles, fitting))
+        return min(waiting, max(least, 0 if self._tile_ms is None else int(milliseconds / self._tile_ms)))
 
     def decode(self, count: int) -> int:
         """Decode the next `count` waiting tiles; how many it were, fewer where the budget is full of tiles that are seen."""
@@ -244,9 +251,14 @@ class DecodeCachedPass:
         self._gl.memory_barrier()
 
     def sample(
-        self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget, anisotropy: int
+        self,
+        visibility: VisibilityTarget,
+        scene_buffers: MaterialsSource,
+        target: AlbedoTarget,
+        anisotropy: int,
+        band: tuple[int, int] = (0, 1),
     ) -> None:
-        """Draw the albedo from the tiles that are there; `anisotropy` as for `request`."""
+        """Draw the albedo from the tiles that are there; `anisotropy` as for `request`, `band` (number, of) is a part of the rows."""
         defines = {**self._defines, **visibility.content.defines()}
         program = self._programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
         if program not in self._triangles:
@@ -258,7 +270,12 @@ class DecodeCachedPass:
         self._bind()
         self._atlas.use(int(TextureUnit.ATLAS))
         set_uniforms(program, {"depth": 0.0, "anisotropy": anisotropy})
-        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))
+        target.framebuffer.scissor = (0, low, target.size[0], high - low)
+        try:
+            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        finally:
+            target.framebuffer.scissor = (0, 0, *target.size)
 
     def replace_pack(
         self,

@@ -1,5 +1,6 @@
 """Training beside the window: prepares it, runs it, takes its pictures in one by one, keeps the log. No OpenGL, no torch."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -43,6 +44,10 @@ class Before:
     compare: CompareMode
 
 
+SECONDS_BETWEEN_PICTURES = 1.0
+"""Of a training: snapshots that come sooner are shown together."""
+
+
 @dataclass
 class Work:
     """The run under way."""
@@ -68,6 +73,10 @@ class Work:
     notes: tuple[str, ...] = ()
     before: "Before | None" = None
     """What was shown when the first snapshot came."""
+    is_ahead: bool = False
+    """Whether `pack` is newer than what is shown of it."""
+    put_up_at: float = -math.inf
+    """When it was shown last, monotonic seconds."""
 
     @property
     def name(self) -> str:
@@ -259,6 +268,8 @@ class LiveTraining:
             return
         for report in self._worker.poll():
             self._take(session, work, report)
+        if self._work is work:
+            self._put_up(session, work)
 
     def _take_prepared(self, session: "Session", work: Work) -> None:
         task = self._preparation
@@ -306,10 +317,18 @@ class LiveTraining:
         work.pack = apply_snapshot(work.pack, snapshot)
         first = not work.groups_seen
         work.groups_seen |= {snapshot.group}
-        session.packs = {**session.packs, work.name: work.pack}
+        work.is_ahead = True
+        self._put_up(session, work)
         if first:
             work.first_picture_seconds = time.monotonic() - work.began
             self._show_beside(session, work)
+
+    def _put_up(self, session: "Session", work: Work) -> None:
+        """Show what snapshots have brought, not too often: every picture of it costs several frames."""
+        now = time.monotonic()
+        if work.is_ahead and work.pack is not None and now - work.put_up_at >= SECONDS_BETWEEN_PICTURES:
+            work.is_ahead, work.put_up_at = False, now
+            session.packs = {**session.packs, work.name: work.pack}
 
     def _show_beside(self, session: "Session", work: Work) -> None:
         """Slot A shows the pack that changes, B what it was or should become."""

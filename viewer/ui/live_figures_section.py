@@ -33,6 +33,8 @@ def figures_state(live: LiveFigures, session: Session) -> str:
         return "switched off"
     if live.computing:
         return "computing"
+    if session.training.state not in ("idle", "paused"):
+        return "not while training"
     if live.comparison is None:
         return live.problem or "when the picture rests"
     return "of this view" if live.is_current else "of an earlier view"
