@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from ntc.errors import InputError
 from viewer.commands import (
@@ -75,7 +76,13 @@ def run_line(line: str, session: Session) -> None:
 
 def bindings(keys: Mapping[str, str]) -> Bindings:
     """Which key runs which command, with the user's `keys` (command id: key) in the place of the commands' own."""
-    return bind_keys(COMMANDS, keys)
+    return _bindings(tuple(sorted(keys.items())))
+
+
+@lru_cache(maxsize=8)
+def _bindings(keys: tuple[tuple[str, str], ...]) -> Bindings:
+    """Asked for in every frame, and the same until the settings change."""
+    return bind_keys(COMMANDS, dict(keys))
 
 
 def key_table(bound: Bindings) -> tuple[tuple[str, str], ...]:

@@ -79,6 +79,7 @@ class LatentStore:
             ],
             np.int64,
         )
+        self._mips = np.array([len(pyramid) for pyramid in self._pyramids], np.int64)
         self._used = 0
         self._without_room = 0
         self.buffer: moderngl.Buffer = gl.buffer(reserve=self._cell_bytes)
@@ -95,13 +96,10 @@ class LatentStore:
     @property
     def counts(self) -> LatentCounts:
         """What is there."""
-        total = sum(self._cells(index, 0) for index in range(len(self._textures)))
-        there = sum(self._cells(index, int(finest)) for index, finest in enumerate(self.finest))
-        pyramids = [len(pyramid) for pyramid in self._pyramids]
-        absent = sum(
-            1 for finest, count in zip(self.finest.tolist(), pyramids, strict=True) if count and finest >= count
-        )
-        return LatentCounts(there * self._cell_bytes, (total - there) * self._cell_bytes, absent, self._without_room)
+        total = int(self._cells_from[self._first_sum].sum()) * self._cell_bytes
+        there = int(self.bytes_by_texture.sum())
+        absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
+        return LatentCounts(there, total - there, absent, self._without_room)
 
     def all_levels(self) -> dict[int, int]:
         """Every mip of every texture, for `need`."""

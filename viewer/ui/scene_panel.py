@@ -65,7 +65,8 @@ def _parts(report: LoadReport, items: ItemPlaces) -> None:
 def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: ItemPlaces) -> None:
     """The content of the panel."""
     scene = session.scene
-    imgui.text_wrapped(str(scene.path or scene.name))
+    imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
+    imgui.set_item_tooltip(str(scene.path or scene.name))
     used = scene.report.used
     imgui.text_disabled(
         ", ".join(f"{used[key]:,} {key}" for key in ("triangles", "materials", "textures") if key in used)
