@@ -95,6 +95,7 @@ class Frontend:
         self._block_content: BlockContent | None = None
         self._live = LiveComparison()
         self._pixels = PixelReader()
+        self._told_of_memory = False
         self._whole_frame_ms = 0.0
         self._slot_ms: Mapping[Slot, float] = {}
         self.frames_drawn = 0
@@ -218,6 +219,7 @@ class Frontend:
             self._leave_half_arithmetic()
             return
         self._last_view = view
+        self._tell_of_memory(self._last)
         self.session.note_drawable()
         self.frames_drawn += 1
         if coarse:
@@ -228,6 +230,16 @@ class Frontend:
         self._whole_frame_ms = sum(self._last.timings_ms.values())
         for name, milliseconds in self._last.timings_ms.items():
             self._times[name].append(milliseconds)
+
+    def _tell_of_memory(self, frame: FrameResult) -> None:
+        short = any(counts.out_of_memory for counts in frame.tiles.values())
+        if short and not self._told_of_memory:
+            self.session.say(
+                "the GPU has no memory for more decoded tiles: path cached goes on with those it has; "
+                "close packs, or lower tile_cache_megabytes in settings.json",
+                "error",
+            )
+        self._told_of_memory = short
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
@@ -326,11 +338,11 @@ class Frontend:
             if session.measure_requested:
                 self._measure()
             self._compare(size)
-        except (InputError, ShaderError) as error:
+        except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             if self._renderer is None:
                 # There is no older picture to stay with.
                 raise
-            session.say(" ".join(str(error).split()), "error", str(error))
+            session.say(" ".join(str(error).split()) or "there is not enough memory", "error", str(error))
         session.measure_requested = False
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:

@@ -31,3 +31,5 @@ class TileCounts:
     """Tiles decoded so far."""
     evicted: int
     """Tiles that others have taken the place of so far."""
+    out_of_memory: bool = False
+    """Whether the GPU had less memory than the budget: the cache stays as large as it could become."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ntc import reference
 from ntc.color import srgb_to_linear
+from ntc.errors import InputError
 from ntc.latents import latent_levels
 from ntc.pack import Pack
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
@@ -18,6 +19,7 @@ from tests.support.packs import random_pack
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.context import GraphicsContext
+from viewer.gl.srgb_atlas import SrgbAtlas
 from viewer.passes import decode_cached, layout
 from viewer.passes.decode_cached import PAGE_BYTES
 from viewer.path_choice import turned
@@ -249,3 +251,28 @@ def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, 
     # Without it the picture is another.
     renderer.render(replace(view, anisotropy=1))
     assert np.abs(renderer.albedo(CACHED).reshape(-1, 3) - shown).mean() > 5e-3
+
+
+def test_a_gpu_without_memory_makes_the_cache_smaller(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = opened(graphics)
+    needed = counts(render(plain)).decoded
+    plain.release()
+    # Pages of a layer are so few here that a second layer is asked for, and refused as a driver would.
+    monkeypatch.setattr(decode_cached, "LAYER_PAGES", needed // 2)
+    grow = SrgbAtlas.grow
+    monkeypatch.setattr(SrgbAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
+    renderer = opened(graphics)
+    frame = render(renderer)
+    assert counts(frame).out_of_memory
+    assert counts(frame).resident == needed // 2
+    assert counts(frame).starved > 0
+    assert frame.waiting == 0
+    assert np.isfinite(renderer.albedo(CACHED)).all()
+    monkeypatch.setattr(SrgbAtlas, "grow", lambda *_: False)
+    none = opened(graphics)
+    with pytest.raises(InputError, match="no memory for a tile cache"):
+        render(none)
+    for made in (renderer, none):
+        made.release()

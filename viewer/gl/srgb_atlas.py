@@ -5,13 +5,15 @@ import ctypes
 from viewer.gl import functions as names
 from viewer.gl.context import GraphicsContext
 
+NO_ERROR = "GL_NO_ERROR"
+
 
 class SrgbAtlas:
     """Layers of `side` x `side` texels in GL_SRGB8_ALPHA8. Shaders cannot store into that: they write sRGB-coded numbers through a
     view of the same memory as GL_RGBA8. Grows without losing its content."""
 
     def __init__(self, context: GraphicsContext, side: int) -> None:
-        self._call, self._side = context.functions, side
+        self._gl, self._call, self._side = context.gl, context.functions, side
         self.layers = 0
         self._texture = 0
         self._view = 0
@@ -26,16 +28,24 @@ class SrgbAtlas:
         self._call("glGenTextures", 1, ctypes.addressof(handle))
         return handle.value
 
-    def grow(self, layers: int) -> None:
-        """Have at least this many layers."""
+    def grow(self, layers: int) -> bool:
+        """Have at least this many layers; False, and all as before, where the driver has no memory for them."""
         if layers <= self.layers:
-            return
+            return True
+        # What others have left behind is not this call's.
+        self._read_error()
         target, side = names.GL_TEXTURE_2D_ARRAY, self._side
         old_texture, old_view, old_layers = self._texture, self._view, self.layers
-        self._texture, self._view, self.layers = self._name(), self._name(), layers
+        self._texture, self._view = self._name(), self._name()
         self._call("glActiveTexture", names.GL_TEXTURE0)
         self._call("glBindTexture", target, self._texture)
         self._call("glTexStorage3D", target, 1, names.GL_SRGB8_ALPHA8, side, side, layers)
+        if self._read_error() != NO_ERROR:
+            self._delete(self._texture)
+            self._delete(self._view)
+            self._texture, self._view = old_texture, old_view
+            return False
+        self.layers = layers
         for name, value in (
             (names.GL_TEXTURE_MIN_FILTER, names.GL_LINEAR),
             (names.GL_TEXTURE_MAG_FILTER, names.GL_LINEAR),
@@ -49,6 +59,11 @@ class SrgbAtlas:
             self._call("glCopyImageSubData", old_texture, *place, self._texture, *place, side, side, old_layers)
             self._delete(old_view)
             self._delete(old_texture)
+        return True
+
+    def _read_error(self) -> str:
+        """OpenGL's last error, which is then forgotten."""
+        return str(self._gl.error)
 
     def use(self, unit: int) -> None:
         """Bind to a texture unit: samplers see linear light."""

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_atlas import SrgbAtlas
@@ -73,7 +74,9 @@ class DecodeCachedPass:
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
-        self._atlas.grow(1)
+        if not self._atlas.grow(1):
+            raise InputError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
+        self._out_of_memory = False
         self._places: dict[StorageBinding, moderngl.Buffer] = {
             StorageBinding.MATERIAL_TILES: gl.buffer(table.first_level_of_material.tobytes()),
             StorageBinding.TILE_LEVELS: gl.buffer(table.levels.tobytes()),
@@ -99,6 +102,7 @@ class DecodeCachedPass:
             self._kept,
             self._decoded,
             self._evicted,
+            self._out_of_memory,
         )
 
     @property
@@ -172,6 +176,10 @@ class DecodeCachedPass:
         entries = self._waiting[:count]
         if not len(entries):
             return 0
+        if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
+            # The budget was more than there is: go on with what there is.
+            self._pool.shrink(self._atlas.layers * LAYER_PAGES)
+            self._out_of_memory = True
         read = self._places[StorageBinding.PAGE_USED]
         pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
         self._forget_entries(gone)
@@ -221,7 +229,6 @@ class DecodeCachedPass:
             self._tile_ms = milliseconds / tiles
 
     def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
-        self._atlas.grow(-(-self._pool.highest // LAYER_PAGES))
         self._bind()
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))

@@ -24,6 +24,15 @@ class PagePool:
         """All pages, taken or not."""
         return len(self._entry_of_page)
 
+    def reach(self, count: int) -> int:
+        """What `highest` becomes when `count` more tiles are placed."""
+        return min(self.pages, self._fresh + max(0, count - len(self._free)))
+
+    def shrink(self, pages: int) -> None:
+        """Have no more than `pages` pages, at least as many as `highest`, from now on: there is no memory for others."""
+        self._entry_of_page = self._entry_of_page[: max(pages, self._fresh, 1)]
+        self._placed_in = self._placed_in[: len(self._entry_of_page)]
+
     @property
     def taken(self) -> int:
         """Pages that hold a tile."""
