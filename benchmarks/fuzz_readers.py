@@ -9,6 +9,7 @@ than 1 GiB for one file; its input is kept in the folder of findings, and the ru
 
 import argparse
 import hashlib
+import importlib.util
 import json
 import re
 import subprocess
@@ -125,6 +126,8 @@ def main() -> None:
     parser.add_argument("--more", action="store_true", help="add to the figures that --json names already")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args()
+    if importlib.util.find_spec("atheris") is None:
+        sys.exit("error: atheris is not installed; pip install '.[fuzz]'")
     options.findings.mkdir(parents=True, exist_ok=True)
     earlier = json.loads(options.json.read_text())["readers"] if options.more else []
     tallies: list[dict[str, Any]] = list(earlier)

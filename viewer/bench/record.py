@@ -34,7 +34,7 @@ def machine(context: GraphicsContext) -> dict[str, Any]:
         "vendor": context.info.vendor,
         "driver": context.info.version,
         "timer": PassTimer(context).kind,
-        "system": platform.platform(),
+        "system": f"{platform.system()} {platform.machine()}",
         "processor": _processor(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
