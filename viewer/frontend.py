@@ -244,12 +244,6 @@ class Frontend:
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
         last, renderer = self._last, self._renderer
-        gpu_bytes: dict[Slot, int] = {}
-        if renderer is not None:
-            for slot in (self.session.view.slot_a, self.session.view.slot_b):
-                size = renderer.gpu_bytes(slot)
-                if size is not None:
-                    gpu_bytes[slot] = size
         slots = (self.session.view.slot_a, self.session.view.slot_b)
         parts = {slot: found for slot in slots if renderer and (found := renderer.gpu_parts(slot)) is not None}
         made = len(self._thumbnails) if self._thumbnails is not None else 0
@@ -263,7 +257,7 @@ class Frontend:
             divergence=last.divergence if last else {},
             block=self._block(),
             thumbnail=self._thumbnail if self._thumbnails is not None else None,
-            gpu_bytes=gpu_bytes,
+            gpu_bytes={slot: sum(of_slot.values()) for slot, of_slot in parts.items()},
             frames_drawn=self.frames_drawn,
             live=self._live.figures,
             pixel=self._pixel(),
@@ -418,26 +412,23 @@ class Frontend:
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""
         session = self.session
-        waiting = session.measure_requested or bool(session.picture_requests) or session.recorded_path is not None
-        waiting = waiting or session.motion is not None
+        waiting = session.recorded_path is not None or session.training.is_due
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
-        opened = session.scene is not self._scene or session.packs is not self._packs
-        waiting = waiting or session.training.is_due
         comparing = self._compares and self._live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
-        return waiting or ending or opened or comparing or self._picture_is_due(size)
+        return waiting or ending or comparing or self._picture_is_due(size)
 
     def _picture_is_due(self, size: tuple[int, int]) -> bool:
-        session = self.session
-        found = self.interface.background.take_news() or self.interface.is_settling(session)
-        return found or self._is_waiting or self._view(size) != self._last_view
-
-    def is_settled(self, size: tuple[int, int]) -> bool:
-        """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
+        """Whether the next frame shows something else, because of a wish, of what was opened, or of what was found meanwhile."""
         session = self.session
         wishes = session.measure_requested or bool(session.picture_requests) or session.motion is not None
         opened = session.scene is not self._scene or session.packs is not self._packs
-        return not (wishes or opened or self._picture_is_due(size) or self._is_coarse())
+        found = self.interface.background.take_news() or self.interface.is_settling(session)
+        return wishes or opened or found or self._is_waiting or self._view(size) != self._last_view
+
+    def is_settled(self, size: tuple[int, int]) -> bool:
+        """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
+        return not (self._picture_is_due(size) or self._is_coarse())
 
     @property
     def skipped(self) -> Mapping[str, int]:

@@ -7,20 +7,10 @@ from numpy.typing import NDArray
 
 from ntc.color import srgb_to_linear
 from ntc.mips import mip_chain
-from viewer.bench.filtering import selected_lod
+from viewer.bench.filtering import selected_lod, wrapped
 from viewer.scene.model import Sampler
 
 Array = NDArray[np.float64]
-
-
-def wrapped(texel: NDArray[np.int64], texels: int, mode: str) -> NDArray[np.int64]:
-    """Texel numbers [N] inside the image."""
-    if mode == "clamp":
-        return np.clip(texel, 0, texels - 1)
-    if mode == "repeat":
-        return texel % texels
-    folded = texel % (2 * texels)
-    return np.where(folded < texels, folded, 2 * texels - 1 - folded)
 
 
 def fetch(mip: Array, uv: Array, sampler: Sampler, linear: bool) -> Array:

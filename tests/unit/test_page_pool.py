@@ -24,7 +24,7 @@ def test_free_pages_come_first_and_ask_nothing() -> None:
     pages, gone = pool.place(entries(7, 9), 1, never_asked)
     assert pages.tolist() == [0, 1]
     assert gone.tolist() == []
-    assert (pool.taken, pool.highest) == (2, 2)
+    assert (pool.taken, pool.reach(0)) == (2, 2)
 
 
 def test_the_tile_that_was_read_longest_ago_goes() -> None:

@@ -47,8 +47,8 @@ def decode_filtered(pack: Pack, texture_index: int, uv: Array, lod: Array, sampl
     return reference.decode_texels(pack, texture_index, uv, read, sampler.wrap)
 
 
-def _wrapped(texel: NDArray[np.int64], size: NDArray[np.int64], mode: WrapMode) -> NDArray[np.int64]:
-    """Texel numbers [N] inside sides of `size` [N]."""
+def wrapped(texel: NDArray[np.int64], size: NDArray[np.int64] | int, mode: WrapMode) -> NDArray[np.int64]:
+    """Texel numbers [N] inside sides of `size`, one for all or [N]."""
     if mode == "clamp":
         return np.clip(texel, 0, size - 1)
     if mode == "repeat":
@@ -79,7 +79,7 @@ def filter_decoded(pack: Pack, texture_index: int, uv: Array, lod: Array, sample
             texel = np.empty_like(corner)
             for axis in (0, 1):
                 weight *= part[:, axis] if step[axis] else 1.0 - part[:, axis]
-                texel[:, axis] = _wrapped(corner[:, axis] + step[axis], size[:, axis], sampler.wrap[axis])
+                texel[:, axis] = wrapped(corner[:, axis] + step[axis], size[:, axis], sampler.wrap[axis])
             centre = (texel + 0.5) / size
             decoded = reference.decode_texels(pack, texture_index, centre, level.astype(np.float64), sampler.wrap)
             total += weight[:, None] * (srgb_to_linear(decoded) if texture.color_space == "srgb" else decoded)

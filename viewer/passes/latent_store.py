@@ -79,14 +79,14 @@ class LatentStore:
             ],
             np.int64,
         )
-        self._mips = np.array([len(pyramid) for pyramid in self._pyramids], np.int64)
+        self._mips = np.array(counts, np.int64)
         self._used = 0
         self._without_room = 0
         self.buffer: moderngl.Buffer = gl.buffer(reserve=self._cell_bytes)
 
     def _cells(self, index: int, finest: int) -> int:
         """Cells of a texture from mip `finest` on."""
-        return sum(level.cells for level in self._pyramids[index][finest:])
+        return int(self._cells_from[self._first_sum[index] + finest])
 
     @property
     def bytes_by_texture(self) -> NDArray[np.int64]:

@@ -25,11 +25,11 @@ class PagePool:
         return len(self._entry_of_page)
 
     def reach(self, count: int) -> int:
-        """What `highest` becomes when `count` more tiles are placed."""
+        """Pages from the first to the last that was ever taken, once `count` more tiles are placed: what has to exist."""
         return min(self.pages, self._fresh + max(0, count - len(self._free)))
 
     def shrink(self, pages: int) -> None:
-        """Have no more than `pages` pages, at least as many as `highest`, from now on: there is no memory for others."""
+        """Have no more than `pages` pages, at least as many as were ever taken, from now on: there is no memory for others."""
         self._entry_of_page = self._entry_of_page[: max(pages, self._fresh, 1)]
         self._placed_in = self._placed_in[: len(self._entry_of_page)]
 
@@ -37,11 +37,6 @@ class PagePool:
     def taken(self) -> int:
         """Pages that hold a tile."""
         return self._fresh - len(self._free)
-
-    @property
-    def highest(self) -> int:
-        """Pages from the first to the last that was ever taken: what has to exist."""
-        return self._fresh
 
     def place(
         self, entries: NDArray[np.int64], frame: int, last_read: Callable[[], NDArray[np.uint32]]
