@@ -13,6 +13,8 @@ from ntc.positional import PHASES
 Array = NDArray[np.float64]
 SINGLE_UNIT = 2.0**-24
 """Relative error of a rounding to fp32."""
+COORDINATE_ERROR = 2.0**-32
+"""Largest error of a wrapped coordinate, which shaders hold in such steps (shaders/ntc/position.glsl)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,30 +53,20 @@ class InputBounds:
         return pairs.max(axis=-1).sum(axis=-1) * largest
 
 
-def _coordinate_error(texture: EncodedTexture, axis: int) -> float:
-    """Largest error of a wrapped coordinate: only `repeat` rounds, and only left of 0 (shaders/common/wrap.glsl)."""
-    return SINGLE_UNIT / 2.0 if texture.wrap[axis] == "repeat" else 0.0
-
-
-def _product_error(side: int, coordinate_error: float) -> float:
-    """Largest error of a wrapped coordinate times `side`, which is exact for powers of two but for the coordinate's own."""
-    rounding = 0.0 if side & (side - 1) == 0 else side * SINGLE_UNIT
-    return side * coordinate_error * (1.0 + SINGLE_UNIT) + rounding
-
-
-def _level_errors(texture: EncodedTexture, level: LatentLevel, config: CodecConfig) -> tuple[float, Array]:
+def _level_errors(level: LatentLevel, config: CodecConfig) -> tuple[float, Array]:
     """(error of a filtered stored latent in stored steps, [positional_inputs] errors of the waves) at one level."""
     stored = 0.0
     waves = []
     cells, texels = (level.width, level.height), (level.texel_width, level.texel_height)
     for axis in range(2):
-        coordinate = _coordinate_error(texture, axis)
-        place = _product_error(cells[axis], coordinate) + cells[axis] * SINGLE_UNIT
+        place = cells[axis] * COORDINATE_ERROR + SINGLE_UNIT
         # With one cell the place is of no effect. Neighbouring cells differ by at most the largest stored number.
         stored += config.largest_stored * (place if cells[axis] > 1 else 0.0)
-        turns = _product_error(texels[axis], coordinate)
+        # Texels within the longest period, as fp32.
+        longest = 2.0**config.positional_octaves
+        turns = texels[axis] * COORDINATE_ERROR + (longest + 1.0) * SINGLE_UNIT
         for octave in range(config.positional_octaves):
-            periods = texels[axis] / 2.0 ** (octave + 1)
+            periods = longest / 2.0 ** (octave + 1)
             for phase in PHASES:
                 rounding = 0.0 if phase == 0.0 else (periods + 1.0) * SINGLE_UNIT
                 # The wave has slope 4; of its own operations only the last ones round, near 1.
@@ -96,7 +88,7 @@ def input_bounds(texture: EncodedTexture, config: CodecConfig, lod_error: float 
     lods = np.full(config.lod_inputs, last_lod)
     low = np.concatenate([ends.min(axis=0), -ones, 0.0 * lods])
     high = np.concatenate([ends.max(axis=0), ones, lods])
-    errors = [_level_errors(texture, level, config) for level in levels]
+    errors = [_level_errors(level, config) for level in levels]
     stored = max(error for error, _ in errors)
     # Scaling, offset, shares of two levels and their sum: six roundings at most.
     reach = np.abs(offset) + np.abs(scale) * config.largest_stored

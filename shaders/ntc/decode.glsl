@@ -1,7 +1,7 @@
 // The codec (docs/codec.md): latents, positional encoding, decoder.
 #include "generated/layout.glsl"
 #include "generated/codec.glsl"
-#include "common/wrap.glsl"
+#include "ntc/position.glsl"
 
 layout(std430, binding = BINDING_TEXTURES) readonly buffer Textures {
     TextureRecord textures[];
@@ -68,11 +68,15 @@ float triangle_wave(float turns) {
     return 4.0 * abs(turns - floor(turns) - 0.5) - 1.0;
 }
 
-// Adds `share` times the features of one level at wrapped `uv` to `x`.
-void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord level, vec2 uv, ivec2 wrap, float share) {
-    vec2 at = uv * vec2(level.width, level.height) - 0.5;
-    ivec2 corner = ivec2(floor(at));
-    vec2 f = at - vec2(corner);
+const uint HALF_A_CELL = 0x80000000u;
+
+// Adds `share` times the features of one level at `uv`, in 2^-32, to `x`.
+void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord level, uvec2 uv, ivec2 wrap, float share) {
+    Place cell_x = place_along(uv.x, level.width);
+    Place cell_y = place_along(uv.y, level.height);
+    ivec2 corner = ivec2(cell_x.part, cell_y.part);
+    corner -= ivec2(cell_x.within < HALF_A_CELL, cell_y.within < HALF_A_CELL);
+    vec2 f = vec2(as_fraction(cell_x.within - HALF_A_CELL), as_fraction(cell_y.within - HALF_A_CELL));
     int left = neighbour(corner.x, level.width, wrap.x);
     int right = neighbour(corner.x + 1, level.width, wrap.x);
     int top = level.first_cell + neighbour(corner.y, level.height, wrap.y) * level.width;
@@ -86,10 +90,11 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
         x[word * 4 + 2] += latents.z;
         x[word * 4 + 3] += latents.w;
     }
-    vec2 texel = uv * vec2(level.texel_width, level.texel_height);
     int position = LATENT_CHANNELS;
     for (int axis = 0; axis < 2; ++axis) {
-        float turns = texel[axis];
+        Place texel = place_along(uv[axis], axis == 0 ? level.texel_width : level.texel_height);
+        // Whole periods of the longest wave are of no effect, and digits that fractions of a texel need.
+        float turns = float(texel.part & ((1u << POSITIONAL_OCTAVES) - 1u)) + as_fraction(texel.within);
         for (int octave = 0; octave < POSITIONAL_OCTAVES; ++octave) {
             turns *= 0.5;
             x[position] += share * triangle_wave(turns);
@@ -99,17 +104,16 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     }
 }
 
-// What the decoder reads for `record` at `uv` and `lod`. `wrap` holds WRAP_ codes.
-void decoder_input(TextureRecord record, vec2 uv, float lod, ivec2 wrap, out float x[DECODER_INPUTS]) {
-    vec2 wrapped = vec2(wrap_coordinate(uv.x, wrap.x), wrap_coordinate(uv.y, wrap.y));
+// What the decoder reads for `record` at `uv`, wrapped and in 2^-32, and `lod`. `wrap` holds WRAP_ codes.
+void decoder_input(TextureRecord record, uvec2 uv, float lod, ivec2 wrap, out float x[DECODER_INPUTS]) {
     if (isnan(lod) || isinf(lod)) lod = 0.0;
     lod = clamp(lod, float(record.finest_level), float(record.levels - 1));
     int lower = int(floor(lod));
     int upper = min(lower + 1, record.levels - 1);
     float share = lod - float(lower);
     for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = 0.0;
-    add_level(x, record, levels[record.first_level + lower], wrapped, wrap, 1.0 - share);
-    add_level(x, record, levels[record.first_level + upper], wrapped, wrap, share);
+    add_level(x, record, levels[record.first_level + lower], uv, wrap, 1.0 - share);
+    add_level(x, record, levels[record.first_level + upper], uv, wrap, share);
 #if LOD_INPUTS
     x[DECODER_INPUTS - 1] = lod * LOD_INPUT_SCALE;
 #endif
@@ -125,6 +129,6 @@ vec4 shown_result(vec4 result) {
 // Where `wanted` is false nothing is decoded and the result means nothing.
 vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
     float x[DECODER_INPUTS];
-    decoder_input(record, uv, lod, wrap, x);
+    decoder_input(record, fixed_coordinates(uv, wrap), lod, wrap, x);
     return shown_result(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0));
 }

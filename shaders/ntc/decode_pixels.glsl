@@ -25,7 +25,7 @@ void decode_pixels() {
         for (int i = 0; i < DECODER_INPUTS; ++i) inputs[i] = 0.0;
         if (wanted.texture_id >= 0 && inside) {
             any_wanted = true;
-            decoder_input(textures[id], wanted.uv, wanted.lod, wanted.wrap, inputs);
+            decoder_input(textures[id], fixed_coordinates(wanted.uv, wanted.wrap), wanted.lod, wanted.wrap, inputs);
         }
         int adapter = textures[id].adapter;
         for (int q = 0; q < PIXELS; ++q) {

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ntc.config import CodecConfig, WrapMode
 from ntc.latents import latent_levels
 from ntc.pack import Adapter, Decoder, Pack
+from ntc.pack_metadata import LARGEST_SIDE as LARGEST_PACK_SIDE
 from viewer.bench.random_pack import random_pack
 
 Array = NDArray[np.float64]
@@ -19,6 +20,7 @@ SIZES = ((64, 64), (17, 33))
 LARGEST_SIDE = 16384
 MANY_DECODERS = 2000
 HOSTILE_NUMBERS = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38, 1e20, -1e9, 16777217.0, 1e-45, -1e-30, -0.0, 0.25)
+BESIDE_AN_EDGE = (0.0, 1e-45, -1e-45, 1e-10, -1e-10, 3e-8, -3e-8, 1e-7, -1e-7, 1e-5, -1e-5)
 SMALL_CODEC = CodecConfig(hidden_width=16)
 """Of most cases: what is hostile does not depend on the width, and shaders of wide networks that emulate halves compile long."""
 
@@ -143,11 +145,14 @@ def _place_cases(pack: Pack, texels: int, random: np.random.Generator) -> list[S
         [random.uniform(-100.0, 0.0, count // 2), random.uniform(levels - 1, 100.0, count - count // 2)]
     )
     numbers = np.array(list(product(HOSTILE_NUMBERS, repeat=3)))
+    strip = wrapped_pack(random_pack(((LARGEST_PACK_SIDE, 2),), (0,), pack.config))
+    beside = random.integers(-2, 3, (count, 2)) + random.choice(BESIDE_AN_EDGE, (count, 2))
     uv = random.uniform(-2.0, 2.0, (count, 2))
     return [
         StabilityCase(
             "texel edges and centres, all wraps", wrapped, _at(wrapped, halves / (width, height), np.zeros(count))
         ),
+        StabilityCase("beside the edges of 32768 texels, all wraps", strip, _at(strip, beside, np.zeros(count))),
         StabilityCase("uv up to 1e6", wrapped, _at(wrapped, far, random.uniform(0.0, levels - 1, count))),
         StabilityCase("lod below 0 and beyond the last", wrapped, _at(wrapped, uv, beyond)),
         StabilityCase("uv and lod NaN, Inf, 3.4e38, denormal", wrapped, _at(wrapped, numbers[:, :2], numbers[:, 2])),

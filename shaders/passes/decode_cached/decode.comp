@@ -55,7 +55,8 @@ void main() {
         ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
         texel = ivec2(wrapped_texel(texel.x, size.x, wrap.x), wrapped_texel(texel.y, size.y, wrap.y));
         float inputs[DECODER_INPUTS];
-        decoder_input(record, (vec2(texel) + 0.5) / vec2(size), float(tile.level), wrap, inputs);
+        uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
+        decoder_input(record, uv, float(tile.level), wrap, inputs);
         for (int q = 0; q < PIXELS; ++q) {
             adapters[q] = q == p ? record.adapter : adapters[q];
             for (int i = 0; i < DECODER_INPUTS; ++i) x[q][i] = q == p ? inputs[i] : x[q][i];
