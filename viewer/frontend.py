@@ -27,9 +27,11 @@ from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
 from viewer.live_comparison import LiveComparison
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.passes.precision import supported_precisions
 from viewer.picture_request import PictureRequest
 from viewer.pixel_content import PixelContent
 from viewer.pixel_reading import PixelReader
+from viewer.precision_search import PrecisionSearch
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
@@ -76,6 +78,7 @@ class Frontend:
             session.say(problem, "error")
         self.interface = UserInterface()
         session.panel_titles = self.interface.panel_titles
+        self._precision = PrecisionSearch(self.interface.background, supported_precisions(context))
         self._history = FrameHistory()
         self._images = NamedImages(context)
         self._started = 0.0
@@ -325,6 +328,7 @@ class Frontend:
         self._started, self._timed = time.perf_counter(), None
         session.picture_size = size
         session.training.tick(session)
+        self._precision.step(session)
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         self._update_flicker()
         try:
@@ -428,7 +432,7 @@ class Frontend:
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
-        return not (self._picture_is_due(size) or self._is_coarse())
+        return not (self._picture_is_due(size) or self._is_coarse() or self.session.precision_wishes)
 
     @property
     def skipped(self) -> Mapping[str, int]:

@@ -8,6 +8,7 @@ from ntc.errors import InputError
 from ntc.pack import Pack
 from ntc.pack_file import read_pack
 from ntc.pack_match import PackMatch, require_match
+from ntc.precision import PrecisionChoice
 from viewer.actions import (
     Action,
     InspectBlock,
@@ -23,6 +24,7 @@ from viewer.actions import (
     SetResolution,
     SetSlot,
     SetZoom,
+    Side,
 )
 from viewer.camera import frame_all
 from viewer.camera_motion import Motion
@@ -36,7 +38,7 @@ from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.settings import ViewerSettings
 from viewer.training.live_training import LiveTraining
-from viewer.view_state import REFERENCE, PathChoice, Precision, Slot, ViewState
+from viewer.view_state import REFERENCE, PathChoice, Slot, ViewState
 
 TOAST_SECONDS = 6.0
 LONGEST_PATH = 10_000
@@ -60,7 +62,8 @@ class FirstLook:
     grouping: str | None = None
     """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
     path: PathChoice = "deferred"
-    precision: Precision = "fp32"
+    precision: PrecisionChoice = "fp32"
+    """`auto`: fp32 until the cheapest that does not show has been found."""
 
 
 def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
@@ -124,6 +127,8 @@ class Session:
         self.comparing = ComparingPanels()
         self.kept_pixel: tuple[float, float] | None = None
         """Where the pixel is that stays in the panel Pixel, as shares of the picture from its upper left corner."""
+        self.precision_wishes: frozenset[Side] = frozenset()
+        """Slots that are to get the cheapest precision that does not show."""
         self.training = LiveTraining()
         self.resolution = 1.0
         self.picture_size = settings.window_size
@@ -138,13 +143,14 @@ class Session:
         self.measurements = {}
         self.inspected = self.kept_pixel = None
         self.motion = None
+        self.precision_wishes = frozenset(("a",) if first.precision == "auto" else ())
         self.selected_texture = self.flat_texture = None
         source = self._first_source(first.grouping)
         camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, self.settings.fov_degrees)
         self.view = ViewState(
             camera=camera,
             size=self.settings.window_size,
-            slot_a=Slot(source, first.path, first.precision),
+            slot_a=Slot(source, first.path, "fp32" if first.precision == "auto" else first.precision),
             slot_b=Slot(REFERENCE),
             compare="a" if source == REFERENCE else "wipe",
             wipe_position=self.settings.wipe_position,

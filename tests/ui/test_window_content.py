@@ -1,5 +1,6 @@
 """Clicking through the user interface without a window."""
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from ntc.pack_file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.packs import random_pack
 from tests.ui.conftest import SIZE, write_scene
+from viewer.actions import RunCommand
 from viewer.commands import COMMANDS
 from viewer.commands.chords import parse_chord
 from viewer.commands.command import Command
@@ -56,6 +58,33 @@ def test_a_precision_that_the_driver_lacks_is_a_message(app: HeadlessApp) -> Non
         pytest.skip("this driver has half arithmetic")
     assert app.session.view.slot_a == Slot("clustered", "deferred", "fp16")
     assert any("no half arithmetic" in toast.text for toast in app.session.toasts)
+
+
+def test_auto_finds_the_cheapest_precision_beside_the_frames(app: HeadlessApp) -> None:
+    app.click("A precision")
+    app.click("A precision: auto")
+    for _ in range(2000):
+        app.frame()
+        if not app.session.precision_wishes:
+            break
+        time.sleep(0.01)
+    assert app.session.view.slot_a.precision != "fp32", "weights of the built-in packs are halves"
+    assert any("clustered: precision fp16" in toast.text for toast in app.session.toasts)
+
+
+def test_auto_lasts_until_another_precision_is_asked_for(app: HeadlessApp) -> None:
+    app.session.apply(RunCommand("slot.precision", ("a", "auto")))
+    assert not app.frontend.is_settled(app.size)
+    app.session.apply(RunCommand("slot.precision", ("a", "fp32")))
+    for _ in range(20):
+        app.frame()
+        time.sleep(0.01)
+    assert app.session.view.slot_a.precision == "fp32"
+
+
+def test_the_reference_has_no_precision(app: HeadlessApp) -> None:
+    app.session.apply(RunCommand("slot.precision", ("b", "auto")))
+    assert any("slot B shows the reference" in toast.text for toast in app.session.toasts)
 
 
 @pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])

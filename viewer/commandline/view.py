@@ -6,7 +6,6 @@ from pathlib import Path
 from ntc.errors import InputError
 from viewer.commandline.doctor import has_display
 from viewer.commandline.options import RenderOptions, ViewOptions
-from viewer.commandline.precision import resolve_precision
 from viewer.commandline.render import render
 from viewer.commandline.sources import choose_source, open_scene, packs_for
 from viewer.session import FirstLook
@@ -36,8 +35,7 @@ def view(options: ViewOptions) -> int:
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        precision = resolve_precision(options.precision, packs.get(source), None)
-        first = FirstLook(source, options.path, precision)
+        first = FirstLook(source, options.path, options.precision)
         return run_window(WindowContent(scene, packs, first, script, options.size, options.out))
     if script:
         raise InputError("no display (DISPLAY and WAYLAND_DISPLAY are unset) to play a script on; add --headless")

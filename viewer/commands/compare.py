@@ -4,11 +4,12 @@ from dataclasses import replace
 from typing import cast, get_args
 
 from ntc.errors import InputError
+from ntc.precision import PrecisionChoice
 from viewer.actions import Side
 from viewer.commands.command import Command, Parameter, fixed
 from viewer.session import Session
 from viewer.settings import ANISOTROPIES, FLICKER_RANGE, GAIN_RANGE
-from viewer.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Precision, Slot
+from viewer.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Slot
 
 MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 NEXT_PATH: dict[PathChoice, PathChoice] = {
@@ -38,8 +39,14 @@ def _path(session: Session, side: str, path: PathChoice) -> None:
     _set_slot(session, side, replace(_slot(session, side), path=path))
 
 
-def _precision(session: Session, side: str, precision: Precision) -> None:
-    _set_slot(session, side, replace(_slot(session, side), precision=precision))
+def _precision(session: Session, side: Side, precision: PrecisionChoice) -> None:
+    session.precision_wishes -= {side}
+    if precision != "auto":
+        _set_slot(session, side, replace(_slot(session, side), precision=precision))
+    elif _slot(session, side).source == REFERENCE:
+        raise InputError(f"slot {side.upper()} shows the reference, which has no precision; show a pack in it first")
+    else:
+        session.precision_wishes |= {side}
 
 
 def _mode(session: Session, mode: CompareMode) -> None:
@@ -113,7 +120,12 @@ def _measure(session: Session) -> None:
 
 SOURCE = Parameter("source", "choice", '"reference" or an open pack', lambda session: session.sources)
 PATH = Parameter("path", "choice", "decode path", fixed(*cast(tuple[str, ...], get_args(PathChoice))))
-PRECISION = Parameter("precision", "choice", "of the decoders", fixed(*cast(tuple[str, ...], get_args(Precision))))
+PRECISION = Parameter(
+    "precision",
+    "choice",
+    "of the decoders; auto: the cheapest that does not show",
+    fixed(*cast(tuple[str, ...], get_args(PrecisionChoice))),
+)
 MODE = Parameter("mode", "choice", "what is shown", fixed(*MODES))
 POSITION = Parameter("position", "number", "share of the width or height, 0 to 1", default="0.5")
 RATE = Parameter("rate", "number", "Hz: times a second that both are shown; 0 stops", default="2")

@@ -6,6 +6,7 @@ from typing import get_args
 from imgui_bundle import imgui
 
 from ntc.divergence import cut_percent
+from ntc.precision import PrecisionChoice
 from viewer.actions import (
     RunCommand,
     SetAnisotropy,
@@ -22,7 +23,7 @@ from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.live_figures_section import draw_difference, draw_flicker, draw_live_figures
 from viewer.ui.widgets import combo
-from viewer.view_state import REFERENCE, CompareMode, PathChoice, Precision, Slot
+from viewer.view_state import REFERENCE, CompareMode, PathChoice, Slot
 
 MODES: tuple[tuple[CompareMode, str], ...] = (
     ("a", "A"),
@@ -52,12 +53,11 @@ def _slot(side: Side, slot: Slot, session: Session, emit: Emit, items: ItemPlace
         path = combo(f"{letter} path", slot.path, get_args(PathChoice), items)
         imgui.same_line()
         imgui.set_next_item_width(0.24 * room)
-        precision = combo(f"{letter} precision", slot.precision, get_args(Precision), items)
-        changed = replace(
-            changed,
-            path=next(value for value in get_args(PathChoice) if value == path),
-            precision=next(value for value in get_args(Precision) if value == precision),
-        )
+        shown = "auto" if side in session.precision_wishes else slot.precision
+        precision = combo(f"{letter} precision", shown, get_args(PrecisionChoice), items)
+        if precision != shown:
+            emit(RunCommand("slot.precision", (side, precision)))
+        changed = replace(changed, path=next(value for value in get_args(PathChoice) if value == path))
     if changed != slot:
         emit(SetSlot(side, changed))
 
