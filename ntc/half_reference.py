@@ -27,7 +27,8 @@ def run_decoder_in_half(
 ) -> Single:
     """[N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
 
-    Products are halves. With `accumulate` sums are, too, and everything else that is computed; otherwise it is single.
+    Products are halves. With `accumulate` sums of hidden layers are, too, two for each neuron: of inputs with even and with odd
+    numbers. Outputs are summed up in single precision, four products at a time.
     """
     rounded = to_half if accumulate else (lambda values: values)
     slope = rounded(np.full(1, leaky_slope, np.float32))
@@ -36,9 +37,12 @@ def run_decoder_in_half(
     for index, (weight, bias) in enumerate(zip(decoder.weights[:-1], decoder.biases[:-1], strict=True)):
         weight, bias = as_stored(weight), as_stored(bias)
         adapted = adapter is not None
-        sums = np.broadcast_to(np.float32(0.0) if adapted else bias, (len(values), len(weight))).astype(np.float32)
+        start = np.broadcast_to(np.float32(0.0) if adapted else bias, (len(values), len(weight))).astype(np.float32)
+        halves = [start, np.zeros_like(start)]
         for column in range(weight.shape[1]):
-            sums = rounded(sums + to_half(values[:, column, None] * weight[:, column]))
+            own = column % 2 if accumulate else 0
+            halves[own] = rounded(halves[own] + to_half(values[:, column, None] * weight[:, column]))
+        sums = rounded(halves[0] + halves[1])
         if adapter is not None:
             scaled = rounded(as_stored(adapter.scales[index]) * sums)
             sums = rounded(scaled + as_stored(adapter.biases[index]))
@@ -52,7 +56,7 @@ def run_decoder_in_half(
     for first in range(0, weight.shape[1], 4):
         products = to_half(values[:, None, first : first + 4] * weight[:, first : first + 4])
         pairs = rounded(products[..., 0::2] + products[..., 1::2])
-        result = rounded(result + rounded(pairs[..., 0] + pairs[..., 1]))
+        result = result + rounded(pairs[..., 0] + pairs[..., 1])
     return result
 
 

@@ -1,5 +1,6 @@
 // The arithmetic of the network: single precision, or halves as far as HALF_ARITHMETIC says.
-// 1: products are halves, sums are not. 2: everything is a half. HALF_EMULATED rounds single precision after each step instead.
+// 1: products are halves, sums are not. 2: sums of hidden layers are, too. HALF_EMULATED rounds single precision after each step
+// instead. Outputs are summed up in single precision: a sixteenth of the last layer's additions, and most of what is seen of rounding.
 #ifndef HALF_ARITHMETIC
 #define HALF_ARITHMETIC 0
 #endif
@@ -52,7 +53,6 @@ float to_half(float value) {
 #define LEAKY(sum, slope) max(sum, slope * sum)
 #define AS_FACTORS(sum) (sum)
 #define PRODUCT_SUM(values, w) dot(values, w)
-#define ADD_OUTPUT(result, value) result += value
 #elif !HALF_EMULATED
 #define ADD_PRODUCT(sum, w, value) sum += SUMS(w * value)
 #define ADAPTED(sum, scale, bias) (SUMS(scale) * sum + SUMS(bias))
@@ -62,8 +62,7 @@ SUM product_sum(FACTORS values, FACTORS w) {
     SUMS products = SUMS(values * w);
     return (products.x + products.y) + (products.z + products.w);
 }
-#define PRODUCT_SUM(values, w) product_sum(FACTORS(values), FACTORS(w))
-#define ADD_OUTPUT(result, value) result += value
+#define PRODUCT_SUM(values, w) float(product_sum(FACTORS(values), FACTORS(w)))
 #elif HALF_ARITHMETIC == 1
 #define ADD_PRODUCT(sum, w, value) sum += to_half(w * value)
 #define ADAPTED(sum, scale, bias) (scale * sum + bias)
@@ -74,7 +73,6 @@ float product_sum(vec4 values, vec4 w) {
     return (products.x + products.y) + (products.z + products.w);
 }
 #define PRODUCT_SUM(values, w) product_sum(values, w)
-#define ADD_OUTPUT(result, value) result += value
 #else
 #define ADD_PRODUCT(sum, w, value) sum = to_half(sum + to_half(w * value))
 #define ADAPTED(sum, scale, bias) to_half(to_half(scale * sum) + bias)
@@ -85,5 +83,19 @@ float product_sum(vec4 values, vec4 w) {
     return to_half(to_half(products.x + products.y) + to_half(products.z + products.w));
 }
 #define PRODUCT_SUM(values, w) product_sum(values, w)
-#define ADD_OUTPUT(result, value) result = to_half(result + value)
+#endif
+
+// Two sums for each neuron where they are halves, of inputs with even and with odd numbers: half as many roundings on the way.
+#if HALF_ARITHMETIC == 2
+#define ODD_SUM(odd) SUMS odd = SUMS(0.0);
+#define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(odd, w, value)
+#if HALF_EMULATED
+#define JOIN_SUMS(sum, odd) sum = to_half(sum + odd);
+#else
+#define JOIN_SUMS(sum, odd) sum += odd;
+#endif
+#else
+#define ODD_SUM(odd)
+#define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(sum, w, value)
+#define JOIN_SUMS(sum, odd)
 #endif

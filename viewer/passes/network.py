@@ -14,6 +14,13 @@ from viewer.view_state import Precision
 PARTS = "xyzw"
 
 
+def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
+    """GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
+    if number % 2:
+        return f"ADD_ODD_PRODUCT({sum_name}, {odd_name}, {weight}, {value});"
+    return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
+
+
 class NetworkLayout:
     """Where the weights of one decoder lie, in blocks of four numbers.
 
@@ -87,18 +94,16 @@ def network_glsl(config: CodecConfig) -> str:
     slope = repr(float(config.leaky_slope))
 
     def start(bias: int) -> list[str]:
-        return [
-            "        SUMS sum = SUMS(0.0);"
-            if config.adapters
-            else f"        SUMS sum = SUMS(weight(base + {bias} + k));"
-        ]
+        first = "0.0" if config.adapters else f"weight(base + {bias} + k)"
+        return [f"        SUMS sum = SUMS({first});", "        ODD_SUM(odd)"]
 
     def finish(hidden_layer: int) -> list[str]:
+        join = "        JOIN_SUMS(sum, odd)"
         if not config.adapters:
-            return []
+            return [join]
         scales = 2 * hidden_layer * layout.hidden_blocks
         biases = scales + layout.hidden_blocks
-        return [f"        sum = ADAPTED(sum, weight(adapter + {scales} + k), weight(adapter + {biases} + k));"]
+        return [join, f"        sum = ADAPTED(sum, weight(adapter + {scales} + k), weight(adapter + {biases} + k));"]
 
     third, third_bias = f"base + {layout.third}", f"base + {layout.third_bias}"
     if config.adapter_output:
@@ -111,11 +116,14 @@ def network_glsl(config: CodecConfig) -> str:
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + k * {layout.inputs};",
         *start(layout.first_bias),
-        *[f"        ADD_PRODUCT(sum, FACTORS(weight(row + {i})), FACTOR(x[{i}]));" for i in range(layout.inputs)],
+        *[
+            f"        {_add_product('sum', 'odd', i, f'FACTORS(weight(row + {i}))', f'FACTOR(x[{i}])')}"
+            for i in range(layout.inputs)
+        ],
         *finish(0),
         f"        hidden[k] = AS_FACTORS(LEAKY(sum, {slope}));",
         "    }",
-        f"    SUMS result = SUMS(weight({third_bias}));",
+        f"    vec4 result = weight({third_bias});",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
@@ -123,16 +131,17 @@ def network_glsl(config: CodecConfig) -> str:
     for block in range(layout.hidden_blocks):
         lines.append(f"        {{ FACTORS h = hidden[{block}];")
         lines += [
-            f"          ADD_PRODUCT(sum, FACTORS(weight(row + {4 * block + part})), h.{PARTS[part]});"
+            "          "
+            + _add_product("sum", "odd", part, f"FACTORS(weight(row + {4 * block + part}))", f"h.{PARTS[part]}")
             for part in range(4)
         ]
         lines.append("        }")
     lines += [*finish(1), f"        sum = LEAKY(sum, {slope});"]
     lines += [
-        f"        ADD_OUTPUT(result.{PARTS[output]}, PRODUCT_SUM(sum, weight({third} + {output * layout.hidden_blocks} + k)));"
+        f"        result.{PARTS[output]} += PRODUCT_SUM(sum, weight({third} + {output * layout.hidden_blocks} + k));"
         for output in range(layout.outputs)
     ]
-    lines += ["    }", "    return vec4(result);", "}", ""]
+    lines += ["    }", "    return result;", "}", ""]
     return "\n".join(lines)
 
 
@@ -150,7 +159,8 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
 
     def start(bias: int) -> list[str]:
         first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
-        return [f"        SUMS first = SUMS({first});", *(f"        SUMS sum{p} = first;" for p in pixels)]
+        sums = [f"        SUMS sum{p} = first; ODD_SUM(odd{p})" for p in pixels]
+        return [f"        SUMS first = SUMS({first});", *sums]
 
     def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
         """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
@@ -160,7 +170,8 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
             lines.append("        {")
             lines += [f"          FACTORS w{i - first} = FACTORS(decoder_weight({row} + {i}));" for i in numbers]
             lines += [
-                "          " + " ".join(f"ADD_PRODUCT(sum{p}, w{i - first}, {values[p][i]});" for i in numbers)
+                "          "
+                + " ".join(_add_product(f"sum{p}", f"odd{p}", i, f"w{i - first}", values[p][i]) for i in numbers)
                 for p in pixels
             ]
             lines.append("        }")
@@ -169,6 +180,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     def finish(hidden_layer: int) -> list[str]:
         lines = []
         for p in pixels:
+            lines.append(f"        JOIN_SUMS(sum{p}, odd{p})")
             if config.adapters:
                 scales = 2 * hidden_layer * layout.hidden_blocks
                 biases = scales + layout.hidden_blocks
@@ -205,7 +217,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     for p in pixels:
         bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
         own = bias if config.adapter_output else f"decoder_weight({layout.third_bias})"
-        lines.append(f"    SUMS result{p} = SUMS({own});")
+        lines.append(f"    vec4 result{p} = {own};")
     lines += [
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = {layout.second} + k * {layout.hidden};",
@@ -220,6 +232,6 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
         for p in pixels:
             own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
             weight = own if config.adapter_output else f"out{output}"
-            lines.append(f"        ADD_OUTPUT(result{p}.{PARTS[output]}, PRODUCT_SUM(sum{p}, {weight}));")
-    lines += ["    }", *(f"    results[{p}] = vec4(result{p});" for p in pixels), "}", ""]
+            lines.append(f"        result{p}.{PARTS[output]} += PRODUCT_SUM(sum{p}, {weight});")
+    lines += ["    }", *(f"    results[{p}] = result{p};" for p in pixels), "}", ""]
     return "\n".join(lines)
