@@ -18,7 +18,14 @@ from viewer.folders import config_folder
 from viewer.frontend import SETTLING_FRAMES, Frontend
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.imgui_window import ImguiWindow, Placement
-from viewer.loss_recovery import MOST_LOSSES, RECOVERED, RESET_SECONDS, LossHistory, last_words, open_again
+from viewer.loss_recovery import (
+    MOST_LOSSES,
+    RECOVERED,
+    RESET_SECONDS,
+    LossHistory,
+    last_words,
+    open_again,
+)
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
 from viewer.script.play import play_script
@@ -193,6 +200,7 @@ class WindowApp:
 
     def _recover(self, window: ImguiWindow, lost: ContextLostError) -> None:
         """Go on in a new window with what is in memory. Raises InputError, with the view kept as a file, where that fails."""
+        window.leave_frame(lost)
         placement, layout = window.placement, window.layout()
         window.context.reset.wait_until_over(RESET_SECONDS)
         self._close_window()
@@ -203,7 +211,7 @@ class WindowApp:
         except InputError as error:
             raise last_words(self.session, lost, str(error)) from error
         self.frontend = Frontend(window.context, self.session, self.frontend.pictures)
-        self.session.say(RECOVERED)
+        self.session.say(RECOVERED, details=str(lost))
         self._wake()
 
     def _close_window(self) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import traceback
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from moderngl_window.context.glfw.window import Window
 
 from ntc.errors import InputError
 from viewer.gl.context import REQUIRED_VERSION, GraphicsContext, wrap_context
-from viewer.gl.context_loss import SimulatedLosses
+from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 
 TITLE = "ntc-viewer"
 
@@ -136,11 +137,23 @@ class ImguiWindow:
         """How panels are docked, for the next window."""
         return imgui.save_ini_settings_to_memory()
 
+    def leave_frame(self, lost: ContextLostError) -> None:
+        """End the frame that `lost` broke off, maybe inside of a panel; there is none after it.
+
+        What the broken calls held is let go: parts of ImGui must not outlive its context.
+        """
+        io = imgui.get_io()
+        # ImGui then closes what is open, and is not to complain.
+        io.config_error_recovery_enable_assert = io.config_error_recovery_enable_debug_log = False
+        behind: BaseException | None = lost
+        while behind is not None:
+            traceback.clear_frames(behind.__traceback__)
+            behind = behind.__cause__ or behind.__context__
+        if imgui.get_frame_count() > 0:
+            imgui.end_frame()
+
     def close(self) -> None:
         """Free everything; whatever a lost context refuses goes with it."""
-        # A frame may have ended half-way, inside of a panel.
-        with contextlib.suppress(Exception):
-            imgui.end_frame()
         for free in (imgui.backends.opengl3_shutdown, imgui.backends.glfw_shutdown):
             with contextlib.suppress(Exception):
                 free()
