@@ -134,8 +134,8 @@ class ImguiWindow:
         imgui.new_frame()
 
     def layout(self) -> str:
-        """How panels are docked, for the next window."""
-        return imgui.save_ini_settings_to_memory()
+        """How panels are docked, for the next window; "" before the first frame, in which it is read."""
+        return imgui.save_ini_settings_to_memory() if imgui.get_frame_count() > 0 else ""
 
     def leave_frame(self, lost: ContextLostError) -> None:
         """End the frame that `lost` broke off, maybe inside of a panel; there is none after it.
