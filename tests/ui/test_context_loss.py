@@ -179,3 +179,53 @@ def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) ->
     assert "could not be kept" in line
     assert list(tmp_path.iterdir()) == [session.pictures_folder]
     session.close()
+
+
+ROBUST_UNDER_EGL = """
+from imgui_bundle import imgui
+import glfw
+from viewer import imgui_window
+# Drivers have it under EGL more often than under GLX; moderngl knows only GLX here.
+glfw.NATIVE_CONTEXT_API = glfw.EGL_CONTEXT_API
+imgui_window.Window.init_mgl_context = imgui_window.Window.set_default_viewport = lambda self: None
+for robust in (True, False):
+    window = imgui_window._open((64, 64), robust)
+    print(glfw.get_window_attrib(window._window, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
+    window.destroy()
+"""
+REFUSED = """
+from imgui_bundle import imgui
+import glfw
+from viewer import imgui_window
+create, hint, asked = glfw.create_window, glfw.window_hint, []
+def note(name, value):
+    asked.append(name)
+    hint(name, value)
+def refuse(*arguments):
+    wanted, asked[:] = glfw.CONTEXT_ROBUSTNESS in asked, []
+    print("robust" if wanted else "plain")
+    return None if wanted else create(*arguments)
+glfw.window_hint, glfw.create_window = note, refuse
+window = imgui_window._open_robust_if_possible((64, 64))
+print(glfw.get_window_size(window._window))
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"), [(ROBUST_UNDER_EGL, ["True", "False"]), (REFUSED, ["robust", "plain", "(64, 64)"])]
+)
+def test_a_robust_context_is_asked_for_and_can_be_refused(
+    display: str, tmp_path: Path, code: str, expected: list[str]
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment(display, tmp_path),
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    if code == ROBUST_UNDER_EGL and (ran.returncode != 0 or ran.stdout.split() == ["False", "False"]):
+        pytest.skip("EGL on this screen has no robust contexts")
+    assert ran.stdout.splitlines() == expected, ran.stderr
+    assert ran.stderr == ""
