@@ -138,7 +138,7 @@ def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while the worker trains: it goes on to its end."""
     session = app.session
     app.run(FRAMES)
-    session.run_command("training.encode", ("single", "auto", "32", "100steps"))
+    session.run_command("training.encode", ("single", "auto", "32", "40steps"))
     workers, states = set(), []
     began = time.monotonic()
     while session.training.work is not None and time.monotonic() - began < PATIENCE:
