@@ -46,6 +46,7 @@ def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 
     assert "Traceback" not in ran.stderr
     found: dict[str, Any] = json.loads(ran.stdout)
     assert found["imgui_contexts_left"] == 0
+    assert found["threads"] == 1
     alive = found["alive_at_the_end"]
     # The window's own framebuffer has nothing to be freed.
     assert alive.pop("Framebuffer") <= 1
@@ -94,8 +95,8 @@ def test_losses_leave_nothing_behind(display: str, scene_path: Path, tmp_path: P
     # Comparisons and thumbnails come when they come; what a second window holds is twice as much.
     totals = [sum(alive.values()) for alive in found["objects"]]
     assert max(totals) < 1.5 * min(totals), found["objects"]
-    assert len(set(found["handles"][1:])) == 1
-    assert found["threads"] == 1
+    # A comparison may be under way, with a pipe; a window that stays open would add to it each time.
+    assert found["handles"][-1] < found["handles"][0] + 4
 
 
 def test_a_loss_in_the_midst_of_a_panel(display: str, scene_path: Path, tmp_path: Path) -> None:
