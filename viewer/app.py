@@ -1,6 +1,6 @@
 """The window: moderngl-window with glfw, ImGui's own backends, and a loop that rests while nothing changes."""
 
-import ctypes
+import contextlib
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -8,16 +8,24 @@ from pathlib import Path
 from typing import Any
 
 # Before glfw: each of the two brings a libglfw, and both must use the same.
-from imgui_bundle import imgui, implot  # isort: skip
+import imgui_bundle  # noqa: F401  # isort: skip
 import glfw
-from moderngl_window.context.glfw.window import Window
 
 from ntc.errors import InputError
 from ntc.pack import Pack
 from viewer.actions import OpenFile
 from viewer.folders import config_folder
 from viewer.frontend import SETTLING_FRAMES, Frontend
-from viewer.gl.context import REQUIRED_VERSION, wrap_context
+from viewer.gl.context_loss import ContextLostError, SimulatedLosses
+from viewer.imgui_window import ImguiWindow, Placement
+from viewer.loss_recovery import (
+    MOST_LOSSES,
+    RECOVERED,
+    RESET_SECONDS,
+    LossHistory,
+    last_words,
+    open_again,
+)
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
 from viewer.script.play import play_script
@@ -25,7 +33,6 @@ from viewer.session import FirstLook, Session
 from viewer.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
 from viewer.ui.theme import Appearance
 
-TITLE = "ntc-viewer"
 IDLE_SECONDS = 0.2
 """Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
 FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
@@ -49,16 +56,6 @@ class WindowContent:
     """Folder for pictures, views and paths."""
 
 
-def _open_window(size: tuple[int, int]) -> Window:
-    version = (REQUIRED_VERSION // 100, REQUIRED_VERSION // 10 % 10)
-    try:
-        return Window(title=TITLE, size=size, gl_version=version, resizable=True, vsync=True, aspect_ratio=None)
-    except Exception as error:
-        raise InputError(
-            f"no window could be opened ({error}); check DISPLAY and the OpenGL driver, or use ntc-viewer render"
-        ) from error
-
-
 class WindowApp:
     """A window around a Frontend."""
 
@@ -71,35 +68,30 @@ class WindowApp:
             make_config_folder(folder)
         except InputError as error:
             self._folder, problem = None, f"{error}; settings are not kept"
-        self._window = _open_window(content.size or settings.window_size)
-        self._handle: Any = self._window._window
-        self._context = wrap_context(self._window.ctx, self._address)
-        imgui.create_context()
-        implot.create_context()
-        io = imgui.get_io()
-        io.set_ini_filename(str(self._folder / LAYOUT_FILE) if self._folder is not None else "")
-        io.config_flags |= imgui.ConfigFlags_.docking_enable
-        self._appearance = Appearance()
+        self._losses, self._lost_before = SimulatedLosses.of_environment(), LossHistory()
+        self._size = content.size or settings.window_size
+        """In screen units, as it was last."""
         self._awake = SETTLING_FRAMES
-        self._listen()
-        # ImGui's callbacks pass every event on to the ones that are installed before them.
-        address = ctypes.cast(self._handle, ctypes.c_void_p).value or 0
-        imgui.backends.glfw_init_for_opengl(address, True)
-        imgui.backends.opengl3_init("#version 330")
+        self._appearance = Appearance()
+        self._window: ImguiWindow | None = None
+        window = self._open(Placement(self._size))
         self.session = Session(content.scene, content.packs, settings, content.first)
-        self.frontend = Frontend(self._context, self.session, content.pictures)
+        self.frontend = Frontend(window.context, self.session, content.pictures)
         self._playing: Iterator[None] | None = play_script(content.script, self) if content.script else None
         if problem is not None:
             self.session.say(problem, "error")
 
-    @staticmethod
-    def _address(name: str) -> int:
-        return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+    def _open(self, placement: Placement, layout: str = "") -> ImguiWindow:
+        layout_file = self._folder / LAYOUT_FILE if self._folder is not None else None
+        self._window = ImguiWindow(placement, layout_file, layout, self._listen, self._losses)
+        self._handle: Any = self._window.handle
+        self._appearance = Appearance()
+        return self._window
 
     def _wake(self, *_event: object) -> None:
         self._awake = SETTLING_FRAMES
 
-    def _listen(self) -> None:
+    def _listen(self, handle: Any) -> None:
         for listen in (
             glfw.set_cursor_pos_callback,
             glfw.set_mouse_button_callback,
@@ -109,9 +101,9 @@ class WindowApp:
             glfw.set_window_refresh_callback,
             glfw.set_cursor_enter_callback,
         ):
-            listen(self._handle, self._wake)
+            listen(handle, self._wake)
         listen_to_drops: Any = glfw.set_drop_callback
-        listen_to_drops(self._handle, self._dropped)
+        listen_to_drops(handle, self._dropped)
 
     def _dropped(self, _window: object, paths: Any, *_rest: object) -> None:
         for path in paths:
@@ -125,14 +117,12 @@ class WindowApp:
         asked = glfw.get_window_content_scale(self._handle)[0]
         return min(max(asked * width / max(pixels, 1), 1.0), LARGEST_MONITOR_SCALE)
 
-    def _frame(self, size: tuple[int, int]) -> None:
+    def _frame(self, window: ImguiWindow, size: tuple[int, int]) -> None:
         settings = self.session.settings
         self._appearance.apply(settings.theme, settings.ui_scale, self._monitor_scale())
-        imgui.backends.opengl3_new_frame()
-        imgui.backends.glfw_new_frame()
-        imgui.new_frame()
+        window.new_frame()
         draw_data = self.frontend.build(size)
-        screen = self._context.gl.screen
+        screen = window.context.gl.screen
         screen.viewport = (0, 0, *size)
         self.frontend.paint(screen, draw_data)
         glfw.swap_buffers(self._handle)
@@ -166,27 +156,73 @@ class WindowApp:
         self._wake()
 
     def run(self, frames: int | None = None) -> None:
-        """Draw until the window is closed, or `frames` frames have been drawn."""
+        """Draw until the window is closed, or `frames` frames have been drawn.
+
+        Goes on in a new window where the OpenGL context is lost. Raises InputError where that cannot be, or not any more.
+        """
         drawn = 0
         last_size = (0, 0)
-        while not (glfw.window_should_close(self._handle) or self.session.closing or drawn == frames):
-            glfw.poll_events()
-            width, height = glfw.get_framebuffer_size(self._handle)
-            if width <= 0 or height <= 0:
-                # Minimised.
-                glfw.wait_events_timeout(IDLE_SECONDS)
-                continue
-            if (width, height) != last_size or self.frontend.needs_frame((width, height)):
-                self._wake()
-            last_size = (width, height)
-            if drawn > 0:
-                self._play_on()
-            if self._awake > 0 or self._keys_held() or frames is not None:
-                self._awake = max(0, self._awake - 1)
-                self._frame((width, height))
-                drawn += 1
-            elif not self.frontend.prepare_next():
-                glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
+        while self._window is not None and not (
+            glfw.window_should_close(self._handle) or self.session.closing or drawn == frames
+        ):
+            try:
+                with self._window.context.reset.watched():
+                    size = self._next_size()
+                    if size != last_size:
+                        self._wake()
+                    last_size = size
+                    drawn += self._step(self._window, size, started=drawn > 0, always=frames is not None)
+            except ContextLostError as lost:
+                self._recover(self._window, lost)
+
+    def _next_size(self) -> tuple[int, int]:
+        """(width, height) of the content in pixels, after what has happened; 0 while it is minimised."""
+        glfw.poll_events()
+        self._size = glfw.get_window_size(self._handle)
+        return self.size
+
+    def _step(self, window: ImguiWindow, size: tuple[int, int], started: bool, always: bool) -> int:
+        """Draw a frame if there is cause to, else do something for the next one, or rest. The number of frames drawn."""
+        if min(size) <= 0:
+            glfw.wait_events_timeout(IDLE_SECONDS)
+            return 0
+        if self.frontend.needs_frame(size):
+            self._wake()
+        if started:
+            self._play_on()
+        if self._awake > 0 or self._keys_held() or always:
+            self._awake = max(0, self._awake - 1)
+            self._frame(window, size)
+            return 1
+        if not self.frontend.prepare_next():
+            glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
+        return 0
+
+    def _recover(self, window: ImguiWindow, lost: ContextLostError) -> None:
+        """Go on in a new window with what is in memory. Raises InputError, with the view kept as a file, where that fails."""
+        window.leave_frame(lost)
+        placement, layout = window.placement, window.layout()
+        window.context.reset.wait_until_over(RESET_SECONDS)
+        self._close_window()
+        if self._lost_before.add():
+            raise last_words(self.session, lost, f"{MOST_LOSSES} times within a minute") from lost
+        try:
+            window = open_again(lambda: self._open(placement, layout))
+        except InputError as error:
+            raise last_words(self.session, lost, str(error)) from error
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.frontend.pictures)
+        self.frontend.interface.take_over(earlier.interface)
+        self.session.say(RECOVERED, details=str(lost))
+        self._wake()
+
+    def _close_window(self) -> None:
+        """Free what is on the GPU, and the window. The session stays."""
+        window, self._window = self._window, None
+        if window is not None:
+            with contextlib.suppress(Exception):
+                # What a lost context refuses to free goes with it.
+                self.frontend.release()
+            window.close()
 
     def _keys_held(self) -> bool:
         """Whether a held key moves the camera."""
@@ -194,7 +230,7 @@ class WindowApp:
 
     def close(self) -> None:
         """Remember settings and layout, and free everything."""
-        width, height = glfw.get_window_size(self._handle)
+        width, height = self._size
         settings = self.session.present_settings()
         try:
             if width > 0 and height > 0:
@@ -203,12 +239,7 @@ class WindowApp:
                 save_settings(self._folder, settings)
         finally:
             self.session.close()
-            self.frontend.release()
-            imgui.backends.opengl3_shutdown()
-            imgui.backends.glfw_shutdown()
-            implot.destroy_context()
-            imgui.destroy_context()
-            self._window.destroy()
+            self._close_window()
 
 
 def run_window(content: WindowContent) -> int:

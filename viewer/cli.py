@@ -22,6 +22,7 @@ from viewer.commandline.study_options import (
     StabilityStudyOptions,
     TrainingStudyOptions,
 )
+from viewer.gl.context_loss import ContextLostError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -90,6 +91,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return run(parse_arguments(sys.argv[1:] if arguments is None else arguments))
     except InputError as error:
         sys.stderr.write(f"error: {error}\n")
+        return BAD_INPUT
+    except ContextLostError as lost:
+        sys.stderr.write(
+            f"error: {lost}; what was not finished has not been written; run it again, "
+            "or without the GPU: LIBGL_ALWAYS_SOFTWARE=1\n"
+        )
         return BAD_INPUT
     except BrokenPipeError:
         # The reader of a pipe (`| head`) has gone: nothing is left to say to it.

@@ -113,6 +113,7 @@ class Frontend:
             try:
                 made = Renderer(self._context, self.session.scene, tile_cache=self._tile_cache())
             except InputError as error:
+                self._context.reset.check_after(error)
                 if self._renderer is None or not self.session.put_away_undrawable():
                     raise
                 self.session.say(str(error), "error")
@@ -218,6 +219,7 @@ class Frontend:
         try:
             self._last = renderer.render(view, whole)
         except InputError as error:
+            self._context.reset.check_after(error)
             self.session.say(str(error), "error")
             self._leave_half_arithmetic()
             return
@@ -337,6 +339,7 @@ class Frontend:
                 self._measure()
             self._compare(size)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
+            self._context.reset.check_after(error)
             if self._renderer is None:
                 # There is no older picture to stay with.
                 raise
@@ -354,7 +357,7 @@ class Frontend:
         return imgui.get_draw_data()
 
     def paint(self, framebuffer: moderngl.Framebuffer, draw_data: imgui.ImDrawData) -> None:
-        """Put what `build` made onto a framebuffer."""
+        """Put what `build` made onto a framebuffer. Raises ContextLostError; pictures that were asked for still are then."""
         framebuffer.use()
         framebuffer.clear(*BACKGROUND)
         imgui.backends.opengl3_render_draw_data(draw_data)
@@ -362,9 +365,10 @@ class Frontend:
         self._context.gl.enable_only(moderngl.NOTHING)
         if self._timed is not None:
             self._history.add(self._timed, 1000.0 * (time.perf_counter() - self._started))
-        requests, self.session.picture_requests = self.session.picture_requests, ()
-        for request in requests:
+        self._context.reset.check()
+        for request in self.session.picture_requests:
             self._write_picture(request, framebuffer)
+            self.session.picture_requests = self.session.picture_requests[1:]
         if self.session.recorded_path is not None:
             self._write_path(self.session.recorded_path)
             self.session.recorded_path = None
@@ -374,7 +378,9 @@ class Frontend:
         dated = f"{self.session.scene.name}{suffix}-{time.strftime('%Y%m%d-%H%M%S')}.png"
         path = self.pictures / (request.file or dated)
         try:
-            write_png(path, read_pixels(framebuffer) if request.kind == "window" else self._picture_alone(request))
+            pixels = read_pixels(framebuffer) if request.kind == "window" else self._picture_alone(request)
+            self._context.reset.check()
+            write_png(path, pixels)
             if not request.quiet:
                 self.session.say(f"wrote {path}")
         except (InputError, ShaderError) as error:

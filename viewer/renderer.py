@@ -14,6 +14,7 @@ from ntc.pack import Pack
 from ntc.pack_match import PackMatch
 from viewer.camera import view_projection
 from viewer.gl.context import GraphicsContext
+from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.pack_files import match_scene
@@ -228,6 +229,7 @@ class Renderer:
         on_gpu = self._decode.get((slot.source, slot.precision))
         return on_gpu.latent_bytes if on_gpu is not None else None
 
+    @checks_context
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted.
 
@@ -535,6 +537,7 @@ class Renderer:
         """What a comparison of A and B has found, for overlays and the FLIP map."""
         return self._errors
 
+    @checks_context
     def albedo(self, slot: Slot) -> NDArray[np.float32]:
         """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
         if self._targets is None or self._view is None or self._draw_list is None:
@@ -544,6 +547,7 @@ class Renderer:
         self._timer.take()
         return self._targets.albedo[slot].read()
 
+    @checks_context
     def albedo_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
         """[h, w, 3] float32 linear: a part of what `slot` shows of the last view; None if that has not been drawn.
 
@@ -557,6 +561,7 @@ class Renderer:
             return None
         return targets.albedo[slot].read_in(*pixels)
 
+    @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""
         view = ViewState(camera=camera, size=size)
@@ -572,10 +577,12 @@ class Renderer:
             raise RuntimeError("render a view first")
         return self._targets.visibility
 
+    @checks_context
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
         return self.visibility.texture_ids()
 
+    @checks_context
     def texture_ids_in(self, pixels: tuple[int, int, int, int]) -> NDArray[np.int32]:
         """[h, w] int32: texture ids of a part of the last view (left, top, right, bottom), -1 for none.
 
@@ -583,6 +590,7 @@ class Renderer:
         """
         return self.visibility.texture_ids_in(*pixels)
 
+    @checks_context
     def covered(self) -> NDArray[np.bool_]:
         """[H, W], row 0 on top: whether a surface is seen."""
         return self.visibility.materials() >= 0

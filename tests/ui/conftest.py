@@ -1,5 +1,8 @@
 """A window's content without a window, over a small scene with two packs."""
 
+import os
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,3 +49,25 @@ def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]
     made.settle()
     yield made
     made.close()
+
+
+@pytest.fixture
+def display() -> Iterator[str]:
+    """DISPLAY of a virtual screen for one test."""
+    if shutil.which("Xvfb") is None:
+        pytest.skip("Xvfb is not installed: no virtual screen for a window")
+    reading, writing = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1024x640x24", "-nolisten", "tcp"],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    with os.fdopen(reading) as answer:
+        number = answer.readline().strip()
+    if not number:
+        pytest.skip("Xvfb did not start")
+    yield f":{number}"
+    server.terminate()
+    server.wait()

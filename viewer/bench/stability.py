@@ -132,6 +132,7 @@ class StabilityBench:
             loaded.decode(path, stand)()
             # The target's rows come back with row 0 on top, and words were written with row 0 at the bottom.
             albedo = stand.target.read()[::-1].reshape(-1, 3)[: len(expected.exact)]
+            self._context.reset.check()
             yield _row(case.name, path, precision, albedo, expected)
         loaded.release()
         stand.release()

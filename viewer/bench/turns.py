@@ -36,7 +36,10 @@ def take_turns(
     repeats: int,
     progress: Progress = lambda done, of: None,
 ) -> tuple[Spread, ...]:
-    """Run each candidate once a round, `repeats` (at least 1) timed rounds after the warm-up; a spread for each."""
+    """Run each candidate once a round, `repeats` (at least 1) timed rounds after the warm-up; a spread for each.
+
+    Raises ContextLostError.
+    """
     timer = PassTimer(context)
     times: list[list[float]] = [[] for _ in candidates]
     warm_up = warm_up_rounds(context)
@@ -47,5 +50,6 @@ def take_turns(
             if number >= warm_up:
                 own.append(timer.last_ms)
         timer.take()
+        context.reset.check()
         progress(number + 1, warm_up + repeats)
     return tuple(spread_of(own) for own in times)

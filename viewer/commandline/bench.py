@@ -126,7 +126,8 @@ def bench(options: BenchOptions) -> int:
         opened = _open(options)
     record = BenchRecord(options.json, machine(context))
     console = Console(stderr=True, soft_wrap=True)
-    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True) as bar:
+    progress = Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True)
+    with context.reset.watched(), progress as bar:
 
         def report(name: str) -> Report:
             task = bar.add_task(name, total=None)

@@ -54,9 +54,11 @@ class Picture:
 
 
 def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture:
-    """Draw slot A of `view` and its reference."""
+    """Draw slot A of `view` and its reference. Raises ContextLostError."""
     pack = packs.get(view.slot_a.source)
     frame = renderer.render(view)
+    # Before what asks whether the context is still there.
+    shown = read_picture(frame.image)
     color = linear_to_srgb8(renderer.albedo(view.slot_a))
     reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
     texture_ids = renderer.texture_ids()
@@ -72,7 +74,7 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
         texture_ids=texture_ids,
         decoder_ids=ids,
         divergence=divergence_map(ids, (height, width)),
-        shown=read_picture(frame.image),
+        shown=shown,
         frame=frame,
     )
 
@@ -155,17 +157,18 @@ def render(options: RenderOptions) -> int:
     context = create_headless_context()
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
-    renderer = Renderer(context, scene)
-    chosen = {source: packs[source]} if source != REFERENCE else {}
-    renderer.set_packs(chosen)
-    precision = resolve_precision(options.precision, chosen.get(source), context)
-    slot = Slot(source, options.path, precision)
-    overlay = Overlay(
-        "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
-    )
-    view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
-    renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
-    picture = draw(renderer, chosen, view)
+    with context.reset.watched():
+        renderer = Renderer(context, scene)
+        chosen = {source: packs[source]} if source != REFERENCE else {}
+        renderer.set_packs(chosen)
+        precision = resolve_precision(options.precision, chosen.get(source), context)
+        slot = Slot(source, options.path, precision)
+        overlay = Overlay(
+            "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
+        )
+        view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
+        renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
+        picture = draw(renderer, chosen, view)
     stats = statistics(picture, view, context.info.renderer)
     write_picture(options.out, picture, stats, options.overlay, options.palette)
     quality = stats["psnr_db"]

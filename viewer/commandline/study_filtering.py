@@ -38,7 +38,8 @@ def study_filtering(options: FilteringStudyOptions) -> int:
     all_ways = ways(source, get_args(DecodePath))
     context = create_headless_context()
     console = Console(stderr=True, soft_wrap=True)
-    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True) as bar:
+    progress = Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True)
+    with context.reset.watched(), progress as bar:
         total = len(config.texels_per_pixel) + len(config.tilts) + config.frames
         task = bar.add_task(scene.name, total=total)
 

@@ -169,21 +169,22 @@ def study_stability(options: StabilityStudyOptions) -> int:
             f"--grouping {' '.join(options.grouping)}: {scene.name} has no such pack; name one with --pack"
         )
     context = create_headless_context()
-    bench = StabilityBench(context)
-    cases = [*stability_cases(options.texels, options.seed)]
-    cases += [trained_case(name, pack, options.texels, options.seed) for name, pack in packs.items()]
-    rows = stability_rows(bench, cases, options.precisions, console.print)
-    images = source_textures(scene, None)
-    losses = [
-        loss
-        for name, pack in packs.items()
-        for precision in options.precisions
-        if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
-    ]
-    bench.release()
-    camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, 60.0)
-    first = dict(list(packs.items())[:1])
-    rows += scene_rows(context, scene, first, camera, options.size, options.precisions, console.print)
+    with context.reset.watched():
+        bench = StabilityBench(context)
+        cases = [*stability_cases(options.texels, options.seed)]
+        cases += [trained_case(name, pack, options.texels, options.seed) for name, pack in packs.items()]
+        rows = stability_rows(bench, cases, options.precisions, console.print)
+        images = source_textures(scene, None)
+        losses = [
+            loss
+            for name, pack in packs.items()
+            for precision in options.precisions
+            if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
+        ]
+        bench.release()
+        camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, 60.0)
+        first = dict(list(packs.items())[:1])
+        rows += scene_rows(context, scene, first, camera, options.size, options.precisions, console.print)
     checks = _checks(options, packs, console) if options.bound_texels else []
     title = f"Numerical stability: {len(cases)} cases, {scene.name}, {context.info.renderer}"
     record: dict[str, Any] = {

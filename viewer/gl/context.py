@@ -6,6 +6,7 @@ from typing import Any
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.context_loss import ResetStatus, SimulatedLosses
 from viewer.gl.features import Features, find_features
 from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
 
@@ -38,16 +39,22 @@ class GraphicsContext:
     info: ContextInformation
     functions: GlFunctions
     features: Features
+    reset: ResetStatus
+    """Whether it is lost."""
 
 
-def wrap_context(gl: moderngl.Context, load: FunctionLoader) -> GraphicsContext:
-    """A GraphicsContext around a current moderngl context. Raises InputError where it lacks something that is needed."""
+def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:
+    """A GraphicsContext around a current moderngl context. Raises InputError where it lacks something that is needed.
+
+    `losses` None: those that the environment asks for.
+    """
+    reset = ResetStatus(load, SimulatedLosses.of_environment() if losses is None else losses)
     information = ContextInformation(gl.info["GL_RENDERER"], gl.info["GL_VENDOR"], gl.info["GL_VERSION"])
     try:
         functions = GlFunctions(load)
     except RuntimeError as error:
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
-    return GraphicsContext(gl, information, functions, find_features(gl, information.is_software))
+    return GraphicsContext(gl, information, functions, find_features(gl, information.is_software), reset)
 
 
 def create_headless_context() -> GraphicsContext:

@@ -10,6 +10,7 @@ from ntc.config import WrapMode
 from ntc.pack import Pack
 from ntc.reference import image_of_texels
 from viewer.gl.context import GraphicsContext
+from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
 from viewer.passes.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
 from viewer.passes.pack_buffers import PackBuffers, codec_programs
@@ -33,6 +34,7 @@ class GlTexelDecoder:
     ) -> None:
         """`programs` are those of `codec_programs` for the pack's codec, where several packs share them; `rescale` as for
         the PackBuffers."""
+        self._context = context
         self._gl: moderngl.Context = context.gl
         self._pack = pack
         if programs is None:
@@ -61,6 +63,7 @@ class GlTexelDecoder:
         values = np.concatenate(parts) if parts else np.zeros((0, 4), np.float32)
         return values[:, : texture.channels]
 
+    @checks_context
     def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int) -> NDArray[np.float32]:
         requests = np.zeros(len(uv), REQUEST_RECORD)
         requests["uv"], requests["lod"], requests["texture_wrap"] = uv, lod, code

@@ -41,6 +41,11 @@ class UserInterface:
         """Of all panels, shown or not."""
         return tuple(panel.title for panel in self._all_panels)
 
+    def take_over(self, earlier: "UserInterface") -> None:
+        """Show the panels in front that were so in `earlier`, whose ImGui is gone."""
+        if earlier._in_front:
+            self._in_front, self._were_shown = earlier._in_front, False
+
     def is_settling(self, session: Session) -> bool:
         """Whether the next frame puts panels elsewhere although nothing happens."""
         asked = session.layout_reset_requested or session.raised_panel is not None
@@ -84,20 +89,20 @@ class UserInterface:
         area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.layout_reset_requested)
         session.layout_reset_requested = False
         hidden = session.settings.hidden_panels
-        if not self._layout.is_settling:
-            self._in_front = []
+        in_front: list[str] = []
         for panel in self._all_panels:
             if panel.title in hidden or not panel.shown(session):
                 continue
             opened, stays = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             self.items.note(panel.title)
-            if opened and not self._layout.is_settling:
-                self._in_front.append(panel.title)
             if opened:
+                in_front.append(panel.title)
                 panel.draw(context)
             imgui.end()
             if not stays:
                 emit(RunCommand("window.panel", (panel.title, "off")))
+        if not self._layout.is_settling:
+            self._in_front = in_front
         if session.raised_panel is not None:
             self._layout.bring(session.raised_panel)
             session.raised_panel = None

@@ -1,0 +1,197 @@
+"""A program of its own: loses the contexts of a window and says as JSON what is left. Run by test_context_loss.py."""
+
+import gc
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+# Before glfw, as in the program.
+from imgui_bundle import imgui, implot  # isort: skip
+import glfw
+import moderngl
+
+from viewer.app import WindowApp, WindowContent
+from viewer.loss_recovery import LossHistory
+from viewer.pack_files import open_packs, packs_beside
+from viewer.scene.load import load_scene
+from viewer.session import FirstLook
+
+KINDS = (
+    moderngl.Buffer,
+    moderngl.Texture,
+    moderngl.Framebuffer,
+    moderngl.VertexArray,
+    moderngl.Program,
+    moderngl.Context,
+)
+FRAMES = 12
+PATIENCE = 140.0
+"""Seconds that a training may take on a busy machine."""
+
+
+def objects_alive() -> dict[str, int]:
+    """Objects of moderngl that have not been released, by kind."""
+    gc.collect()
+    return {
+        kind.__name__: sum(
+            isinstance(entry, kind) and not isinstance(entry.mglo, moderngl.InvalidObject) for entry in gc.get_objects()
+        )
+        for kind in KINDS
+    }
+
+
+def open_app(scene_path: Path, pictures: Path, clock: Callable[[], float]) -> WindowApp:
+    """The window with a clock for its losses."""
+    packs = open_packs(packs_beside(scene_path))
+    app = WindowApp(WindowContent(load_scene(scene_path), packs, FirstLook(), size=(700, 420), pictures=pictures))
+    app._lost_before = LossHistory(clock)
+    return app
+
+
+def die(app: WindowApp) -> None:
+    """From now on OpenGL calls go nowhere, as those on a lost context do."""
+    assert app._window is not None
+    app._window.context.reset._blame = "innocent"
+    glfw.make_context_current(None)
+
+
+def often(app: WindowApp, losses: int) -> dict[str, Any]:
+    """Losses long after another, each in a dead context, at different moments of the frame."""
+    session, used, handles = app.session, [], []
+    app.run(FRAMES)
+    checks = app._losses
+    strikes = checks.strikes
+
+    def dying() -> bool:
+        struck = strikes()
+        if struck:
+            glfw.make_context_current(None)
+        return struck
+
+    checks.strikes = dying  # type: ignore[method-assign]
+    for number in range(losses):
+        checks._at = frozenset({checks._checks + 1 + 2 * number})
+        session.view = replace(session.view, wipe_position=0.3 + 0.01 * number)
+        app.run(FRAMES)
+        used.append(objects_alive())
+        handles.append(len(list(Path("/proc/self/fd").iterdir())))
+    told = sum(entry.repeats for entry in session.log if "uploaded again" in entry.text)
+    return {"objects": used, "handles": handles, "told": told}
+
+
+def take_pictures(app: WindowApp, name: str) -> str:
+    """Write the picture, and the window with its panels, when they rest. The view as text."""
+    session = app.session
+    for _ in range(100):
+        app.run(1)
+        if app.frontend.is_settled(app.size):
+            break
+    session.toasts = ()
+    session.run_command("file.screenshot-picture", ("plain", f"{name}.png"))
+    app.run(1)
+    session.toasts = ()
+    session.run_command("file.screenshot", (f"{name}-window.png",))
+    app.run(1)
+    session.run_command("view.copy")
+    return session.clipboard.read()
+
+
+def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
+    """Pictures before and after a loss; the handles of what must live on, and of what must not."""
+    session = app.session
+    app.run(FRAMES)
+    for line in ("compare.mode wipe", "compare.divider 0.4", "overlay.kind divergence", "window.panel Pixel on"):
+        name, *arguments = line.split()
+        session.run_command(name, tuple(arguments))
+    view = session.view
+    session.view = replace(view, camera=replace(view.camera, eye=tuple(side * 0.8 for side in view.camera.eye)))  # type: ignore[arg-type]
+    views, placements, windows = [], [], []
+    for name in ("before", "after"):
+        assert app._window is not None
+        views.append(take_pictures(app, name))
+        placements.append(app._window.placement)
+        windows.append(id(app._window))
+        if name == "before":
+            glfw.set_window_size(app._window.handle, 760, 470)
+            app.run(FRAMES)
+            placements[0] = app._window.placement
+            views[0] = take_pictures(app, name)
+            die(app)
+            app.run(1)
+    return {
+        "views": views,
+        "same_window": windows[0] == windows[1],
+        "same_place": placements[0] == placements[1],
+        "same_session": session is app.session is app.frontend.session,
+        "told": [entry.text for entry in session.log],
+        "details": [entry.details for entry in session.log],
+    }
+
+
+def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
+    """Losses while the worker trains: it goes on to its end."""
+    session = app.session
+    app.run(FRAMES)
+    session.run_command("training.encode", ("single", "auto", "32", "40steps"))
+    workers, states = set(), []
+    began = time.monotonic()
+    while session.training.work is not None and time.monotonic() - began < PATIENCE:
+        app.run(3)
+        if session.training.state == "training" and len(states) < losses:
+            states.append(session.training.state)
+            workers.add(session.training.process_id)
+            die(app)
+            app.run(3)
+            workers.add(session.training.process_id)
+    run = session.training.run_numbered(1)
+    return {"states": states, "workers": len(workers), "outcome": run.outcome, "has_pack": run.pack is not None}
+
+
+def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
+    """One loss in the midst of a table, which ends the frame with an error of moderngl's."""
+    session, errors = app.session, [moderngl.Error("cannot make the texture")]
+
+    def fails(_texture: int) -> imgui.ImTextureRef:
+        die(app)
+        raise errors.pop()
+
+    app.run(FRAMES)
+    app.frontend._thumbnail = fails  # type: ignore[method-assign]
+    session.run_command("window.panel", ("Textures", "on"))
+    app.run(FRAMES)
+    return {"told": [entry.text for entry in session.log], "raised": not errors}
+
+
+def before_any_frame(app: WindowApp, losses: int) -> dict[str, Any]:
+    """Losses while nothing has been drawn yet, and then at each of the first checks."""
+    checks = app._losses
+    checks._at = frozenset(range(1, losses + 1))
+    app.run(FRAMES)
+    return {"told": sum(entry.repeats for entry in app.session.log)}
+
+
+DEEDS = {deed.__name__: deed for deed in (same_picture, while_training, often, in_a_panel, before_any_frame)}
+
+
+def main() -> None:
+    """Arguments: what to do, scene, folder of pictures, losses."""
+    what, scene_path, pictures, losses = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
+    hours = count(0.0, 3600.0)
+    app = open_app(scene_path, pictures, lambda: next(hours))
+    found = DEEDS[what](app, losses)
+    app.close()
+    found["imgui_contexts_left"] = sum(
+        get() is not None for get in (imgui.get_current_context, implot.get_current_context)
+    )
+    found["alive_at_the_end"], found["threads"] = objects_alive(), threading.active_count()
+    sys.stdout.write(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,234 @@
+"""The window goes on in a new one when its OpenGL context is lost, with the same picture and all that was open."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from ntc.pack_file import write_pack
+from viewer.commandline.arguments import parse_arguments
+from viewer.commandline.options import ViewOptions
+from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError
+from viewer.loss_recovery import RECOVERED, LossHistory, last_words, open_again
+from viewer.pack_files import open_packs, packs_beside
+from viewer.scene.images import read_image
+from viewer.scene.model import Scene
+from viewer.session import FirstLook, Session
+from viewer.settings import ViewerSettings
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def environment(display: str, folder: Path, at: str = "") -> dict[str, str]:
+    return {**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(folder / "settings"), LOSE_VARIABLE: at}
+
+
+def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 1) -> dict[str, Any]:
+    """What a deed of lost_windows.py finds."""
+    ran = subprocess.run(
+        [sys.executable, "-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"), str(losses)],
+        cwd=ROOT,
+        env=environment(display, folder),
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "Traceback" not in ran.stderr
+    found: dict[str, Any] = json.loads(ran.stdout)
+    assert found["imgui_contexts_left"] == 0
+    assert found["threads"] == 1
+    alive = found["alive_at_the_end"]
+    # The window's own framebuffer has nothing to be freed.
+    assert alive.pop("Framebuffer") <= 1
+    assert set(alive.values()) == {0}
+    return found
+
+
+def play(display: str, folder: Path, at: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "viewer", "view", *arguments],
+        cwd=folder,
+        env=environment(display, folder, at),
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+
+
+def test_a_new_window_shows_the_same(display: str, scene_path: Path, tmp_path: Path) -> None:
+    found = lose(display, tmp_path, "same_picture", scene_path)
+    assert (found["same_window"], found["same_place"], found["same_session"]) == (False, True, True)
+    assert RECOVERED in found["told"]
+    assert "another program" in found["details"][found["told"].index(RECOVERED)]
+    assert found["views"][0] == found["views"][1]
+    before, after = (read_image(tmp_path / "out" / f"{name}.png") for name in ("before", "after"))
+    assert before.std() > 10
+    np.testing.assert_array_equal(before, after)
+    windows = [read_image(tmp_path / "out" / f"{name}-window.png") for name in ("before", "after")]
+    assert windows[0].shape == windows[1].shape == (470, 760, 3)
+    # But for times and counts in the panels.
+    assert (windows[0] != windows[1]).any(axis=-1).mean() < 0.02
+
+
+def test_training_goes_on(display: str, scene_path: Path, tmp_path: Path) -> None:
+    found = lose(display, tmp_path, "while_training", scene_path)
+    assert found["states"] == ["training"]
+    assert found["workers"] == 1
+    assert (found["outcome"], found["has_pack"]) == ("done", True)
+
+
+def test_losses_leave_nothing_behind(display: str, scene_path: Path, tmp_path: Path) -> None:
+    found = lose(display, tmp_path, "often", scene_path, 5)
+    assert found["told"] == 5
+    assert all(alive["Context"] == 1 for alive in found["objects"])
+    # Comparisons and thumbnails come when they come; what a second window holds is twice as much.
+    totals = [sum(alive.values()) for alive in found["objects"]]
+    assert max(totals) < 1.5 * min(totals), found["objects"]
+    # A comparison may be under way, with a pipe; a window that stays open would add to it each time.
+    assert found["handles"][-1] < found["handles"][0] + 4
+
+
+def test_a_loss_in_the_midst_of_a_panel(display: str, scene_path: Path, tmp_path: Path) -> None:
+    found = lose(display, tmp_path, "in_a_panel", scene_path)
+    assert found["raised"]
+    assert found["told"] == [RECOVERED]
+
+
+def test_losses_before_anything_is_drawn(display: str, scene_path: Path, tmp_path: Path) -> None:
+    assert lose(display, tmp_path, "before_any_frame", scene_path, 6)["told"] == 6
+
+
+def test_a_script_plays_on(display: str, scene_path: Path, tmp_path: Path) -> None:
+    lines = "wait frames 60; expect toast uploaded again; size 320x240; wait frames 5; screenshot a.png; window.close"
+    ran = play(display, tmp_path, "50", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
+
+
+def test_lost_again_and_again_is_one_line_and_a_view_to_go_on_with(
+    display: str, scene_path: Path, tmp_path: Path
+) -> None:
+    wanted = "compare.mode wipe; compare.divider 0.25; wait frames 300"
+    ran = play(
+        display, tmp_path, "60,90,120", str(scene_path), "--exec", wanted, "--out", "it's out", "--size", "400x300"
+    )
+    assert ran.returncode == 2, ran.stderr
+    (line,) = ran.stderr.splitlines()
+    assert line.startswith("error: the graphics driver was reset")
+    assert "3 times within a minute" in line
+    (kept,) = (tmp_path / "it's out").iterdir()
+    assert kept.suffix == ".json"
+    command = shlex.split(line[line.index("ntc-viewer view") :])
+    # What the line says to type, after which the same view is saved again.
+    again = play(display, tmp_path, "", *command[2:], "--exec", f"view.save {tmp_path / 'again.json'}; window.close")
+    assert again.returncode == 0, again.stderr
+    assert json.loads((tmp_path / "again.json").read_text()) == json.loads(kept.read_text())
+    assert json.loads(kept.read_text())["divider"] == 0.25
+
+
+def test_where_no_window_opens_again_it_is_tried_and_then_told() -> None:
+    tries = []
+
+    def open_window() -> str:
+        tries.append(1)
+        if len(tries) < 3:
+            raise InputError("no window could be opened")
+        return "window"
+
+    assert open_again(open_window, (0.0, 0.0, 0.0)) == "window"
+    tries.clear()
+    with pytest.raises(InputError, match="no window"):
+        open_again(open_window, (0.0, 0.0))
+
+
+def test_three_losses_within_a_minute_are_too_many() -> None:
+    times = iter([0.0, 40.0, 61.0, 80.0, 200.0, 259.0, 261.0, 262.0])
+    history = LossHistory(lambda: next(times))
+    assert [history.add() for _ in range(8)] == [False, False, False, True, False, False, False, True]
+
+
+def test_the_last_words_name_all_that_was_open(scene: Scene, scene_path: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "a pack.ntc"
+    pack = next(iter(open_packs(packs_beside(scene_path)).values()))
+    write_pack(elsewhere, pack)
+    session = Session(scene, open_packs([*packs_beside(scene_path), elsewhere]), ViewerSettings(), FirstLook())
+    session.pictures_folder = tmp_path / "pictures"
+    line = str(last_words(session, ContextLostError("guilty"), "no window could be opened"))
+    assert "\n" not in line
+    options = parse_arguments(shlex.split(line[line.index("ntc-viewer view") :])[1:])
+    assert isinstance(options, ViewOptions)
+    assert (options.scene, options.pack) == (scene_path.resolve(), (elsewhere,))
+    (kept,) = session.pictures_folder.iterdir()
+    assert re.search(re.escape(str(kept)), options.exec[0])
+    session.close()
+
+
+def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) -> None:
+    session = Session(scene, {}, ViewerSettings(), FirstLook())
+    session.pictures_folder = tmp_path / "file"
+    session.pictures_folder.write_text("")
+    line = str(last_words(session, ContextLostError("unknown"), "no window could be opened"))
+    assert "could not be kept" in line
+    assert list(tmp_path.iterdir()) == [session.pictures_folder]
+    session.close()
+
+
+ROBUST_UNDER_EGL = """
+from imgui_bundle import imgui
+import glfw
+from viewer import imgui_window
+# Drivers have it under EGL more often than under GLX; moderngl knows only GLX here.
+glfw.NATIVE_CONTEXT_API = glfw.EGL_CONTEXT_API
+imgui_window.Window.init_mgl_context = imgui_window.Window.set_default_viewport = lambda self: None
+for robust in (True, False):
+    window = imgui_window._open((64, 64), robust)
+    print(glfw.get_window_attrib(window._window, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
+    window.destroy()
+"""
+REFUSED = """
+from imgui_bundle import imgui
+import glfw
+from viewer import imgui_window
+create, hint, asked = glfw.create_window, glfw.window_hint, []
+def note(name, value):
+    asked.append(name)
+    hint(name, value)
+def refuse(*arguments):
+    wanted, asked[:] = glfw.CONTEXT_ROBUSTNESS in asked, []
+    print("robust" if wanted else "plain")
+    return None if wanted else create(*arguments)
+glfw.window_hint, glfw.create_window = note, refuse
+window = imgui_window._open_robust_if_possible((64, 64))
+print(glfw.get_window_size(window._window))
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"), [(ROBUST_UNDER_EGL, ["True", "False"]), (REFUSED, ["robust", "plain", "(64, 64)"])]
+)
+def test_a_robust_context_is_asked_for_and_can_be_refused(
+    display: str, tmp_path: Path, code: str, expected: list[str]
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment(display, tmp_path),
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    if code == ROBUST_UNDER_EGL and (ran.returncode != 0 or ran.stdout.split() == ["False", "False"]):
+        pytest.skip("EGL on this screen has no robust contexts")
+    assert ran.stdout.splitlines() == expected, ran.stderr
+    assert ran.stderr == ""

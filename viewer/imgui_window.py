@@ -1,0 +1,164 @@
+"""One window of the window system with its OpenGL context, and ImGui in it: all that is lost together when the driver is reset."""
+
+import contextlib
+import ctypes
+import traceback
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+# Before glfw: each of the two brings a libglfw, and both must use the same.
+from imgui_bundle import imgui, implot  # isort: skip
+import glfw
+from moderngl_window.context.glfw.window import Window
+
+from ntc.errors import InputError
+from viewer.gl.context import REQUIRED_VERSION, GraphicsContext, wrap_context
+from viewer.gl.context_loss import ContextLostError, SimulatedLosses
+
+TITLE = "ntc-viewer"
+
+
+def _open(size: tuple[int, int], robust: bool) -> Window:
+    """A window whose context says when it is lost, if `robust`. Raises what moderngl-window, moderngl and glfw raise."""
+    version = (REQUIRED_VERSION // 100, REQUIRED_VERSION // 10 % 10)
+    # moderngl-window neither resets hints nor gives one for this, and to initialise glfw twice changes nothing.
+    if robust and glfw.init():
+        glfw.window_hint(glfw.CONTEXT_ROBUSTNESS, glfw.LOSE_CONTEXT_ON_RESET)
+    try:
+        return Window(title=TITLE, size=size, gl_version=version, resizable=True, vsync=True, aspect_ratio=None)
+    except BaseException:
+        # Hints and windows that were made so far go with it.
+        glfw.terminate()
+        raise
+
+
+def _open_robust_if_possible(size: tuple[int, int]) -> Window:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", glfw.GLFWError)
+            return _open(size, robust=True)
+    except Exception:
+        # Some drivers refuse the wish instead of ignoring it; for all else the second attempt says why.
+        pass
+    try:
+        return _open(size, robust=False)
+    except Exception as error:
+        raise InputError(
+            f"no window could be opened ({error}); check DISPLAY and the OpenGL driver, or use ntc-viewer render"
+        ) from error
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a window is, in screen units."""
+
+    size: tuple[int, int]
+    position: tuple[int, int] | None = None
+    """Of the content's upper left corner; None: where the window system puts it."""
+    maximized: bool = False
+
+
+class ImguiWindow:
+    """An open window. All calls belong to one thread; there is at most one at a time."""
+
+    def __init__(
+        self,
+        placement: Placement,
+        layout_file: Path | None,
+        layout: str,
+        listen: Callable[[Any], None],
+        losses: SimulatedLosses,
+    ) -> None:
+        """`layout`: of an earlier window, else "": what is in `layout_file`. `listen` installs callbacks on a glfw window.
+
+        Raises InputError where no window can be opened.
+        """
+        self._window = _open_robust_if_possible(placement.size)
+        self.handle: Any = self._window._window
+        try:
+            self.context: GraphicsContext = wrap_context(self._window.ctx, self._address, losses)
+        except InputError:
+            glfw.terminate()
+            raise
+        self._place(placement)
+        imgui.create_context()
+        implot.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename(str(layout_file) if layout_file is not None else "")
+        io.config_flags |= imgui.ConfigFlags_.docking_enable
+        if layout:
+            imgui.load_ini_settings_from_memory(layout)
+        # ImGui's callbacks pass every event on to the ones that are installed before them.
+        listen(self.handle)
+        address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0
+        imgui.backends.glfw_init_for_opengl(address, True)
+        imgui.backends.opengl3_init("#version 330")
+
+    @staticmethod
+    def _address(name: str) -> int:
+        return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+
+    @property
+    def is_robust(self) -> bool:
+        """Whether the driver promised to say when the context is lost."""
+        return bool(glfw.get_window_attrib(self.handle, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
+
+    def _place(self, placement: Placement) -> None:
+        # Wayland lets nobody place windows, and says so as a warning.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", glfw.GLFWError)
+            if placement.position is not None:
+                # The size that was asked for is multiplied by the monitor's scale; this one is not.
+                glfw.set_window_size(self.handle, *placement.size)
+                glfw.set_window_pos(self.handle, *placement.position)
+            if placement.maximized:
+                glfw.maximize_window(self.handle)
+
+    @property
+    def placement(self) -> Placement:
+        """Where it is now."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", glfw.GLFWError)
+            width, height = glfw.get_window_size(self.handle)
+            left, top = glfw.get_window_pos(self.handle)
+            maximized = bool(glfw.get_window_attrib(self.handle, glfw.MAXIMIZED))
+        return Placement((width, height), (left, top), maximized)
+
+    def new_frame(self) -> None:
+        """Begin ImGui's frame."""
+        imgui.backends.opengl3_new_frame()
+        imgui.backends.glfw_new_frame()
+        imgui.new_frame()
+
+    def layout(self) -> str:
+        """How panels are docked, for the next window; "" before the first frame, in which it is read."""
+        return imgui.save_ini_settings_to_memory() if imgui.get_frame_count() > 0 else ""
+
+    def leave_frame(self, lost: ContextLostError) -> None:
+        """End the frame that `lost` broke off, maybe inside of a panel; there is none after it.
+
+        What the broken calls held is let go: parts of ImGui must not outlive its context.
+        """
+        io = imgui.get_io()
+        # ImGui then closes what is open, and is not to complain.
+        io.config_error_recovery_enable_assert = io.config_error_recovery_enable_debug_log = False
+        behind: BaseException | None = lost
+        while behind is not None:
+            traceback.clear_frames(behind.__traceback__)
+            behind = behind.__cause__ or behind.__context__
+        if imgui.get_frame_count() > 0:
+            imgui.end_frame()
+
+    def close(self) -> None:
+        """Free everything; whatever a lost context refuses goes with it."""
+        for free in (imgui.backends.opengl3_shutdown, imgui.backends.glfw_shutdown):
+            with contextlib.suppress(Exception):
+                free()
+        implot.destroy_context()
+        imgui.destroy_context()
+        with contextlib.suppress(Exception):
+            self.context.gl.release()
+        self._window.destroy()
