@@ -138,6 +138,11 @@ class Frontend:
             self._block_key = None
         return self._renderer
 
+    def _picture_size(self, window: tuple[int, int]) -> tuple[int, int] | None:
+        """(width, height) in pixels of what panels leave of a window of so many; None before panels have found their places."""
+        area, display = self.interface.picture_area, imgui.get_io().display_size
+        return area.pixels((display.x, display.y), window) if area is not None else None
+
     def _view(self, size: tuple[int, int]) -> ViewState:
         share = self.session.resolution * (COARSE_SHARE if self._is_coarse() else 1.0)
         scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
@@ -325,26 +330,31 @@ class Frontend:
         self.session.measured_view = self.session.view
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
-        """Draw the picture at `size` (width, height) in pixels and build the UI over it, between new_frame and render."""
+        """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.
+
+        `size` (width, height) in pixels is the window's.
+        """
         session = self.session
         self._started, self._timed = time.perf_counter(), None
-        session.picture_size = size
+        room = self._picture_size(size)
+        session.picture_size = room or size
         session.training.tick(session)
         self._precision.step(session)
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         self._update_flicker()
         try:
-            self._draw_picture(size)
-            if session.measure_requested:
-                self._measure()
-            self._compare(size)
+            if room is not None:
+                self._draw_picture(room)
+                if session.measure_requested:
+                    self._measure()
+                self._compare(room)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             self._context.reset.check_after(error)
             if self._renderer is None:
                 # There is no older picture to stay with.
                 raise
             session.say(" ".join(str(error).split()) or "there is not enough memory", "error", str(error))
-        session.measure_requested = False
+        session.measure_requested = session.measure_requested and room is None
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:
             self._recorded_at = now
@@ -434,7 +444,9 @@ class Frontend:
         wishes = session.measure_requested or bool(session.picture_requests) or session.motion is not None
         opened = session.scene is not self._scene or session.packs is not self._packs
         found = self.interface.background.take_news() or self.interface.is_settling(session)
-        return wishes or opened or found or self._is_waiting or self._view(size) != self._last_view
+        room = self._picture_size(size)
+        changed = room is None or self._view(room) != self._last_view
+        return wishes or opened or found or self._is_waiting or changed
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""

@@ -247,7 +247,10 @@ def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, i
         app.show_panel(title)
         assert not imgui.internal.find_window_by_name(title).hidden
     camera = app.session.view.camera
-    app.drag((size[0] * 0.5 + 70, size[1] * 0.5), (size[0] * 0.5 + 80, size[1] * 0.5))
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    start = area.at(0.8, 0.5)
+    app.drag(start, (start[0] + 10, start[1]))
     assert app.session.view.camera != camera
 
 

@@ -76,7 +76,8 @@ def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:
     np.testing.assert_array_equal(shots["split"][:, left], shots["a"][:, left])
     np.testing.assert_array_equal(shots["split"][:, right], shots["b"][:, right])
     assert (shots["plain"] != shots["shown"]).any()
-    assert (shots["window"] != shots["shown"]).any()
+    assert shots["shown"].shape[:2] == app.session.picture_size[::-1]
+    assert shots["window"].shape[:2] == app.size[::-1]
     with pytest.raises(InputError, match=r"must end in \.png"):
         play(app, "file.screenshot a.jpg")
 

@@ -21,6 +21,7 @@ from viewer.headless import HeadlessApp
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.script.inputs import hold
+from viewer.settings import ViewerSettings
 from viewer.view_state import REFERENCE, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
@@ -382,3 +383,24 @@ def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Sce
         pictures.append(app.screenshot())
     assert app.session.view.slot_a.source == "random"
     assert (pictures[0] != pictures[1]).any()
+
+
+def test_what_panels_hide_is_not_drawn(app: HeadlessApp) -> None:
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    assert app.session.picture_size == (area.width, area.height)
+    assert area.width < SIZE[0] - 300
+    shot = app.screenshot()
+    hide_panels(app)
+    assert app.session.picture_size == SIZE
+    app.session.show_panels = True
+    app.settle()
+    assert app.session.picture_size == (area.width, area.height)
+    np.testing.assert_array_equal(app.screenshot(), shot)
+
+
+def test_the_first_picture_is_as_large_as_panels_leave_room(scene: Scene, tmp_path: Path) -> None:
+    app = HeadlessApp(scene, {}, SIZE, tmp_path, ViewerSettings(live_figures=False))
+    app.settle()
+    assert app.frontend.frames_drawn == 1
+    app.close()

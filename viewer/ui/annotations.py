@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.placement import WIPES, shown_at, shown_sides, split_of
 from viewer.session import Session, Toast
-from viewer.ui.dock_layout import Area
+from viewer.ui.area import Area
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import counted
@@ -59,11 +59,11 @@ def _difference_label(view: ViewState) -> str:
     return texts[view.difference.kind]
 
 
-def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces, top: float) -> None:
-    """Names of what is shown where: on either side of the line where there is one, from `top` on."""
+def draw_labels(session: Session, area: Area, items: ItemPlaces) -> None:
+    """Names of what is shown where in the picture in `area`: on either side of the line where there is one."""
     draw = imgui.get_background_draw_list()
     view = session.shown_view
-    top += 8.0
+    top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
 
     def plate(left: float, top: float, text: str) -> None:
         extent = imgui.calc_text_size(text)
@@ -76,49 +76,52 @@ def draw_labels(session: Session, size: tuple[float, float], items: ItemPlaces, 
     split = split_of(view)
     if split is None:
         text = names[0] if view.compare in ("a", "b") else f"{_difference_label(view)}: {names[0]} - {names[1]}"
-        plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, top, text)
+        plate(middle.x - imgui.calc_text_size(text).x / 2, top, text)
     elif not split.vertical:
-        y = split.position * size[1]
-        _line(ImVec2(0, y), ImVec2(size[0], y))
-        draw.add_circle_filled(ImVec2(size[0] / 2, y), 7.0, _color(WHITE))
+        y = area.at(0.0, split.position)[1]
+        _line(ImVec2(area.left, y), ImVec2(area.right, y))
+        draw.add_circle_filled(ImVec2(middle.x, y), 7.0, _color(WHITE))
         for text, text_top in ((names[0], y - MARGIN - imgui.get_text_line_height()), (names[1], y + MARGIN)):
-            plate(size[0] / 2 - imgui.calc_text_size(text).x / 2, text_top, text)
-        items.note_rectangle("divider", size[0] / 2 - 1, y - 1, size[0] / 2 + 1, y + 1)
+            plate(middle.x - imgui.calc_text_size(text).x / 2, text_top, text)
+        items.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
     else:
-        x = split.position * size[0]
-        _line(ImVec2(x, 0), ImVec2(x, size[1]))
+        x = area.at(split.position, 0.0)[0]
+        _line(ImVec2(x, area.top), ImVec2(x, area.bottom))
         plate(x - MARGIN - imgui.calc_text_size(names[0]).x, top, names[0])
         plate(x + MARGIN, top, names[1])
         if view.compare in WIPES:
-            draw.add_circle_filled(ImVec2(x, size[1] / 2), 7.0, _color(WHITE))
-            items.note_rectangle("divider", x - 1, size[1] / 2 - 1, x + 1, size[1] / 2 + 1)
+            draw.add_circle_filled(ImVec2(x, middle.y), 7.0, _color(WHITE))
+            items.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
 
 
-def _frames(session: Session, part: tuple[float, float, float, float], size: tuple[float, float]) -> None:
+def _frames(session: Session, part: tuple[float, float, float, float], area: Area) -> None:
     """A frame around a part of the picture, wherever it is shown."""
     view, draw = session.shown_view, imgui.get_background_draw_list()
     left, top, right, bottom = part
-    extent = ((right - left) * view.zoom.factor * size[0], (bottom - top) * view.zoom.factor * size[1])
-    for x, y in shown_at(view, (left + right) / 2.0, (top + bottom) / 2.0):
-        low = ImVec2(x * size[0] - extent[0] / 2.0, y * size[1] - extent[1] / 2.0)
+    extent = ((right - left) * view.zoom.factor * area.width, (bottom - top) * view.zoom.factor * area.height)
+    draw.push_clip_rect(ImVec2(area.left, area.top), ImVec2(area.right, area.bottom))
+    for shown in shown_at(view, (left + right) / 2.0, (top + bottom) / 2.0):
+        x, y = area.at(*shown)
+        low = ImVec2(x - extent[0] / 2.0, y - extent[1] / 2.0)
         high = ImVec2(low.x + extent[0], low.y + extent[1])
         draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), _color(SHADE), 0.0, 3.0)
         draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), _color(WHITE), 0.0, 1.0)
+    draw.pop_clip_rect()
 
 
-def draw_pixel(session: Session, facts: FrameFacts, size: tuple[float, float]) -> None:
+def draw_pixel(session: Session, facts: FrameFacts, area: Area) -> None:
     """A frame around what the panel Pixel enlarges."""
     if facts.pixel is not None:
-        _frames(session, facts.pixel.rectangle, size)
+        _frames(session, facts.pixel.rectangle, area)
 
 
-def draw_block(session: Session, facts: FrameFacts, size: tuple[float, float]) -> None:
+def draw_block(session: Session, facts: FrameFacts, area: Area) -> None:
     """A frame around the block that is spoken of, and beside the mouse how many decoders it has."""
     block = facts.block
     if block is None:
         return
     left, top, right, bottom = block.rectangle
-    _frames(session, (left, top, right, bottom), size)
+    _frames(session, (left, top, right, bottom), area)
     if session.hovered is not None and session.inspected is None and block.textures:
         slots = (("A", session.view.slot_a), ("B", session.view.slot_b))
         texts = [

@@ -6,6 +6,8 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.ui.area import Area
+
 Place = Literal["left", "left below", "right", "right below", "bottom"]
 MERGED: dict[Place, Place] = {"left below": "left", "right below": "right", "bottom": "left"}
 """Where a place's panels become tabs when the window is too low for it."""
@@ -15,26 +17,6 @@ NARROWEST_FOR_TWO = 660.0
 LOWEST_FOR_STACKS = 560.0
 """Window units, at normal scale: in a lower window each column is one stack of tabs."""
 BOTTOM_HEIGHT = 130.0
-
-
-@dataclass(frozen=True)
-class Area:
-    """A rectangle in window units."""
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-
-    @property
-    def width(self) -> float:
-        """Along x."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """Along y."""
-        return self.bottom - self.top
 
 
 @dataclass(frozen=True)
@@ -73,8 +55,14 @@ class DockLayout:
         """Panels that are to come to the front, the last one first."""
         self._saw_menu_bar = False
         """Whether a frame has passed: only then the viewport knows what a menu bar leaves of it."""
+        self._placed = False
         self._pause = 0
         """Frames until the next one may come, or until the last one is seen there."""
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether panels stand where they are to be, if not all in front yet: what they leave to the picture is then known."""
+        return self._placed
 
     @property
     def is_settling(self) -> bool:
@@ -88,7 +76,7 @@ class DockLayout:
         known = imgui.internal.dock_builder_get_node(dock_space)
         if self._saw_menu_bar and (reset or known is None or not (known.is_split_node() or known.windows)):
             self._build(dock_space, panels, viewport, scale)
-        self._saw_menu_bar = True
+        self._placed, self._saw_menu_bar = self._saw_menu_bar, True
         imgui.dock_space_over_viewport(dock_space, viewport, imgui.DockNodeFlags_.passthru_central_node)
         central = imgui.internal.dock_builder_get_central_node(dock_space)
         low, size = (viewport.work_pos, viewport.work_size) if central is None else (central.pos, central.size)

@@ -9,6 +9,7 @@ from viewer.actions import InspectBlock, KeepPixel, MoveDivider, SetCamera, SetZ
 from viewer.commands import HOLD_KEY
 from viewer.placement import WIPES, seen_at
 from viewer.session import Session
+from viewer.ui.area import Area
 from viewer.ui.facts import Emit
 from viewer.ui.keyboard import Keyboard, imgui_key
 
@@ -31,8 +32,8 @@ class PictureInput:
         self._speed_notches = 0.0
         self._pressed_at: tuple[float, float] | None = None
 
-    def handle(self, session: Session, size: tuple[float, float], emit: Emit, keys: bool = True) -> None:
-        """Turn this frame's events into actions; `keys` False leaves those of commands to an open list."""
+    def handle(self, session: Session, area: Area, emit: Emit, keys: bool = True) -> None:
+        """Turn this frame's events into actions on the picture in `area`; `keys` False leaves those of commands to an open list."""
         io = imgui.get_io()
         if keys:
             self._keyboard.run_commands(session, emit, typing=io.want_text_input)
@@ -41,7 +42,7 @@ class PictureInput:
         session.showing_other = not io.want_text_input and imgui.is_key_down(imgui_key(HOLD_KEY))
         if not io.want_text_input:
             self._fly(session, io, emit)
-        self._mouse(session, size, io, emit)
+        self._mouse(session, area, io, emit)
 
     def _camera_keys(self, session: Session, emit: Emit) -> None:
         for number in range(9):
@@ -60,13 +61,13 @@ class PictureInput:
             emit(SetCamera(moved))
 
     @staticmethod
-    def _near_divider(session: Session, size: tuple[float, float], at: tuple[float, float]) -> bool:
+    def _near_divider(session: Session, area: Area, at: tuple[float, float]) -> bool:
         if session.view.compare not in WIPES:
             return False
-        axis = 0 if session.view.compare == "wipe" else 1
-        return abs(at[axis] - session.view.wipe_position * size[axis]) <= GRAB_WIDTH
+        axis, position = 0 if session.view.compare == "wipe" else 1, session.view.wipe_position
+        return abs(at[axis] - area.at(position, position)[axis]) <= GRAB_WIDTH
 
-    def _mouse(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:
+    def _mouse(self, session: Session, area: Area, io: imgui.IO, emit: Emit) -> None:
         left = imgui.MouseButton_.left
         if not imgui.is_mouse_down(left):
             self._dragging_divider = False
@@ -74,11 +75,11 @@ class PictureInput:
         if io.want_capture_mouse and not self._dragging_divider:
             self._pressed_at = None
             return
-        share = (io.mouse_pos.x / size[0], io.mouse_pos.y / size[1])
+        share = area.share_of(io.mouse_pos.x, io.mouse_pos.y)
         if all(0.0 <= value < 1.0 for value in share):
             session.hovered = seen_at(session.shown_view, *share)
         across = session.view.compare == "wipe-horizontal"
-        near = self._near_divider(session, size, (io.mouse_pos.x, io.mouse_pos.y))
+        near = self._near_divider(session, area, (io.mouse_pos.x, io.mouse_pos.y))
         if near:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns if across else imgui.MouseCursor_.resize_ew)
             if imgui.is_mouse_double_clicked(left):
@@ -92,9 +93,9 @@ class PictureInput:
             return
         self._click(session, io, emit)
         if io.key_ctrl:
-            self._magnify(session, size, io, emit)
+            self._magnify(session, area, io, emit)
             return
-        self._move_camera(session, size[1], io, emit)
+        self._move_camera(session, area.height, io, emit)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
         """A press without a drag keeps what is under the mouse, where a panel is open that says what that is."""
@@ -108,12 +109,12 @@ class PictureInput:
                 emit(KeepPixel(session.hovered))
             self._pressed_at = None
 
-    def _magnify(self, session: Session, size: tuple[float, float], io: imgui.IO, emit: Emit) -> None:
+    def _magnify(self, session: Session, area: Area, io: imgui.IO, emit: Emit) -> None:
         zoom = session.view.zoom
         if io.mouse_wheel:
-            zoom = zoom.towards(io.mouse_pos.x / size[0], io.mouse_pos.y / size[1], io.mouse_wheel)
+            zoom = zoom.towards(*area.share_of(io.mouse_pos.x, io.mouse_pos.y), io.mouse_wheel)
         if imgui.is_mouse_down(imgui.MouseButton_.left):
-            zoom = zoom.moved(io.mouse_delta.x / size[0], io.mouse_delta.y / size[1])
+            zoom = zoom.moved(io.mouse_delta.x / area.width, io.mouse_delta.y / area.height)
         if zoom != session.view.zoom:
             emit(SetZoom(zoom))
 

@@ -7,8 +7,8 @@ from viewer.session import Session
 from viewer.training.live_training import LiveTraining, Work
 from viewer.training.runs import Run
 from viewer.training.settings import TrainingSettings
+from viewer.ui.area import Area
 from viewer.ui.colors import SLOT_COLORS
-from viewer.ui.dock_layout import Area
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.training_curves import TrainingCurves

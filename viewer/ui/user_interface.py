@@ -6,7 +6,8 @@ from viewer.actions import RunCommand
 from viewer.explore.background import Background
 from viewer.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
-from viewer.ui.dock_layout import Area, Docked, DockLayout
+from viewer.ui.area import Area
+from viewer.ui.dock_layout import Docked, DockLayout
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.items import ItemPlaces
@@ -35,6 +36,12 @@ class UserInterface:
         self._in_front: list[str] = []
         """Panels that were seen when panels were drawn last: they come to the front when all come back."""
         self._were_shown = True
+        self._picture_area: Area | None = None
+
+    @property
+    def picture_area(self) -> Area | None:
+        """What panels leave to the picture, as of the last frame; None before that is known."""
+        return self._picture_area
 
     @property
     def panel_titles(self) -> tuple[str, ...]:
@@ -58,19 +65,19 @@ class UserInterface:
         list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.palette is not None
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
-        if picture is not None:
-            corners = (ImVec2(0, 0), ImVec2(*size), ImVec2(0, 1), ImVec2(1, 0))
-            imgui.get_background_draw_list().add_image(picture, *corners)
         bar = draw_menu_bar(session, emit, self.items) if session.show_panels else 0.0
-        work = imgui.get_main_viewport().work_pos
-        draw_labels(session, size, self.items, work.y)
-        draw_block(session, facts, size)
-        draw_pixel(session, facts, size)
-        area = Area(work.x, work.y, *size)
+        area = self._layout_panels(session) if session.show_panels else Area(0.0, 0.0, *size)
+        self._picture_area = area if not session.show_panels or self._layout.is_placed else None
+        if picture is not None:
+            corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
+            imgui.get_background_draw_list().add_image(picture, *corners)
+        draw_labels(session, area, self.items)
+        draw_block(session, facts, area)
+        draw_pixel(session, facts, area)
         if session.show_panels:
             if not self._were_shown:
                 self._layout.bring_all(self._in_front)
-            area = self._panels(session, facts, emit)
+            self._panels(session, facts, emit)
             if not session.show_help:
                 draw_hints(session, area)
             self._offer.draw(session, area, emit, self.items)
@@ -79,15 +86,19 @@ class UserInterface:
         self._key_sheet.draw(session, size, bar, self.items)
         self._palette.draw(session, size, emit, self.items)
         draw_toasts(session.toasts, area)
-        self._input.handle(session, size, emit, keys=not list_is_open)
+        self._input.handle(session, area, emit, keys=not list_is_open)
 
-    def _panels(self, session: Session, facts: FrameFacts, emit: Emit) -> Area:
-        """All panels; the rectangle that they leave to the picture."""
-        context = PanelContext(session, facts, emit, self.items)
+    def _layout_panels(self, session: Session) -> Area:
+        """Say where panels stand; the rectangle that they leave to the picture."""
         style, height = imgui.get_style(), imgui.get_main_viewport().work_size.y
         places = [Docked(panel.title, panel.side, panel.height(height)) for panel in self._all_panels]
         area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.layout_reset_requested)
         session.layout_reset_requested = False
+        # A picture has at least a pixel.
+        return Area(area.left, area.top, max(area.right, area.left + 1.0), max(area.bottom, area.top + 1.0))
+
+    def _panels(self, session: Session, facts: FrameFacts, emit: Emit) -> None:
+        context = PanelContext(session, facts, emit, self.items)
         hidden = session.settings.hidden_panels
         in_front: list[str] = []
         for panel in self._all_panels:
@@ -107,4 +118,3 @@ class UserInterface:
             self._layout.bring(session.raised_panel)
             session.raised_panel = None
         self._layout.bring_to_front()
-        return area
