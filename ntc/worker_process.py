@@ -162,8 +162,8 @@ def _listen(pipe: WorkerEnd, board: Switchboard) -> None:
         os._exit(status)
 
 
-def _request(start: StartTraining) -> TrainingRequest:
-    """With its arrays. Raises OSError, ValueError or InputError for what cannot be trained."""
+def read_request(start: StartTraining) -> TrainingRequest:
+    """What is to be trained, with its arrays. Raises OSError, ValueError or InputError for what cannot be."""
     given = SharedBlock.open(start.input_block)
     try:
         request = given.read(start.request)
@@ -180,7 +180,7 @@ def _request(start: StartTraining) -> TrainingRequest:
 
 def train_as_told(pipe: WorkerEnd, board: Switchboard, start: StartTraining) -> WorkerReport:
     """One training; returns how it ended. Raises whatever makes it impossible, and OSError when the window is gone."""
-    request = _request(start)
+    request = read_request(start)
     block = SharedBlock.open(start.snapshot_block)
     try:
         pipe.send(encode(Received()))
