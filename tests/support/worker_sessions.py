@@ -189,6 +189,10 @@ class Session:
         self.processes.append(StandIn(end, self._says, self._answers, self._fill))
         return self.processes[-1]
 
+    def says(self, says: bytes, answers: bytes = b"") -> None:
+        """What processes from now on say at once, and to an order to train."""
+        self._says, self._answers = says, answers
+
     def start(self, request: TrainingRequest) -> None:
         """Begin a training."""
         self._pack = starting_pack(request)
