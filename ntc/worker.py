@@ -31,7 +31,7 @@ from ntc.worker_messages import (
     WorkerProgress,
     WorkerReport,
 )
-from ntc.worker_pipe import WindowEnd
+from ntc.worker_pipe import WindowEnd, framed
 from ntc.worker_wire import WireError, decode_report, encode
 
 SECONDS_TO_CANCEL = 0.6
@@ -50,7 +50,7 @@ class _Job:
 
     request: TrainingRequest
     message: bytes
-    """The encoded StartTraining."""
+    """The StartTraining, as it goes through the pipe."""
     input: SharedBlock
     snapshots: SharedBlock
     pack: Pack
@@ -91,7 +91,7 @@ def _job(request: TrainingRequest) -> _Job:
         given.close()
         raise
     try:
-        message = encode(StartTraining(given.write(request), given.name, snapshots.name, regions))
+        message = framed(encode(StartTraining(given.write(request), given.name, snapshots.name, regions)))
     except WireError as error:
         given.close()
         snapshots.close()
@@ -256,7 +256,7 @@ class TrainingWorker:
 
     def _command(self, command: Command) -> None:
         if self._job is not None and self._job.sent and self._pipe is not None:
-            self._pipe.send(encode(command))
+            self._pipe.send(framed(encode(command)))
 
     def _send_start(self) -> None:
         job = self._job

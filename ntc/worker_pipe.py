@@ -22,7 +22,7 @@ LONGEST_COMMAND = 1 << 28
 def framed(message: bytes) -> bytes:
     """A message as it goes through the pipe. Raises WireError for one that nobody would take."""
     if len(message) > LONGEST_COMMAND:
-        raise WireError(f"a message of {len(message) / 1e6:.0f} MB is not sent")
+        raise WireError(f"a message of {len(message) / 1e6:.0f} MB cannot be sent")
     return _LENGTH.pack(len(message)) + message
 
 
@@ -75,8 +75,8 @@ class WindowEnd:
         return message
 
     def send(self, message: bytes) -> None:
-        """Send a message, or as much of it as fits; `flush` sends the rest. That nobody is there, `receive` says."""
-        self._unsent.append(memoryview(framed(message)))
+        """Send a framed message, or as much of it as fits; `flush` sends the rest. That nobody is there, `receive` says."""
+        self._unsent.append(memoryview(message))
         self.flush()
 
     def flush(self) -> None:

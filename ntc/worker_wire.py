@@ -37,7 +37,8 @@ def _struct(kind: type) -> type[msgspec.Struct]:
 def _wire_type(hint: Any) -> Any:
     origin, parts = get_origin(hint), get_args(hint)
     if origin is np.ndarray:
-        return _struct(ArrayPlace)
+        # As it is: places are most of a message, and none of them needs a tag.
+        return ArrayPlace
     if hint is Path:
         return None
     if is_dataclass(hint):
@@ -53,6 +54,8 @@ def _wire_type(hint: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """Structs in place of the dataclasses in a value."""
+    if isinstance(value, ArrayPlace):
+        return value
     if is_dataclass(value) and not isinstance(value, type):
         return _struct(type(value))(**{field.name: _plain(getattr(value, field.name)) for field in fields(value)})
     if isinstance(value, tuple):
