@@ -1,5 +1,6 @@
 """Background training without a process: a stand-in that says what a test has it say, and the messages of whole trainings."""
 
+import math
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -219,6 +220,10 @@ class Session:
     def _use(self, report: Report) -> None:
         if isinstance(report, WorkerProgress):
             self._curves.add(report)
+            shown = (report.eta_seconds, report.elapsed_seconds, report.ktexels_per_second, *report.losses.values())
+            assert all(0.0 <= number < math.inf for number in shown)
+            assert 0 <= report.step <= report.of
+            assert report.note.isprintable()
         elif isinstance(report, GroupSnapshot):
             assert self._pack is not None
             self._pack = apply_snapshot(self._pack, report)
@@ -233,7 +238,7 @@ class Session:
                 check_pack(report.pack)
                 parse_metadata(metadata_json(report.pack))
                 for outcome in report.outcomes:
-                    outcome.line()
+                    assert "nan" not in outcome.line()
 
 
 def left_of(process: StandIn) -> list[str]:
