@@ -54,6 +54,7 @@ def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
         "image": [*seeds.images(), *seeds.real(folder, seeds.IMAGE_SUFFIXES)],
         "cameras": [*seeds.cameras()],
         "settings": [*seeds.settings()],
+        "worker messages": [*seeds.messages()],
     }
     return list(made[reader])
 
@@ -73,7 +74,7 @@ def _cause(log: str) -> str:
 
 def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) -> None:
     """One process; it ends at a finding, or when all is done."""
-    prefix = findings / f"{tally.reader}-"
+    prefix = findings / f"{tally.reader.replace(' ', '-')}-"
     known = set(findings.iterdir())
     arguments = [
         *(sys.executable, "-m", "benchmarks.fuzzing.targets", tally.reader),
@@ -117,7 +118,7 @@ def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: 
 def main() -> None:
     """Run and report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    names = ["scene", "pack", "image", "cameras", "settings"]
+    names = ["scene", "pack", "image", "cameras", "settings", "worker messages"]
     parser.add_argument("--reader", action="append", choices=names, help="may be given again; default all")
     parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")

@@ -1,6 +1,8 @@
 """Arrays in shared memory: how large messages go from one process to another."""
 
+import math
 import os
+import re
 import secrets
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +18,10 @@ from ntc.errors import InputError
 ALIGNMENT = 64
 PREFIX = "ntc-"
 """The names of all blocks start with this."""
+PLAIN_NUMBERS = re.compile("[<>|=](?:[biu]1|[iuf][248])")
+"""Types of arrays that are exchanged, as numpy spells them."""
+MOST_AXES = 8
+BLOCK_NAME = re.compile(PREFIX + "[0-9a-f]{16}")
 T = TypeVar("T")
 
 
@@ -29,8 +35,13 @@ class ArrayPlace:
 
     @property
     def size(self) -> int:
-        """Bytes of the array."""
-        return int(np.prod(self.shape, dtype=np.int64)) * np.dtype(self.dtype).itemsize
+        """Bytes of the array. Raises ValueError for a place that no array has."""
+        if PLAIN_NUMBERS.fullmatch(self.dtype) is None:
+            # Of objects, the bytes would be taken for addresses; the names of other types are parsed by numpy at length.
+            raise ValueError(f"arrays of {self.dtype[:20]!r} are not exchanged")
+        if len(self.shape) > MOST_AXES or min(self.shape, default=0) < 0:
+            raise ValueError(f"{self} lies outside every block")
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
 
 
 def aligned(size: int) -> int:
@@ -98,7 +109,9 @@ class SharedBlock:
 
     @classmethod
     def open(cls, name: str) -> "SharedBlock":
-        """A block that the other process created. Raises OSError where it is gone."""
+        """A block that the other process created. Raises OSError where it is gone, ValueError for another kind of name."""
+        if BLOCK_NAME.fullmatch(name) is None:
+            raise ValueError(f"{name[:60]!r} is no name of shared memory for training")
         return cls(SharedMemory(name), owner=False)
 
     def write(self, message: T, start: int = 0) -> T:
@@ -108,7 +121,7 @@ class SharedBlock:
         """
         places, arrays, end = without_arrays(message, start)
         buffer = self._buffer()
-        if end > len(buffer):
+        if start < 0 or end > len(buffer):
             raise ValueError(f"arrays end at byte {end} of a block of {len(buffer)}")
         position = start
         for array in arrays:
@@ -118,12 +131,16 @@ class SharedBlock:
         return places
 
     def read(self, message: T) -> T:
-        """A message with copies of its arrays, read-only, instead of their places. Raises ValueError for a place outside."""
+        """A message with copies of its arrays, read-only, instead of their places. Raises ValueError for a place outside, and
+        for places that overlap so much that the copies would be larger than the block."""
         buffer = self._buffer()
+        left = len(buffer)
 
         def copy(place: ArrayPlace) -> NDArray[Any]:
-            if min(place.shape, default=0) < 0 or not 0 <= place.offset <= len(buffer) - place.size:
-                raise ValueError(f"{place} lies outside a block of {len(buffer)} bytes")
+            nonlocal left
+            if not 0 <= place.offset <= len(buffer) - place.size or place.size > left:
+                raise ValueError(f"{str(place)[:200]} lies outside a block of {len(buffer)} bytes")
+            left -= place.size
             view: NDArray[Any] = np.ndarray(place.shape, place.dtype, buffer, place.offset)
             array = view.copy()
             array.flags.writeable = False

@@ -8,6 +8,7 @@ import numpy as np
 from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.pack import Grouping, Pack
+from ntc.pack_checks import check_grouping
 from ntc.snapshot import unchanged_groups
 from ntc.textures import SourceTexture
 from ntc.worker_messages import QualityBudget, StepBudget, TimeBudget, TrainingRequest
@@ -17,8 +18,10 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
     """Raises InputError for textures and groups that cannot be trained."""
     if not textures:
         raise InputError("there is no texture to train")
-    if len(grouping.groups) != len(textures) or set(grouping.groups) != set(range(grouping.group_count)):
-        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
+    try:
+        check_grouping(grouping, len(textures))
+    except ValueError as error:
+        raise InputError(str(error)) from error
     for texture in textures:
         if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:
             raise InputError(

@@ -1,18 +1,18 @@
 """Background training as the window sees it: a handle to a process of its own. Needs no torch, and never waits."""
 
-import multiprocessing
+import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
-from pickle import UnpicklingError
+from dataclasses import dataclass, field, replace
 
 from ntc.errors import InputError
 from ntc.pack import Pack
+from ntc.report_checks import check_ended, check_progress, check_snapshot, told
 from ntc.shared_arrays import SharedBlock, without_arrays
 from ntc.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack
 from ntc.training_checks import checked_request
+from ntc.worker_launch import TrainingProcess, start_process
 from ntc.worker_messages import (
     Cancel,
     Command,
@@ -31,11 +31,17 @@ from ntc.worker_messages import (
     WorkerProgress,
     WorkerReport,
 )
-from ntc.worker_process import serve
+from ntc.worker_pipe import WindowEnd, framed
+from ntc.worker_wire import WireError, decode_report, encode
 
 SECONDS_TO_CANCEL = 0.6
 """A process that has not obeyed by then is ended."""
 SECONDS_TO_CLOSE = 0.5
+SECONDS_TO_LISTEN = 0.01
+"""A process that talks without end is not listened to for longer at once."""
+LONGEST_IDLE_REPORT = 1 << 16
+"""Bytes, without a training."""
+LONGEST_REASON = 300
 
 
 @dataclass
@@ -43,7 +49,8 @@ class _Job:
     """A training under way, and what it holds."""
 
     request: TrainingRequest
-    message: StartTraining
+    message: bytes
+    """The StartTraining, as it goes through the pipe."""
     input: SharedBlock
     snapshots: SharedBlock
     pack: Pack
@@ -51,6 +58,13 @@ class _Job:
     sent: bool = False
     paused: bool = False
     """As the caller wants it."""
+    final: set[int] = field(default_factory=set)
+    """Groups whose last snapshot has come."""
+
+    @property
+    def longest_report(self) -> int:
+        """Bytes. A report says less of each texture than the request and the names of its fields."""
+        return LONGEST_IDLE_REPORT + 8 * len(self.message)
 
     def release(self) -> None:
         self.input.close()
@@ -76,7 +90,12 @@ def _job(request: TrainingRequest) -> _Job:
     except InputError:
         given.close()
         raise
-    message = StartTraining(given.write(request), given.name, snapshots.name, regions)
+    try:
+        message = framed(encode(StartTraining(given.write(request), given.name, snapshots.name, regions)))
+    except WireError as error:
+        given.close()
+        snapshots.close()
+        raise InputError(f"training: {error}; remove that from the names or the pack's record") from error
     return _Job(request, message, given, snapshots, pack)
 
 
@@ -84,13 +103,18 @@ class TrainingWorker:
     """One training at a time in a process of its own, which is kept for the next one. Use in a `with` block, from one thread.
 
     `poll` must be called often (each frame): it takes in what the process says. Nothing here waits for the process, but
-    `close`, for half a second at most. The process ends with this one, whatever happens to it.
+    `close`, for half a second at most. The process ends with this one, whatever happens to it; and whatever it sends, nothing
+    but reports comes of it: what makes no sense ends the process, and the training under way with Failed.
     """
 
-    def __init__(self) -> None:
-        self._process: BaseProcess | None = None
-        self._connection: Connection | None = None
+    def __init__(self, launch: Callable[[socket.socket], TrainingProcess] = start_process) -> None:
+        """`launch` starts a process that serves the socket it is given, and raises OSError where it cannot."""
+        self._launch = launch
+        self._process: TrainingProcess | None = None
+        self._pipe: WindowEnd | None = None
         self._ready = False
+        self._silent = False
+        """Whether all that the process said so far was heard."""
         self._job: _Job | None = None
         self._cancelled_at: float | None = None
         self._ended: list[Report] = []
@@ -143,22 +167,38 @@ class TrainingWorker:
         """What has happened since the last call, oldest first, with one snapshot at most: further ones come with the next
         calls, so that none takes long. Snapshots are copies, to be kept as long as needed."""
         reports, self._ended = self._ended, []
+        # Asked first: what a process said before its end is still heard.
+        lives = self._process is not None and self._process.is_alive()
         try:
-            while self._connection is not None and self._connection.poll(0):
-                report = self._take(self._connection.recv())
-                if report is not None:
-                    reports.append(report)
-                if isinstance(report, GroupSnapshot):
-                    break
-        except (EOFError, OSError, UnpicklingError):
+            self._listen(reports)
+            if self._process is not None and not lives and self._silent:
+                reports += self._lost()
+        except (EOFError, OSError):
             # It died, perhaps in the middle of a word.
             reports += self._lost()
-        if self._process is not None and not self._process.is_alive() and not self._something_left():
-            reports += self._lost()
+        except (ValueError, MemoryError) as error:
+            reports += self._nonsense(error)
         if self._cancelled_at is not None and time.monotonic() - self._cancelled_at > SECONDS_TO_CANCEL:
             self._end_process()
             reports += self._finish(Finished("cancelled"))
         return reports
+
+    def _listen(self, reports: list[Report]) -> None:
+        """Add what has come to `reports`, up to a snapshot or for SECONDS_TO_LISTEN. Raises EOFError or OSError when the
+        process is gone, ValueError when it makes no sense."""
+        self._silent = False
+        end = time.monotonic() + SECONDS_TO_LISTEN
+        while self._pipe is not None and time.monotonic() < end:
+            self._pipe.flush()
+            message = self._pipe.receive(LONGEST_IDLE_REPORT if self._job is None else self._job.longest_report)
+            if message is None:
+                self._silent = True
+                return
+            report = self._take(decode_report(message))
+            if report is not None:
+                reports.append(report)
+            if isinstance(report, GroupSnapshot):
+                return
 
     def pause(self) -> None:
         """Stand still; Paused follows. Without effect when nothing is under way."""
@@ -194,23 +234,19 @@ class TrainingWorker:
         if self._process is not None and self._process.is_alive():
             return
         self._end_process()
-        context = multiprocessing.get_context("spawn")
-        self._connection, other_end = context.Pipe()
+        own, other = socket.socketpair()
+        self._pipe = WindowEnd(own)
         try:
-            self._process = context.Process(target=serve, args=(other_end,), name="ntc-training", daemon=True)
-            self._process.start()
-        except OSError:
-            self._process = None
-            raise
+            self._process = self._launch(other)
         finally:
             # Held here too, the pipe would never be found closed.
-            other_end.close()
+            other.close()
 
     def _end_process(self) -> None:
         self._ready = False
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        if self._pipe is not None:
+            self._pipe.close()
+            self._pipe = None
         if self._process is not None:
             self._process.kill()
             self._process.join(SECONDS_TO_CLOSE)
@@ -219,54 +255,60 @@ class TrainingWorker:
             self._process = None
 
     def _command(self, command: Command) -> None:
-        if self._job is not None and self._job.sent and self._connection is not None:
-            with suppress(OSError):
-                self._connection.send(command)
+        if self._job is not None and self._job.sent and self._pipe is not None:
+            self._pipe.send(framed(encode(command)))
 
     def _send_start(self) -> None:
         job = self._job
-        if self._ready and job is not None and not job.sent and self._connection is not None:
-            with suppress(OSError):
-                self._connection.send(job.message)
+        if self._ready and job is not None and not job.sent and self._pipe is not None:
             job.sent = True
+            self._pipe.send(job.message)
             if job.paused:
                 self._command(Pause())
 
-    def _something_left(self) -> bool:
-        try:
-            return self._connection is not None and self._connection.poll(0)
-        except OSError:
-            return False
-
     def _take(self, report: WorkerReport) -> Report | None:
+        """What the caller gets to see of a report. Raises ValueError for one that cannot be true."""
         job = self._job
         if isinstance(report, Ready):
+            if self._ready:
+                raise WireError("it starts twice")
             self._ready = True
             self._send_start()
             return None
-        if job is None:
-            return None
+        if job is None or not job.sent:
+            raise WireError(f"{type(report).__name__} before there is a training")
         if isinstance(report, Received):
             job.input.close()
             job.snapshots.remove_name()
             return None
         if isinstance(report, WorkerProgress):
+            check_progress(report, job.request)
             self._command(ProgressTaken())
             return report
         if isinstance(report, GroupSnapshot):
             snapshot = job.snapshots.read(report)
+            check_snapshot(snapshot, job.request)
             self._command(SnapshotTaken(report.group))
             if snapshot.final:
                 job.pack = apply_snapshot(job.pack, snapshot)
+                job.final.add(snapshot.group)
             return snapshot
         if isinstance(report, Ended):
-            pack = None
-            if report.reason != "cancelled":
-                pack = replace(ended_pack(job.pack, job.request.grouping), training=report.record, path=None)
-            return self._finish(Finished(report.reason, report.outcomes, pack))[0]
+            return self._finish(Finished(report.reason, report.outcomes, self._pack_of(report, job)))[0]
         if isinstance(report, Failed):
-            return self._finish(report)[0]
+            return self._finish(told(report))[0]
         return report
+
+    def _pack_of(self, ended: Ended, job: _Job) -> Pack | None:
+        check_ended(ended, job.request)
+        if ended.reason == "cancelled":
+            if self._cancelled_at is None:
+                raise WireError("it ended what nobody cancelled")
+            return None
+        missing = (job.request.dirty or frozenset()) - job.final
+        if missing:
+            raise WireError(f"it ended without group {min(missing)}")
+        return replace(ended_pack(job.pack, job.request.grouping), training=ended.record, path=None)
 
     def _finish(self, last: Finished | Failed) -> list[Report]:
         """The last report of the training under way, whose memory is given back; none without a training."""
@@ -282,10 +324,18 @@ class TrainingWorker:
             return []
         process.join(SECONDS_TO_CLOSE)
         code = process.exitcode
+        if code is None:
+            return self._failed("closed its pipe")
+        return self._failed(f"was killed by signal {-code}" if code < 0 else f"ended with status {code}")
+
+    def _nonsense(self, error: Exception) -> list[Report]:
+        reason = str(error)[:LONGEST_REASON] or type(error).__name__
+        return self._failed(f"sent what makes no sense ({reason}), and was ended")
+
+    def _failed(self, why: str) -> list[Report]:
+        """End the process, and with it the training under way."""
         self._end_process()
         if self._cancelled_at is not None:
             return self._finish(Finished("cancelled"))
-        why = f"was killed by signal {-code}" if code is not None and code < 0 else f"ended with status {code}"
-        return self._finish(
-            Failed(f"training: its process {why}; what was shown stays, nothing else is lost: start the training again")
-        )
+        line = f"training: its process {why}; what was shown stays, nothing else is lost: start the training again"
+        return self._finish(told(Failed(line)))

@@ -4,16 +4,18 @@ import importlib
 import os
 import queue
 import signal
+import socket
 import threading
 import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing.connection import Connection
 
 from ntc.errors import InputError
+from ntc.pack_checks import check_pack
 from ntc.shared_arrays import SharedBlock
 from ntc.snapshot import GroupSnapshot
+from ntc.training_checks import checked_request
 from ntc.worker_messages import (
     Cancel,
     Command,
@@ -28,12 +30,19 @@ from ntc.worker_messages import (
     Resumed,
     SnapshotTaken,
     StartTraining,
+    TrainingRequest,
     WorkerProgress,
     WorkerReport,
 )
+from ntc.worker_pipe import WorkerEnd
+from ntc.worker_wire import decode_command, encode
 
 NICENESS = 10
 """The window comes first."""
+LONGEST_DETAILS = 8000
+"""Characters of a traceback: its end says what happened."""
+NOT_A_COMMAND = 3
+"""Exit status after what the window did not say. Training may hang on it: the window tells, and starts another process."""
 
 
 class Switchboard:
@@ -98,8 +107,8 @@ class Switchboard:
 class PipeHost:
     """Runs a training for the other end of a pipe."""
 
-    def __init__(self, connection: Connection, board: Switchboard, block: SharedBlock, start: StartTraining) -> None:
-        self._connection, self._board, self._block, self._regions = connection, board, block, start.regions
+    def __init__(self, pipe: WorkerEnd, board: Switchboard, block: SharedBlock, start: StartTraining) -> None:
+        self._pipe, self._board, self._block, self._regions = pipe, board, block, start.regions
         self._stood = 0.0
         """Seconds in pauses."""
 
@@ -107,11 +116,11 @@ class PipeHost:
         """Wait in a pause; raise TrainingCancelledError when cancelled."""
         if self._board.paused:
             began = time.monotonic()
-            self._connection.send(Paused())
+            self._pipe.send(encode(Paused()))
             self._board.wait(lambda: self._board.paused)
             self._stood += time.monotonic() - began
             if not self._board.cancelled:
-                self._connection.send(Resumed())
+                self._pipe.send(encode(Resumed()))
         if self._board.cancelled:
             from ntc.training_progress import TrainingCancelledError
 
@@ -124,7 +133,7 @@ class PipeHost:
     def progress(self, progress: WorkerProgress) -> None:
         """Send it, unless the last one still waits."""
         if self._board.open_progress():
-            self._connection.send(progress)
+            self._pipe.send(encode(progress))
 
     def wants_snapshot(self, group: int) -> bool:
         """Whether the group's region is free."""
@@ -137,27 +146,45 @@ class PipeHost:
             self._board.wait(lambda: self._board.snapshot_open(group) and not self._board.paused)
             self.interruption()
         self._board.open_snapshot(group)
-        self._connection.send(self._block.write(snapshot, self._regions[group]))
+        self._pipe.send(encode(self._block.write(snapshot, self._regions[group])))
 
 
-def _listen(connection: Connection, board: Switchboard) -> None:
-    with suppress(EOFError, OSError):
+def _listen(pipe: WorkerEnd, board: Switchboard) -> None:
+    status = NOT_A_COMMAND
+    try:
         while True:
-            board.obey(connection.recv())
-    # The other process is gone, or done with this one. Training may be anywhere: leave without further ado.
-    os._exit(0)
+            board.obey(decode_command(pipe.receive()))
+    except (EOFError, OSError):
+        status = 0
+    finally:
+        # The other process is gone, or done with this one. Training may be anywhere: leave without further ado. Nothing may
+        # end this thread alone, for then nobody would notice that the window is gone.
+        os._exit(status)
 
 
-def _train(connection: Connection, board: Switchboard, start: StartTraining) -> WorkerReport:
+def read_request(start: StartTraining) -> TrainingRequest:
+    """What is to be trained, with its arrays. Raises OSError, ValueError or InputError for what cannot be."""
     given = SharedBlock.open(start.input_block)
     try:
         request = given.read(start.request)
     finally:
         given.close()
+    if request.start is not None:
+        check_pack(request.start)
+    request = checked_request(request)
+    missing = (request.dirty or frozenset()) - start.regions.keys()
+    if missing:
+        raise ValueError(f"there is no room for snapshots of group {min(missing)}")
+    return request
+
+
+def train_as_told(pipe: WorkerEnd, board: Switchboard, start: StartTraining) -> WorkerReport:
+    """One training; returns how it ended. Raises whatever makes it impossible, and OSError when the window is gone."""
+    request = read_request(start)
     block = SharedBlock.open(start.snapshot_block)
     try:
-        connection.send(Received())
-        host = PipeHost(connection, board, block, start)
+        pipe.send(encode(Received()))
+        host = PipeHost(pipe, board, block, start)
         # Importing torch takes seconds, in which commands are already listened to.
         import torch
 
@@ -202,23 +229,31 @@ def _import_training() -> None:
         importlib.import_module("ntc.retrain")
 
 
-def serve(connection: Connection) -> None:
+def failure(error: Exception) -> Failed:
+    """What is said of a training that ended with an exception."""
+    details = traceback.format_exc()[-LONGEST_DETAILS:]
+    # File names may hold what is no Unicode.
+    line, details = (text.encode("utf-8", "replace").decode() for text in (_one_line(error), details))
+    return Failed(line[:LONGEST_DETAILS], details)
+
+
+def serve(end: socket.socket) -> None:
     """The process: trains what it is told to, one after the other, until the other end of the pipe closes."""
     # Ctrl-C in a terminal reaches this process too; the other one decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    board = Switchboard()
-    threading.Thread(target=_listen, args=(connection, board), daemon=True).start()
+    pipe, board = WorkerEnd(end), Switchboard()
+    threading.Thread(target=_listen, args=(pipe, board), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):
-        connection.send(Ready())
+        pipe.send(encode(Ready()))
         # Importing takes seconds, in which a request may be prepared elsewhere, or be on its way.
         threading.Thread(target=_import_training, daemon=True).start()
         while True:
             start = board.starts.get()
             try:
-                last = _train(connection, board, start)
+                last = encode(train_as_told(pipe, board, start))
             except (BrokenPipeError, ConnectionResetError):
                 raise
             except Exception as error:
-                last = Failed(_one_line(error), traceback.format_exc())
-            connection.send(last)
+                last = encode(failure(error))
+            pipe.send(last)
     os._exit(0)

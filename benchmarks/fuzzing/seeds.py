@@ -98,6 +98,13 @@ def settings() -> Iterator[bytes]:
     yield json.dumps(asdict(ViewerSettings())).encode()
 
 
+def messages() -> Iterator[bytes]:
+    """Messages between the window and its training process."""
+    from benchmarks.fuzzing.messages import talks
+
+    yield from talks()
+
+
 def real(folder: Path | None, suffixes: tuple[str, ...]) -> Iterator[bytes]:
     """The small files with one of `suffixes` below `folder`, sorted by path."""
     if folder is None:

@@ -16,8 +16,13 @@ from benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutat
 from ntc.errors import InputError
 
 WATCHED = ["viewer.scene", "viewer.settings", "ntc.pack_file", "ntc.pack_metadata", "ntc.pack", "ntc.quantize"]
+WATCHED_MESSAGES = [
+    *("ntc.worker", "ntc.worker_wire", "ntc.worker_pipe", "ntc.worker_process", "ntc.report_checks", "ntc.pack_checks"),
+    *("ntc.shared_arrays", "ntc.snapshot", "ntc.training_checks"),
+]
 
-with atheris.instrument_imports(include=WATCHED, enable_loader_override=False):
+with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES], enable_loader_override=False):
+    from benchmarks.fuzzing.messages import MessageReader, mutate_messages
     from ntc.pack_file import read_pack
     from viewer.scene.cameras_file import read_cameras
     from viewer.scene.gltf_container import parse_gltf
@@ -43,7 +48,9 @@ class Readers:
             "image": (self.image, mutate_image),
             "cameras": (self.cameras, mutate_json),
             "settings": (self.settings, mutate_json),
+            "worker messages": (self.messages, mutate_messages),
         }
+        self._messages: MessageReader | None = None
 
     def scene(self, data: bytes) -> None:
         """Read `data` as a scene, with a folder of its own in which nothing else lies."""
@@ -67,6 +74,12 @@ class Readers:
         """Read `data` as settings, the way a file is turned into text."""
         with contextlib.suppress(UnicodeDecodeError):
             parse_settings(data.decode(), "fuzz")
+
+    def messages(self, data: bytes) -> None:
+        """Take `data` as messages of background training."""
+        if self._messages is None:
+            self._messages = MessageReader()
+        self._messages.read(data)
 
     def _file(self, data: bytes) -> Path:
         path = self._folder / "fuzz.bin"
