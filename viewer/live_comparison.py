@@ -9,6 +9,7 @@ import numpy as np
 from ntc.pack import Pack
 from viewer.comparison import Comparison, PairOfPictures
 from viewer.comparison_process import ComparisonProcess
+from viewer.gl.allocation import GpuMemoryError
 from viewer.live_figures import LiveFigures, compared_source
 from viewer.renderer import DrawnPair, Renderer
 from viewer.shown_errors import FoundErrors
@@ -97,8 +98,13 @@ class LiveComparison:
             return self._take(renderer)
         if now - self._rested_since < REST_SECONDS or (self._rest_key, wanted) == self._done:
             return False
-        if renderer.prepare_slots() or renderer.prepare_look():
-            return False
+        try:
+            if renderer.prepare_slots() or renderer.prepare_look():
+                return False
+        except GpuMemoryError:
+            # Said once, and not tried again before something changes.
+            self._done = (self._rest_key, wanted)
+            raise
         pair = renderer.drawn_pair()
         if (
             wanted

@@ -6,6 +6,7 @@ from typing import Any
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.allocation import GpuMemory, limit_from_environment
 from viewer.gl.features import Features, find_features
 from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
 
@@ -38,6 +39,8 @@ class GraphicsContext:
     info: ContextInformation
     functions: GlFunctions
     features: Features
+    memory: GpuMemory
+    """Whom to ask for buffers and textures."""
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader) -> GraphicsContext:
@@ -47,7 +50,8 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader) -> GraphicsContext:
         functions = GlFunctions(load)
     except RuntimeError as error:
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
-    return GraphicsContext(gl, information, functions, find_features(gl, information.is_software))
+    features = find_features(gl, information.is_software)
+    return GraphicsContext(gl, information, functions, features, GpuMemory(gl, limit_from_environment()))
 
 
 def create_headless_context() -> GraphicsContext:
