@@ -309,7 +309,8 @@ class Renderer:
         short_latents = False
         for slot in dict.fromkeys(slot for slot in slots if slot.source != REFERENCE):
             latents = self._on_gpu(slot).latents
-            short_latents |= latents.out_of_memory and latents.levels_without_room > 0
+            coarse = slot in tiles and tiles[slot].coarse_latents
+            short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
             skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
             skipped["latent_textures_not_uploaded"] += latents.textures_left_out
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())

@@ -13,6 +13,8 @@ LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
 """Environment variable: never ask for more than so many MB in all, for trying what happens then."""
 NO_ERROR = "GL_NO_ERROR"
 OUT_OF_MEMORY = "GL_OUT_OF_MEMORY"
+REFUSALS = (OUT_OF_MEMORY, "GL_INVALID_VALUE")
+"""Other errors, as of a framebuffer that was bound when it was freed, take no memory away."""
 REMEDY = "close packs or other programs, or make the picture or the window smaller"
 MOST_ERRORS = 16
 """Flags that a driver may hold at once."""
@@ -74,20 +76,26 @@ class GpuMemory:
         """Objects that have not been freed; known only where there is a limit."""
         return sum(not is_released(made) for made, _ in self._given)
 
-    def _allows(self, size: int) -> bool:
+    def allows(self, what: str, size: int) -> bool:
+        """Whether the limit has room for `size` bytes more; `what` is for those who refuse by name."""
         return self._limit is None or self.bytes_given + size <= self._limit
 
-    def _forget_errors(self) -> None:
-        """What others have left behind is not this request's."""
+    def _take_errors(self) -> set[str]:
+        """OpenGL's errors since the last call, which are then forgotten."""
+        errors: set[str] = set()
         for _ in range(MOST_ERRORS):
-            if self._gl.error == NO_ERROR:
-                return
+            error = str(self._gl.error)
+            if error == NO_ERROR:
+                break
+            errors.add(error)
+        return errors
 
     def made(self, what: str, size: int, make: Callable[[], Made]) -> Made:
         """What `make` makes of `size` bytes, if OpenGL has no error to tell of afterwards; else it is freed again."""
-        if not self._allows(size):
+        if not self.allows(what, size):
             raise self._refusal(what, size)
-        self._forget_errors()
+        # What others have left behind is not this request's.
+        self._take_errors()
         try:
             thing = make()
         except moderngl.Error as error:
@@ -100,12 +108,11 @@ class GpuMemory:
         return thing
 
     def check(self, what: str, size: int, thing: Releasable) -> None:
-        """Free `thing` and raise where OpenGL has an error to tell of."""
-        error = self._gl.error
-        if error != NO_ERROR:
+        """Free `thing` and raise where OpenGL says that it has no memory for it, or nothing as large."""
+        errors = self._take_errors().intersection(REFUSALS)
+        if errors:
             thing.release()
-            self._forget_errors()
-            raise self._refusal(what, size, error)
+            raise self._refusal(what, size, min(errors, key=REFUSALS.index))
 
     @staticmethod
     def _refusal(what: str, size: int, error: str = OUT_OF_MEMORY) -> GpuMemoryError:
@@ -167,7 +174,7 @@ class GpuMemory:
 
     def build_mipmaps(self, what: str, texture: moderngl.Texture) -> None:
         """Fill the mips of a texture, which is freed where that fails."""
-        self._forget_errors()
+        self._take_errors()
         texture.build_mipmaps()
         self.check(what, texture.width * texture.height * texture.components // 3, texture)
 

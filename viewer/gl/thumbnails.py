@@ -23,7 +23,7 @@ class Thumbnails:
         self._made: dict[int, moderngl.Texture] = {}
 
     def __getitem__(self, texture_id: int) -> moderngl.Texture:
-        """RGB8 texture, row 0 on top, sRGB-coded: every n-th texel of the image [H, W, 3] uint8 of a texture; grey where there is no memory."""
+        """RGB8 texture, row 0 on top, sRGB-coded: every n-th texel of the image [H, W, 3] uint8 of a texture; grey without memory."""
         if texture_id not in self._made:
             image = self._image_of(texture_id)
             # Thumbnails only need to be recognised: means of a few texels would cost a pass over each large image.

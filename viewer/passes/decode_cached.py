@@ -75,7 +75,7 @@ class DecodeCachedPass:
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
-        self._out_of_memory = False
+        self._out_of_memory = self._coarse_latents = False
         with context.memory.whole():
             if not self._atlas.grow(1):
                 raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
@@ -111,6 +111,7 @@ class DecodeCachedPass:
             self._decoded,
             self._evicted,
             self._out_of_memory,
+            self._coarse_latents,
         )
 
     @property
@@ -185,7 +186,7 @@ class DecodeCachedPass:
         if not len(entries):
             return 0
         # Whatever may fail for want of memory comes before tiles get their pages.
-        self._buffers.need(finest_levels(self._table.tiles(entries)))
+        self._need_latents(self._table.tiles(entries))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
@@ -216,11 +217,17 @@ class DecodeCachedPass:
     def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
         tiles = self._table.tiles(entries)
         tiles["page"] = pages
-        self._buffers.need(finest_levels(tiles))
+        self._need_latents(tiles)
         decoders = self._decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])
         self._decoded += len(pages)
+
+    def _need_latents(self, tiles: NDArray[np.void]) -> None:
+        levels = finest_levels(tiles)
+        self._buffers.need(levels)
+        # Such tiles stay as they are, even when there is room again.
+        self._coarse_latents |= not self._buffers.has(levels)
 
     def _drop_unseen_stale(self) -> None:
         """What the last request did not read need not be decoded anew."""
