@@ -86,6 +86,11 @@ class FrameResult:
     """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
 
     @property
+    def is_short(self) -> bool:
+        """Whether the picture is coarser than it should be, because the GPU has too little memory."""
+        return self.short_latents or any(counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values())
+
+    @property
     def waiting(self) -> int:
         """Tiles that are still to come: the same view drawn again shows more."""
         return sum(counts.waiting for counts in self.tiles.values())

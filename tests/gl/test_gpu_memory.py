@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import moderngl
@@ -12,8 +13,10 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.pack import Pack
+from tests.end_to_end.conftest import two_squares
 from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.packs import random_pack
+from viewer import cli
 from viewer import renderer as renderer_module
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
@@ -347,7 +350,7 @@ def test_a_picture_that_is_too_large_leaves_the_one_before(graphics: GraphicsCon
 
 def test_the_driver_itself_is_asked(graphics: GraphicsContext) -> None:
     before = existing(graphics)
-    with pytest.raises(GpuMemoryError, match=r"^vertices: the GPU has no memory for 1.13e\+09 MB; close packs"):
+    with pytest.raises(GpuMemoryError, match=r"^vertices: the GPU has no memory for 1125899907 MB; close packs"):
         graphics.memory.buffer("vertices", reserve=1 << 50)
     assert existing(graphics) == before
     assert graphics.memory.buffer("vertices", b"abcd").read() == b"abcd"
@@ -386,6 +389,25 @@ def test_a_limit_that_is_none(monkeypatch: pytest.MonkeyPatch, text: str) -> Non
     monkeypatch.setenv(LIMIT_VARIABLE, text)
     with pytest.raises(InputError, match=f"{LIMIT_VARIABLE}=.*must be a whole number of MB"):
         limit_from_environment()
+
+
+def rendered(path: Path, *more: str) -> int:
+    return cli.main(["render", str(path), "--grouping", REFERENCE, "--out", str(path.parent / "out"), *more])
+
+
+def test_render_without_memory_says_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = two_squares().write(tmp_path / "scene.glb")
+    assert rendered(path, "--size", "200000x8") == 2
+    assert capsys.readouterr().err.startswith("error: ")
+    monkeypatch.setenv(LIMIT_VARIABLE, "0")
+    assert rendered(path, "--size", "64x64") == 2
+    error = capsys.readouterr().err
+    assert "vertices of" in error
+    assert "the GPU has no memory for" in error
+    assert error.strip().count("\n") == 0
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_limit_is_in_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,7 +117,9 @@ class GpuMemory:
     @staticmethod
     def _refusal(what: str, size: int, error: str = OUT_OF_MEMORY) -> GpuMemoryError:
         reason = "" if error == OUT_OF_MEMORY else f" ({error})"
-        return GpuMemoryError(f"{what}: the GPU has no memory for {max(size, 1) / 1e6:.3g} MB{reason}; {REMEDY}")
+        megabytes = max(size, 1) / 1e6
+        amount = f"{megabytes:.0f}" if megabytes >= 100 else f"{megabytes:.2g}"
+        return GpuMemoryError(f"{what}: the GPU has no memory for {amount} MB{reason}; {REMEDY}")
 
     @contextmanager
     def whole(self) -> Iterator[None]:
