@@ -223,6 +223,8 @@ class Frontend:
         whole = self.session.measure_requested or bool(self.session.picture_requests)
         if view == self._last_view and not self._is_waiting:
             return
+        # Nothing can be asked about a view that could not be drawn.
+        self._last_view = None
         try:
             self._last = renderer.render(view, whole)
         except GpuMemoryError as error:
@@ -260,7 +262,6 @@ class Frontend:
         """The GPU has no memory for what is to be drawn: go back to what it has drawn before, or show less."""
         session = self.session
         session.say(str(error), "error", details_of(error))
-        self._last_view = None
         before = session.scene, session.packs, session.view
         session.put_away_undrawable()
         if (session.scene, session.packs, session.view) != before:
@@ -402,6 +403,7 @@ class Frontend:
                 raise
             if self._renderer is None:
                 self._undrawable = self._wanted(size)
+            self._last_view = None
             session.say(" ".join(str(error).split()) or "there is not enough memory", "error", str(error))
         session.measure_requested = False
         now = time.monotonic()
@@ -448,9 +450,9 @@ class Frontend:
         if self._renderer is None or self._scene is not self.session.scene or self._packs is not self.session.packs:
             raise InputError("there is no picture to write: what is open has not been drawn")
         view = request.view(self._view(self.session.picture_size))
-        image = self._renderer.render(view, whole=True).image
         # The next frame draws what is shown again: both have one target.
         self._last_view = None
+        image = self._renderer.render(view, whole=True).image
         pixels = np.frombuffer(image.read(alignment=1), np.uint8).reshape(image.height, image.width, 4)
         return np.ascontiguousarray(pixels[::-1, :, :3])
 

@@ -9,7 +9,6 @@ import numpy as np
 from ntc.pack import Pack
 from viewer.comparison import Comparison, PairOfPictures
 from viewer.comparison_process import ComparisonProcess
-from viewer.gl.allocation import GpuMemoryError
 from viewer.live_figures import LiveFigures, compared_source
 from viewer.renderer import DrawnPair, Renderer
 from viewer.shown_errors import FoundErrors
@@ -101,7 +100,7 @@ class LiveComparison:
         try:
             if renderer.prepare_slots() or renderer.prepare_look():
                 return False
-        except GpuMemoryError:
+        except Exception:
             # Said once, and not tried again before something changes.
             self._done = (self._rest_key, wanted)
             raise

@@ -353,7 +353,11 @@ class Renderer:
             def slot_ms(small: ViewState) -> float:
                 return self.render(small, whole=True).slot_ms[small.slot_a]
 
-            self._path_times[key] = time_paths(slot_ms, replace(view, overlay=Overlay()), slot)
+            times = time_paths(slot_ms, replace(view, overlay=Overlay()), slot)
+            if not times.milliseconds:
+                # None can be drawn: one of them says why.
+                return replace(slot, path="deferred")
+            self._path_times[key] = times
         return replace(slot, path=self._path_times[key].fastest)
 
     def _tiles(self, slot: Slot) -> TileCounts | None:

@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import moderngl
@@ -13,10 +12,8 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.pack import Pack
-from tests.end_to_end.conftest import two_squares
 from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.packs import random_pack
-from viewer import cli
 from viewer import renderer as renderer_module
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
@@ -391,27 +388,25 @@ def test_a_limit_that_is_none(monkeypatch: pytest.MonkeyPatch, text: str) -> Non
         limit_from_environment()
 
 
-def rendered(path: Path, *more: str) -> int:
-    return cli.main(["render", str(path), "--grouping", REFERENCE, "--out", str(path.parent / "out"), *more])
-
-
-def test_render_without_memory_says_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = two_squares().write(tmp_path / "scene.glb")
-    assert rendered(path, "--size", "200000x8") == 2
-    assert capsys.readouterr().err.startswith("error: ")
-    monkeypatch.setenv(LIMIT_VARIABLE, "0")
-    assert rendered(path, "--size", "64x64") == 2
-    error = capsys.readouterr().err
-    assert "vertices of" in error
-    assert "the GPU has no memory for" in error
-    assert error.strip().count("\n") == 0
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_limit_is_in_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(LIMIT_VARIABLE, "3")
     assert limit_from_environment() == 3_000_000
     monkeypatch.delenv(LIMIT_VARIABLE)
     assert limit_from_environment() is None
+
+
+def test_auto_takes_a_path_that_there_is_memory_for(
+    graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack], truth: tuple[dict[str, NDArray[np.uint8]], int]
+) -> None:
+    memory = ForgetfulMemory(graphics.gl, "latents")
+    renderer = Renderer(replace(graphics, memory=memory), scene, tile_cache=TILES)
+    renderer.set_packs({"p": packs[0]})
+    view = replace(VIEWS["forward"], slot_a=Slot("p", "auto"))
+    with pytest.raises(GpuMemoryError, match="pack p: latents"):
+        renderer.render(view)
+    memory.word = "decoded tiles"
+    frame = renderer.render(view)
+    assert frame.paths[view.slot_a] != "cached"
+    assert np.abs(read_picture(frame.image).astype(int) - truth[0]["forward"]).max() <= ONE_STEP
+    renderer.release()
+    assert memory.objects_given == 0

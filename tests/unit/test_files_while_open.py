@@ -163,7 +163,10 @@ def test_loading_a_spoilt_view(session: Session, tmp_path: Path, spoil: Spoil) -
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "~", "/dev/null/x", "."])
 @pytest.mark.parametrize("command", ["view.load", "view.save", "training.accept"])
-def test_names_that_no_file_can_have(session: Session, command: str, name: str) -> None:
+def test_names_that_no_file_can_have(
+    session: Session, command: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     finished(session)
     session.apply(RunCommand(command, (name if command != "training.accept" else f"{name}.ntc",)))
     settle(session)
