@@ -21,12 +21,14 @@ from viewer.actions import SetSlot
 from viewer.block_content import BlockContent, BlockPlace, block_content
 from viewer.commands import bindings, run_command
 from viewer.explore.frame_history import FrameHistory
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.named_images import NamedImages
 from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
 from viewer.live_comparison import LiveComparison
 from viewer.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.message_log import details_of
 from viewer.passes.precision import supported_precisions
 from viewer.picture_request import PictureRequest
 from viewer.pixel_content import PixelContent
@@ -98,7 +100,11 @@ class Frontend:
         self._block_content: BlockContent | None = None
         self._live = LiveComparison()
         self._pixels = PixelReader()
-        self._told_of_memory = False
+        self._told_of_memory: frozenset[str] = frozenset()
+        self._is_drawn = False
+        """Whether the renderer has drawn anything yet."""
+        self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
+        """What the GPU had no memory for last: not tried again before something changes."""
         self._whole_frame_ms = 0.0
         self._slot_ms: Mapping[Slot, float] = {}
         self.frames_drawn = 0
@@ -111,7 +117,10 @@ class Frontend:
         """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
         if self._renderer is None or self._scene is not self.session.scene:
             try:
-                made = Renderer(self._context, self.session.scene, tile_cache=self._tile_cache())
+                with self._context.memory.whole():
+                    textures = self.session.scene.textures
+                    thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
+                    made = Renderer(self._context, self.session.scene, tile_cache=self._tile_cache())
             except InputError as error:
                 self._context.reset.check_after(error)
                 if self._renderer is None or not self.session.put_away_undrawable():
@@ -128,8 +137,8 @@ class Frontend:
             self.interface.background.forget()
             if self._thumbnails is not None:
                 self._thumbnails.release()
-            textures = self._scene.textures
-            self._thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
+            self._thumbnails = thumbnails
+            self._last, self._is_drawn = None, False
         if self._packs is not self.session.packs:
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self._renderer.set_packs(self.session.packs)
@@ -215,20 +224,27 @@ class Frontend:
 
     def _draw_picture(self, size: tuple[int, int]) -> None:
         self._note_movement()
+        if self._is_undrawable(size):
+            return
         renderer = self._current_renderer()
         coarse = self._is_coarse()
         view = self._view(size)
         whole = self.session.measure_requested or bool(self.session.picture_requests)
         if view == self._last_view and not self._is_waiting:
             return
+        # Nothing can be asked about a view that could not be drawn.
+        self._last_view = None
         try:
             self._last = renderer.render(view, whole)
+        except GpuMemoryError as error:
+            self._give_up(error, size)
+            return
         except InputError as error:
             self._context.reset.check_after(error)
             self.session.say(str(error), "error")
             self._leave_half_arithmetic()
             return
-        self._last_view = view
+        self._last_view, self._is_drawn, self._undrawable = view, True, None
         self._tell_of_memory(self._last)
         self.session.note_drawable()
         self.frames_drawn += 1
@@ -241,15 +257,64 @@ class Frontend:
         for name, milliseconds in self._last.timings_ms.items():
             self._times[name].append(milliseconds)
 
+    def _wanted(self, size: tuple[int, int]) -> tuple[Scene, Mapping[str, Pack], ViewState]:
+        """What is to be drawn."""
+        return self.session.scene, self.session.packs, self._view(size)
+
+    def _is_undrawable(self, size: tuple[int, int]) -> bool:
+        """Whether the GPU had no memory for just this the last time."""
+        if self._undrawable is None:
+            return False
+        scene, packs, view = self._undrawable
+        return scene is self.session.scene and packs is self.session.packs and view == self._view(size)
+
+    def _give_up(self, error: GpuMemoryError, size: tuple[int, int]) -> None:
+        """The GPU has no memory for what is to be drawn: go back to what it has drawn before, or show less."""
+        session = self.session
+        session.say(str(error), "error", details_of(error))
+        before = session.scene, session.packs, session.view
+        session.put_away_undrawable()
+        if (session.scene, session.packs, session.view) != before:
+            if not self._is_drawn:
+                # All that this scene has taken is needed for the one before.
+                self._release_renderer()
+            return
+        sources = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
+        alone = next((side for side, source in sources.items() if source != REFERENCE), None)
+        if not self._is_drawn and alone is not None and session.view.compare not in ("a", "b"):
+            session.view = replace(session.view, compare="a" if alone == "a" else "b")
+            session.say(f"slot {alone.upper()} is shown alone")
+            return
+        # The last picture stays, at whatever size.
+        self._undrawable = self._wanted(size)
+
     def _tell_of_memory(self, frame: FrameResult) -> None:
-        short = any(counts.out_of_memory for counts in frame.tiles.values())
-        if short and not self._told_of_memory:
-            self.session.say(
+        """Say what is shown coarser than it should be, once."""
+        short: set[str] = set()
+        if any(counts.out_of_memory for counts in frame.tiles.values()):
+            short.add(
                 "the GPU has no memory for more decoded tiles: path cached goes on with those it has; "
-                "close packs, or lower tile_cache_megabytes in settings.json",
-                "error",
+                "close packs, or lower tile_cache_megabytes in settings.json"
             )
-        self._told_of_memory = short
+        if frame.short_latents:
+            short.add("the GPU has no memory for all latents: coarser mips are shown in their place; close packs")
+        for line in sorted(short - self._told_of_memory):
+            self.session.say(line, "error")
+        self._told_of_memory = frozenset(short)
+
+    def _tell_of_spare_textures(self) -> None:
+        spares = [self._images.spare, *([] if self._thumbnails is None else [self._thumbnails.spare])]
+        for problem in (spare.take_problem() for spare in spares):
+            if problem is not None:
+                self.session.say(problem, "error")
+
+    def _release_renderer(self) -> None:
+        if self._thumbnails is not None:
+            self._thumbnails.release()
+        if self._renderer is not None:
+            self._renderer.release()
+        self._thumbnails = self._renderer = self._scene = self._packs = None
+        self._last = self._last_view = None
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
@@ -350,9 +415,12 @@ class Frontend:
                 self._compare(room)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             self._context.reset.check_after(error)
-            if self._renderer is None:
+            if self._renderer is None and self.frames_drawn == 0:
                 # There is no older picture to stay with.
                 raise
+            if self._renderer is None:
+                self._undrawable = self._wanted(session.picture_size)
+            self._last_view = None
             session.say(" ".join(str(error).split()) or "there is not enough memory", "error", str(error))
         session.measure_requested = session.measure_requested and room is None
         now = time.monotonic()
@@ -363,6 +431,7 @@ class Frontend:
         session.forget_old_toasts(time.monotonic())
         picture = imgui.ImTextureRef(self._last.image.glo) if self._last is not None else None
         self.interface.draw(session, self.facts(), picture, session.apply)
+        self._tell_of_spare_textures()
         imgui.render()
         return imgui.get_draw_data()
 
@@ -393,16 +462,17 @@ class Frontend:
             write_png(path, pixels)
             if not request.quiet:
                 self.session.say(f"wrote {path}")
-        except (InputError, ShaderError) as error:
-            self.session.say(" ".join(str(error).split()), "error")
+        except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
+            self.session.say(" ".join(str(error).split()) or "there is not enough memory for the picture", "error")
 
     def _picture_alone(self, request: PictureRequest) -> NDArray[np.uint8]:
         """[H, W, 3] uint8 sRGB, row 0 on top: the picture without the interface."""
-        assert self._renderer is not None
+        if self._renderer is None or self._scene is not self.session.scene or self._packs is not self.session.packs:
+            raise InputError("there is no picture to write: what is open has not been drawn")
         view = request.view(self._view(self.session.picture_size))
-        image = self._renderer.render(view, whole=True).image
         # The next frame draws what is shown again: both have one target.
         self._last_view = None
+        image = self._renderer.render(view, whole=True).image
         pixels = np.frombuffer(image.read(alignment=1), np.uint8).reshape(image.height, image.width, 4)
         return np.ascontiguousarray(pixels[::-1, :, :3])
 
@@ -424,7 +494,7 @@ class Frontend:
                 try:
                     if renderer.prepare(replace(slot, path=path)):
                         return True
-                except (InputError, ShaderError):
+                except (InputError, ShaderError, moderngl.Error, MemoryError):
                     # It is said when the user asks for it.
                     continue
         return False
@@ -445,6 +515,8 @@ class Frontend:
         opened = session.scene is not self._scene or session.packs is not self._packs
         found = self.interface.background.take_news() or self.interface.is_settling(session)
         room = self._picture_size(size)
+        if room is not None and self._is_undrawable(room):
+            return found
         changed = room is None or self._view(room) != self._last_view
         return wishes or opened or found or self._is_waiting or changed
 
@@ -462,12 +534,7 @@ class Frontend:
         self.interface.background.close()
         self._live.close()
         self._images.release()
-        if self._thumbnails is not None:
-            self._thumbnails.release()
-            self._thumbnails = None
-        if self._renderer is not None:
-            self._renderer.release()
-            self._renderer = None
+        self._release_renderer()
 
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:

@@ -50,8 +50,9 @@ class HeadlessApp:
         self._appearance = Appearance()
 
     def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
-        gl = self._context.gl
-        return gl.framebuffer([gl.texture(size, 4)])
+        memory, what = self._context.memory, f"a window of {size[0]} x {size[1]}"
+        with memory.whole():
+            return memory.framebuffer(what, [memory.texture(what, size, 4)])
 
     @property
     def size(self) -> tuple[int, int]:

@@ -97,8 +97,13 @@ class LiveComparison:
             return self._take(renderer)
         if now - self._rested_since < REST_SECONDS or (self._rest_key, wanted) == self._done:
             return False
-        if renderer.prepare_slots() or renderer.prepare_look():
-            return False
+        try:
+            if renderer.prepare_slots() or renderer.prepare_look():
+                return False
+        except Exception:
+            # Said once, and not tried again before something changes.
+            self._done = (self._rest_key, wanted)
+            raise
         pair = renderer.drawn_pair()
         if (
             wanted

@@ -1,5 +1,6 @@
 """Which packs are open for a scene: those named, and `NAME.*.ntc` beside `NAME.glb`."""
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -32,15 +33,24 @@ def preferred_source(packs: Mapping[str, Pack]) -> str:
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
     """The packs that lie beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order."""
     stem, folder = scene_path.stem, scene_path.parent
-    if not folder.is_dir():
-        return ()
-    return tuple(
-        sorted(
-            path
-            for path in folder.iterdir()
-            if path.suffix == PACK_SUFFIX and (path.stem == stem or path.name.startswith(f"{stem}.")) and path.is_file()
+    try:
+        return tuple(
+            sorted(
+                path
+                for path in folder.iterdir()
+                if path.suffix == PACK_SUFFIX
+                and (path.stem == stem or path.name.startswith(f"{stem}."))
+                and path.is_file()
+            )
         )
-    )
+    except OSError:
+        # A folder that is gone, or may not be listed, keeps nobody from opening the scene that is in it.
+        return ()
+
+
+def same_place(first: Path, second: Path) -> bool:
+    """Whether both are one file, links followed as far as they lead."""
+    return os.path.realpath(first) == os.path.realpath(second)
 
 
 def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
@@ -49,11 +59,12 @@ def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
     Raises InputError where a file cannot be read.
     """
     packs: dict[str, Pack] = {}
-    seen: set[Path] = set()
+    seen: set[str] = set()
     for path in paths:
-        if path.resolve() in seen:
+        place = os.path.realpath(path)
+        if place in seen:
             continue
-        seen.add(path.resolve())
+        seen.add(place)
         pack = read_pack(path)
         packs[unused_name(pack.grouping.name, path, packs)] = pack
     return packs

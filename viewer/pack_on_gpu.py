@@ -304,18 +304,32 @@ class PackOnGpu:
         return sorted({self.decoders[texture] for texture in self._textures_in(draw_list)})
 
     def hand_over(self, pack: Pack, match: PackMatch) -> "PackOnGpu":
-        """Another version of this pack in its place, which this frees. Decoded tiles of textures that are the same are kept."""
+        """Another version of this pack in its place, which this frees. Decoded tiles of textures that are the same are kept.
+
+        Raises GpuMemoryError where both do not fit beside each other; then this one is as it was.
+        """
         made = PackOnGpu(self.drawing, pack, match, self.precision, self.programs)
         if self._cached is not None and same_shape(self.pack, pack) and self.match == match:
             changed = changed_textures(self.pack, pack)
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
-            self._cached.replace_pack(made.buffers, made._ranges, made.decoders, ids)
+            with self.drawing.context.memory.whole():
+                buffers, ranges = made.buffers, made._ranges
+            self._cached.replace_pack(buffers, ranges, made.decoders, ids)
             made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead
             made._bands_left = self._bands_left
             self._made.remove(self._cached)
             made._made.append(made._cached)
         self.release()
         return made
+
+    def make(self) -> None:
+        """Have its buffers on the GPU, without latents. Raises GpuMemoryError."""
+        _ = self.buffers
+
+    @property
+    def is_made(self) -> bool:
+        """Whether its buffers are on the GPU."""
+        return any(isinstance(part, PackBuffers) for part in self._made)
 
     def release(self) -> None:
         """Free everything."""

@@ -1,7 +1,8 @@
 """The frame: which passes run, in which order, and which of them may be skipped because nothing they read has changed."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import moderngl
@@ -13,6 +14,7 @@ from ntc.divergence import DivergenceStatistics
 from ntc.pack import Pack
 from ntc.pack_match import PackMatch
 from viewer.camera import view_projection
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
@@ -81,6 +83,13 @@ class FrameResult:
     """The tile caches of the shown slots that have one."""
     paths: Mapping[Slot, PathChoice]
     """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
+    short_latents: bool = False
+    """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the picture is coarser than it should be, because the GPU has too little memory."""
+        return self.short_latents or any(counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values())
 
     @property
     def waiting(self) -> int:
@@ -125,10 +134,22 @@ class _Targets:
     composite_key: object = None
 
     def release(self) -> None:
-        self.visibility.release()
+        self.release_all_but_picture()
         self.composite.release()
+
+    def release_all_but_picture(self) -> None:
+        self.visibility.release()
         for target in self.albedo.values():
             target.release()
+
+
+@contextmanager
+def refusing(name: str) -> Iterator[None]:
+    """Say what it is that the GPU has no memory for."""
+    try:
+        yield
+    except GpuMemoryError as error:
+        raise GpuMemoryError(f"{name}: {error}") from error
 
 
 PREPARED_SIZE = (16, 16)
@@ -153,9 +174,10 @@ class Renderer:
         self._culling = Culling(scene)
         materials = material_records(scene)
         self._reference = ReferencePass(context, self._programs, scene, materials)
-        self._scene_buffers = SceneBuffers(context, scene, materials)
+        with context.memory.whole():
+            self._scene_buffers = SceneBuffers(context, scene, materials)
+            self._composite = CompositePass(context, self._programs)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
-        self._composite = CompositePass(context, self._programs)
         self._timer = PassTimer(context)
         self._drawing = Drawing(
             context,
@@ -178,6 +200,10 @@ class Renderer:
         self._path_times: dict[tuple[str, Precision], PathTimes] = {}
         self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
         self._targets: _Targets | None = None
+        self._left: CompositeTarget | None = None
+        """The picture before, while one of another size is drawn."""
+        self._depth = 0
+        """Of calls of `render` in one another: measuring paths draws small pictures."""
         self._draw_list: DrawList | None = None
         self._matrix = np.eye(4)
         self._view: ViewState | None = None
@@ -209,7 +235,11 @@ class Renderer:
             if replaced is None or replaced.config != on_gpu.pack.config:
                 self._decode.pop(key).release()
             elif replaced is not on_gpu.pack:
-                self._decode[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
+                try:
+                    self._decode[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
+                except GpuMemoryError:
+                    # Both do not fit beside each other; the new one is made when it is drawn.
+                    self._decode.pop(key).release()
         self._matches = {name: match for name, match in self._matches.items() if name in packs}
         self._prepared = {slot for slot in self._prepared if slot.source in packs}
         self._packs = dict(packs)
@@ -227,14 +257,45 @@ class Renderer:
     def latent_bytes(self, slot: Slot) -> NDArray[np.int64] | None:
         """[textures of the scene] int64: latents of each on the GPU; None for the reference and before its first frame."""
         on_gpu = self._decode.get((slot.source, slot.precision))
-        return on_gpu.latent_bytes if on_gpu is not None else None
+        return on_gpu.latent_bytes if on_gpu is not None and on_gpu.is_made else None
 
     @checks_context
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted.
 
         With `whole` path `cached` decodes all that is missing, whatever time the renderer's TileCacheConfig gives it.
+        Raises GpuMemoryError where something does not fit: then no view is drawn, the last frame's image stays as it is, and what
+        was made for nothing has been freed.
         """
+        self._depth += 1
+        try:
+            frame = self._render(view, whole)
+        except BaseException:
+            self._view = None
+            if self._depth == 1:
+                self._undo()
+            raise
+        finally:
+            self._depth -= 1
+        if self._depth == 0 and self._left is not None:
+            self._left.release()
+            self._left = None
+        return frame
+
+    def _undo(self) -> None:
+        """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
+        self._timer.take()
+        targets = self._targets
+        if targets is None:
+            return
+        if self._left is None:
+            targets.visibility_key = None
+            return
+        # It was to have another size. The next frame begins anew, with all the memory that this one has taken.
+        targets.release()
+        self._targets = None
+
+    def _render(self, view: ViewState, whole: bool) -> FrameResult:
         skipped: dict[str, int] = defaultdict(int)
         asked = (view.slot_a, view.slot_b)
         view = replace(view, slot_a=self._chosen(view.slot_a, view), slot_b=self._chosen(view.slot_b, view))
@@ -252,8 +313,11 @@ class Renderer:
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
         tiles = {slot: counts for slot in slots if (counts := self._tiles(slot)) is not None}
+        short_latents = False
         for slot in dict.fromkeys(slot for slot in slots if slot.source != REFERENCE):
             latents = self._on_gpu(slot).latents
+            coarse = slot in tiles and tiles[slot].coarse_latents
+            short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
             skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
             skipped["latent_textures_not_uploaded"] += latents.textures_left_out
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
@@ -272,6 +336,7 @@ class Renderer:
             drawn,
             tiles,
             {slot: chosen.path for slot, chosen in zip(asked, (view.slot_a, view.slot_b), strict=True)},
+            short_latents,
         )
 
     def path_times(self, slot: Slot) -> PathTimes | None:
@@ -290,7 +355,11 @@ class Renderer:
             def slot_ms(small: ViewState) -> float:
                 return self.render(small, whole=True).slot_ms[small.slot_a]
 
-            self._path_times[key] = time_paths(slot_ms, replace(view, overlay=Overlay()), slot)
+            times = time_paths(slot_ms, replace(view, overlay=Overlay()), slot)
+            if not times.milliseconds:
+                # None can be drawn: one of them says why.
+                return replace(slot, path="deferred")
+            self._path_times[key] = times
         return replace(slot, path=self._path_times[key].fastest)
 
     def _tiles(self, slot: Slot) -> TileCounts | None:
@@ -302,25 +371,38 @@ class Renderer:
         content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and filters)
         targets = self._targets
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
-            if targets is not None:
-                targets.release()
-            visibility = VisibilityTarget(self._context, view.size, content)
-            targets = self._targets = _Targets(visibility, CompositeTarget(self._context, view.size))
+            self._leave_targets()
+            with self._context.memory.whole():
+                visibility = VisibilityTarget(self._context, view.size, content)
+                targets = self._targets = _Targets(visibility, CompositeTarget(self._context, view.size))
         return targets
+
+    def _leave_targets(self) -> None:
+        """Free what has the size of the last picture, but not that picture: it stays until there is another."""
+        targets, self._targets = self._targets, None
+        if targets is None:
+            return
+        if self._left is None and self._depth > 0:
+            self._left = targets.composite
+            targets.release_all_but_picture()
+        else:
+            targets.release()
 
     def _update_visibility(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> DrawList:
         key = view.camera
         if self._draw_list is not None and targets.visibility_key == key:
             skipped["passes"] += 1
             return self._draw_list
+        # Until all of it is drawn nothing is.
+        targets.visibility_key = None
         with self._timer.measure_cpu("cull"):
             self._matrix = view_projection(view.camera, view.size, self._scene.bounds)
-            self._draw_list = self._culling.draw_list(view.camera, self._matrix)
-            self._scene_buffers.upload(self._draw_list)
+            draw_list = self._draw_list = self._culling.draw_list(view.camera, self._matrix)
+            self._scene_buffers.upload(draw_list)
         with self._timer.measure("visibility"):
             self._visibility.run(targets.visibility, self._matrix)
         targets.visibility_key = key
-        return self._draw_list
+        return draw_list
 
     def prepare(self, slot: Slot) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
@@ -332,8 +414,9 @@ class Renderer:
         if slot in self._prepared or slot.source not in self._packs:
             return False
         self._prepared.add(slot)
-        visibility = VisibilityTarget(self._context, PREPARED_SIZE, self._targets.visibility.content)
-        target = AlbedoTarget(self._context, PREPARED_SIZE)
+        with self._context.memory.whole():
+            visibility = VisibilityTarget(self._context, PREPARED_SIZE, self._targets.visibility.content)
+            target = AlbedoTarget(self._context, PREPARED_SIZE)
         try:
             self._visibility.run(visibility, self._matrix)
             seen = SeenSurfaces(visibility, self._draw_list, self._matrix, 1, ("prepared", slot))
@@ -368,11 +451,13 @@ class Renderer:
         if slot not in targets.albedo:
             targets.albedo[slot] = AlbedoTarget(self._context, view.size, half=is_reference)
         target = targets.albedo[slot]
+        # While it is drawn anew it is nothing.
+        targets.drawn.pop(slot, None)
         if on_gpu is None:
             visible = np.nonzero(draw_list.materials)[0].tolist()
-            with self._timer.measure("upload"):
+            with self._timer.measure("upload"), refusing("the reference"):
                 self._reference.upload(visible)
-            with self._timer.measure("reference"):
+            with self._timer.measure("reference"), refusing("the reference"):
                 self._reference.run(targets.visibility, self._scene_buffers, target, visible, anisotropy)
             targets.slot_ms[slot] = self._timer.last_ms
         else:
@@ -380,9 +465,12 @@ class Renderer:
                 targets.visibility, draw_list, self._matrix, anisotropy, (view.camera, view.size, anisotropy)
             )
             # A composite of the picture before is shown until all rows are drawn.
-            spent = on_gpu.decode(slot.path, seen, target, whole, in_bands=still)
+            with refusing(f"pack {slot.source}"):
+                spent = on_gpu.decode(slot.path, seen, target, whole, in_bands=still)
             self._prepared.add(slot)
             if on_gpu.is_half_drawn:
+                if drawn is not None:
+                    targets.drawn[slot] = drawn
                 return
             targets.slot_ms[slot] = spent
         self._draws += 1
@@ -409,7 +497,10 @@ class Renderer:
             if pack.config not in self._codec_programs:
                 self._codec_programs[pack.config] = codec_programs(self._programs, pack)
             programs = self._codec_programs[pack.config]
-            self._decode[key] = PackOnGpu(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
+            on_gpu = PackOnGpu(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
+            with refusing(f"pack {slot.source}"):
+                on_gpu.make()
+            self._decode[key] = on_gpu
         return self._decode[key]
 
     def _forget_unused(self, view: ViewState, targets: _Targets) -> None:
@@ -565,6 +656,7 @@ class Renderer:
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""
         view = ViewState(camera=camera, size=size)
+        self._view = None
         self._update_visibility(view, self._targets_for(view), defaultdict(int))
         self._view = view
         self._timer.take()
@@ -600,6 +692,9 @@ class Renderer:
         if self._targets is not None:
             self._targets.release()
             self._targets = None
+        if self._left is not None:
+            self._left.release()
+            self._left = None
         for passes in self._decode.values():
             passes.release()
         self._decode.clear()

@@ -32,7 +32,15 @@ from viewer.clipboard import Clipboard, LocalClipboard
 from viewer.comparing_panels import ComparingPanels
 from viewer.measurement import SlotMeasurement
 from viewer.message_log import MessageKind, MessageLog, details_of
-from viewer.pack_files import PACK_SUFFIX, match_scene, packs_beside, preferred_source, source_of_grouping, unused_name
+from viewer.pack_files import (
+    PACK_SUFFIX,
+    match_scene,
+    packs_beside,
+    preferred_source,
+    same_place,
+    source_of_grouping,
+    unused_name,
+)
 from viewer.picture_request import PictureRequest
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
@@ -263,6 +271,9 @@ class Session:
                     self._open(path)
                 except InputError as error:
                     self.say(str(error), "error", details_of(error))
+                except (OSError, ValueError) as error:
+                    # What no file can be called, and what fails where nobody looks for it.
+                    self.say(f"{path}: cannot be opened ({error}); check the path", "error", details_of(error))
 
     def _open(self, path: Path) -> None:
         if path.suffix.lower() == PACK_SUFFIX:
@@ -286,11 +297,7 @@ class Session:
 
     def _open_pack(self, path: Path) -> None:
         pack, match = _matching_pack(path, self.scene)
-        same = [
-            name
-            for name, other in self.packs.items()
-            if other.path is not None and other.path.resolve() == path.resolve()
-        ]
+        same = [name for name, other in self.packs.items() if other.path is not None and same_place(other.path, path)]
         name = same[0] if same else unused_name(pack.grouping.name, path, self.packs)
         self.packs = {**self.packs, name: pack}
         self.view = replace(self.view, slot_a=replace(self.view.slot_a, source=name))

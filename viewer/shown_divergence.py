@@ -67,21 +67,26 @@ class ShownDivergence:
             return False
         kept = dict(list(known.items())[: LARGEST_COUNT - len(groupings)])
         groupings = {**groupings, **{source: grouping for source, grouping in kept.items() if source not in groupings}}
-        if self._tables is None or list(groupings.items()) != list(self._groupings.items()):
+        same_tables = self._tables is not None and list(groupings.items()) == list(self._groupings.items())
+        # Nothing has been counted until all of it has.
+        self._place, self._groupings, self._key = None, {}, None
+        if not same_tables or self._tables is None:
+            tables = DecoderTables(self._context, [grouping.decoders for grouping in groupings.values()])
             if self._tables is not None:
                 self._tables.release()
-            self._tables = DecoderTables(self._context, [grouping.decoders for grouping in groupings.values()])
-        self._place, self._groupings = place, dict(groupings)
+            self._tables = tables
         shape = (visibility.size, BLOCKS[block], len(groupings))
         target = self._target
         if target is None or (target.picture, target.block, target.groupings) != shape:
+            made = DivergenceTarget(self._context, *shape)
             if target is not None:
                 target.release()
-            target = self._target = DivergenceTarget(self._context, *shape)
+            target = self._target = made
         with self._timer.measure("divergence"):
             self._pass.run(visibility, self._tables, target)
         self._rows = {source: row for row, source in enumerate(groupings)}
         self.statistics = {source: target.statistics(row) for source, row in self._rows.items()}
+        self._place, self._groupings = place, dict(groupings)
         self._key = (place, tuple(groupings.items()))
         return True
 

@@ -48,8 +48,8 @@ class ShownErrors:
             self._flip.release()
             self._flip = None
         if flip is not None:
-            self._flip = self._context.gl.texture(
-                (flip.shape[1], flip.shape[0]), 1, flip[::-1].astype("<f4").tobytes(), dtype="f4"
+            self._flip = self._context.memory.texture(
+                "the FLIP map", (flip.shape[1], flip.shape[0]), 1, flip[::-1].astype("<f4").tobytes(), dtype="f4"
             )
             self._flip.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._flip_key = key
@@ -65,9 +65,10 @@ class ShownErrors:
             return None
         key = (overlay.kind if shares is not None else None, self._errors if shares is not None else None, tuple(lit))
         if self._marks is None or key != self._marks_key:
+            made = TextureMarks(self._context, shares, lit, self._textures)
             if self._marks is not None:
                 self._marks.release()
-            self._marks, self._marks_key = TextureMarks(self._context, shares, lit, self._textures), key
+            self._marks, self._marks_key = made, key
         return MarksOverlay(self._marks, visibility, overlay.opacity, overlay.palette)
 
     def marks_key(self, overlay: Overlay, lit: Sequence[int]) -> object:

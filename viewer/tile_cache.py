@@ -33,3 +33,5 @@ class TileCounts:
     """Tiles that others have taken the place of so far."""
     out_of_memory: bool = False
     """Whether the GPU had less memory than the budget: the cache stays as large as it could become."""
+    coarse_latents: bool = False
+    """Whether there are or were tiles that were decoded from coarser latents than they need, because there was no room for those."""

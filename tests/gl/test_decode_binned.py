@@ -68,7 +68,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
-    material, targets = OneMaterial(graphics.gl), [AlbedoTarget(graphics, size) for _ in range(2)]
+    material, targets = OneMaterial(graphics), [AlbedoTarget(graphics, size) for _ in range(2)]
     deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, False, None)
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
     deferred.run(visibility, material, targets[0])
@@ -92,7 +92,7 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
-    material, target = OneMaterial(graphics.gl), AlbedoTarget(graphics, (64, 64))
+    material, target = OneMaterial(graphics), AlbedoTarget(graphics, (64, 64))
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
     binned.run(visibility, material, target, range(4))
     groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]

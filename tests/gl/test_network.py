@@ -40,7 +40,7 @@ def decoded(
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack, network)
     buffers = PackBuffers(graphics, pack, range(3), precision, weights_in_image=in_image)
     ranges = DecoderRanges(graphics, pack, precision, network, weights_in_image=in_image)
-    material, target = OneMaterial(graphics.gl), AlbedoTarget(graphics, SIZE)
+    material, target = OneMaterial(graphics), AlbedoTarget(graphics, SIZE)
     pictures = []
     for shared, with_ranges in ((None, None), (0, ranges)):
         DecodeDeferredPass(graphics, programs, buffers, with_ranges, False, shared).run(visibility, material, target)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Literal
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,10 +34,10 @@ BINNED_BYTES = 4
 class OneMaterial:
     """White, repeated, trilinear."""
 
-    def __init__(self, gl: moderngl.Context) -> None:
+    def __init__(self, context: GraphicsContext) -> None:
         record = np.zeros(1, MATERIAL_RECORD)
         record["factor"] = 1.0
-        self._buffer = gl.buffer(record.tobytes())
+        self._buffer = context.memory.buffer("materials", record.tobytes())
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""
@@ -144,7 +143,7 @@ class DecodeStand:
 
     def __init__(self, context: GraphicsContext, tiles: Tiling, words: NDArray[np.uint32]) -> None:
         self._count = tiles.count
-        self.material = OneMaterial(context.gl)
+        self.material = OneMaterial(context)
         self.visibility = VisibilityTarget(context, tiles.tile, SurfaceContent(False, False))
         self.visibility.write(words)
         self.target = AlbedoTarget(context, tiles.tile)

@@ -1,6 +1,7 @@
 """`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
 
 import sys
+import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -170,10 +171,23 @@ def encode(options: EncodeOptions) -> int:
                 # What a shell expects of Ctrl-C.
                 raise KeyboardInterrupt from None
     seconds = time.monotonic() - began
-    write_pack(options.out, pack)
+    write_or_rescue(options.out, pack)
     lines = [*psnr_table(pack).lines(), _effort(pack, seconds), f"wrote {options.out}"]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def write_or_rescue(out: Path, pack: Pack) -> None:
+    """Write `pack`; where that cannot be, write it among the temporary files: it may have taken hours. Raises InputError."""
+    try:
+        write_pack(out, pack)
+    except InputError as error:
+        spare = Path(tempfile.mkdtemp(prefix="ntc-viewer-")) / out.name
+        try:
+            write_pack(spare, pack)
+        except InputError:
+            raise error from None
+        raise InputError(f"{error}; the pack is in {spare} instead") from error
 
 
 def _rescue(out: Path) -> Path:

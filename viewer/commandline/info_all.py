@@ -59,6 +59,9 @@ def files_below(folder: Path) -> list[Path]:
     """Every scene and pack below `folder`, sorted by path; links are not followed. Raises InputError."""
 
     def refuse(error: OSError) -> None:
+        if isinstance(error, FileNotFoundError) and Path(error.filename) != folder:
+            # It was there a moment ago: what is gone is not listed.
+            return
         raise InputError(f"{error.filename}: cannot be listed ({error.strerror}); check the path") from error
 
     found: list[Path] = []

@@ -169,6 +169,11 @@ def render(options: RenderOptions) -> int:
         view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
         renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
         picture = draw(renderer, chosen, view)
+        if picture.frame.is_short:
+            # PSNR of a coarser picture would be a wrong number.
+            raise InputError(
+                f"{source}: the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
+            )
     stats = statistics(picture, view, context.info.renderer)
     write_picture(options.out, picture, stats, options.overlay, options.palette)
     quality = stats["psnr_db"]

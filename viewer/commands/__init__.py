@@ -62,9 +62,12 @@ def find_command(command_id: str) -> Command:
 
 
 def run_command(command_id: str, arguments: Sequence[str], session: Session) -> None:
-    """Run a command. Raises InputError for one that does not exist, and for arguments that do not fit."""
+    """Run a command. Raises InputError for one that does not exist, for arguments that do not fit, and where files fail."""
     command = find_command(command_id)
-    command.run(session, *command.values(arguments, session))
+    try:
+        command.run(session, *command.values(arguments, session))
+    except OSError as error:
+        raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
 
 
 def run_line(line: str, session: Session) -> None:

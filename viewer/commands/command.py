@@ -16,6 +16,16 @@ Value = str | float | int | Path
 Choices = Callable[["Session"], tuple[str, ...]]
 
 
+def typed_path(text: str) -> Path:
+    """A path as it is typed, with ~. Raises InputError for what no file can be called."""
+    try:
+        if "\0" in text:
+            raise InputError(f"{text!r}: is no name of a file")
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"{text}: there is no such user; write the whole path") from error
+
+
 @dataclass(frozen=True)
 class FixedChoices:
     """Choices that do not depend on what is open: a script is checked against them before it starts."""
@@ -63,7 +73,7 @@ class Parameter:
             return text
         if self.kind in ("number", "whole"):
             return self._number(text)
-        return Path(text).expanduser() if self.kind == "path" else text
+        return typed_path(text) if self.kind == "path" else text
 
     def _number(self, text: str) -> float | int:
         try:

@@ -6,6 +6,7 @@ from typing import Any
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.allocation import GpuMemory, limit_from_environment
 from viewer.gl.context_loss import ResetStatus, SimulatedLosses
 from viewer.gl.features import Features, find_features
 from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
@@ -41,6 +42,8 @@ class GraphicsContext:
     features: Features
     reset: ResetStatus
     """Whether it is lost."""
+    memory: GpuMemory
+    """Whom to ask for buffers and textures."""
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:
@@ -54,7 +57,9 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
         functions = GlFunctions(load)
     except RuntimeError as error:
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
-    return GraphicsContext(gl, information, functions, find_features(gl, information.is_software), reset)
+    features = find_features(gl, information.is_software)
+    memory = GpuMemory(gl, limit_from_environment())
+    return GraphicsContext(gl, information, functions, features, reset, memory)
 
 
 def create_headless_context() -> GraphicsContext:

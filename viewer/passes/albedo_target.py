@@ -16,15 +16,18 @@ class AlbedoTarget:
     def __init__(self, context: GraphicsContext, size: tuple[int, int], half: bool = False) -> None:
         self.size = size
         self._type: np.dtype[np.floating] = np.dtype(np.float16 if half else np.float32)
-        self.texture = context.gl.texture(size, 4, dtype="f2" if half else "f4")
-        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self.framebuffer = context.gl.framebuffer([self.texture])
+        what = f"the colours of a picture of {size[0]} x {size[1]}"
+        with context.memory.whole():
+            self.texture = context.memory.texture(what, size, 4, dtype="f2" if half else "f4")
+            self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.framebuffer = context.memory.framebuffer(what, [self.texture])
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.framebuffer.clear()
         self._context = context
 
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
         """A framebuffer of this target and a depth texture; the caller releases it."""
+        # Has no memory of its own, and is made for every frame: nothing to check.
         return self._context.gl.framebuffer([self.texture], depth)
 
     @property

@@ -29,8 +29,10 @@ class CompositeTarget:
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
         self.size = size
-        self.texture = context.gl.texture(size, 4)
-        self.framebuffer = context.gl.framebuffer([self.texture])
+        what = f"a picture of {size[0]} x {size[1]}"
+        with context.memory.whole():
+            self.texture = context.memory.texture(what, size, 4)
+            self.framebuffer = context.memory.framebuffer(what, [self.texture])
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.framebuffer.clear()
 

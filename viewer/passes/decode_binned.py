@@ -33,7 +33,7 @@ class DecodeBinnedPass:
         pack: Pack,
         colors: bool,
     ) -> None:
-        self._gl, self._buffers, self._ranges = context.gl, buffers, ranges
+        self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(pack.decoders)
         defines = {
             "VERTEX_COLORS": int(colors),
@@ -44,8 +44,10 @@ class DecodeBinnedPass:
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
         self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
-        self._bins = self._gl.buffer(np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
-        self._pixels = self._gl.buffer(reserve=PIXEL_BYTES)
+        what = "path binned"
+        with self._memory.whole():
+            self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
+            self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
 
     def run(
         self,
@@ -56,8 +58,7 @@ class DecodeBinnedPass:
     ) -> None:
         """Decode the whole picture; `decoders` names those that may be seen."""
         needed = target.size[0] * target.size[1] * PIXEL_BYTES
-        if self._pixels.size < needed:
-            self._pixels.orphan(needed)
+        self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed)
         visibility.bind()
         scene_buffers.bind_materials()
         self._buffers.bind()

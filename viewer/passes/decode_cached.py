@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.errors import InputError
+from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_atlas import SrgbAtlas
@@ -19,6 +19,7 @@ from viewer.passes.layout import (
     PAGE_SIDE,
     PAGES_ACROSS,
     TEXEL_GROUP,
+    TILE_RECORD,
     ImageUnit,
     StorageBinding,
     TextureUnit,
@@ -60,7 +61,7 @@ class DecodeCachedPass:
         colors: bool,
         config: TileCacheConfig,
     ) -> None:
-        gl = self._gl = context.gl
+        self._gl = context.gl
         self._buffers, self._ranges, self._table, self._config = buffers, ranges, table, config
         self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
         defines = {
@@ -74,23 +75,30 @@ class DecodeCachedPass:
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
-        if not self._atlas.grow(1):
-            raise InputError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
-        self._out_of_memory = False
-        self._places: dict[StorageBinding, moderngl.Buffer] = {
-            StorageBinding.MATERIAL_TILES: gl.buffer(table.first_level_of_material.tobytes()),
-            StorageBinding.TILE_LEVELS: gl.buffer(table.levels.tobytes()),
-            StorageBinding.TILE_ENTRIES: gl.buffer(bytes(4 * table.entries)),
-            StorageBinding.PAGE_USED: gl.buffer(bytes(4 * self._pool.pages)),
-            StorageBinding.RESULTS: gl.buffer(bytes(4 * (1 + min(MOST_TILES_ASKED_FOR, table.entries)))),
-        }
-        self._tiles = gl.buffer(reserve=4)
+        self._out_of_memory = self._coarse_latents = False
+        with context.memory.whole():
+            if not self._atlas.grow(1):
+                raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
+            self._make_tables(context.memory)
         self._frame = 0
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
         self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
         """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
         self._tile_ms: float | None = None
+
+    def _make_tables(self, memory: GpuMemory) -> None:
+        what, table = "tables of path cached", self._table
+        asked = min(MOST_TILES_ASKED_FOR, table.entries)
+        self._places: dict[StorageBinding, moderngl.Buffer] = {
+            StorageBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
+            StorageBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
+            StorageBinding.TILE_ENTRIES: memory.buffer(what, bytes(4 * table.entries)),
+            StorageBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
+            StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
+        }
+        # For as many tiles as any call can name: what the GPU was told of must not fail to be noted for want of memory.
+        self._tiles = memory.buffer(what, reserve=TILE_RECORD.itemsize * max(asked, self._pool.pages))
 
     @property
     def counts(self) -> TileCounts:
@@ -103,6 +111,7 @@ class DecodeCachedPass:
             self._decoded,
             self._evicted,
             self._out_of_memory,
+            self._coarse_latents,
         )
 
     @property
@@ -176,6 +185,8 @@ class DecodeCachedPass:
         entries = self._waiting[:count]
         if not len(entries):
             return 0
+        # Whatever may fail for want of memory comes before tiles get their pages.
+        self._need_latents(self._table.tiles(entries))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
@@ -206,11 +217,17 @@ class DecodeCachedPass:
     def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
         tiles = self._table.tiles(entries)
         tiles["page"] = pages
-        self._buffers.need(finest_levels(tiles))
+        self._need_latents(tiles)
         decoders = self._decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])
         self._decoded += len(pages)
+
+    def _need_latents(self, tiles: NDArray[np.void]) -> None:
+        levels = finest_levels(tiles)
+        self._buffers.need(levels)
+        # Such tiles stay as they are, even when there is room again.
+        self._coarse_latents |= not self._buffers.has(levels)
 
     def _drop_unseen_stale(self) -> None:
         """What the last request did not read need not be decoded anew."""
@@ -243,8 +260,6 @@ class DecodeCachedPass:
         self._gl.memory_barrier()
 
     def _write_tiles(self, data: bytes) -> None:
-        if self._tiles.size < len(data):
-            self._tiles.orphan(2 * len(data))
         self._tiles.write(data)
         self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
 

@@ -36,6 +36,7 @@ class GlTexelDecoder:
         the PackBuffers."""
         self._context = context
         self._gl: moderngl.Context = context.gl
+        self._memory = context.memory
         self._pack = pack
         if programs is None:
             library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
@@ -67,8 +68,9 @@ class GlTexelDecoder:
     def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int) -> NDArray[np.float32]:
         requests = np.zeros(len(uv), REQUEST_RECORD)
         requests["uv"], requests["lod"], requests["texture_wrap"] = uv, lod, code
-        request_buffer = self._gl.buffer(requests.tobytes())
-        result_buffer = self._gl.buffer(reserve=16 * len(uv))
+        with self._memory.whole():
+            request_buffer = self._memory.buffer("texels to decode", requests.tobytes())
+            result_buffer = self._memory.buffer("decoded texels", reserve=16 * len(uv))
         try:
             self._buffers.bind()
             request_buffer.bind_to_storage_buffer(int(StorageBinding.REQUESTS))

@@ -44,7 +44,7 @@ class DecoderRanges:
         for row, part in zip(table, parts, strict=False):
             row[: len(part)] = np.frombuffer(part, np.uint8)
         self.in_storage = not in_image and self._size > context.features.uniform_block_bytes
-        self._buffer: moderngl.Buffer = context.gl.buffer(table.tobytes())
+        self._buffer: moderngl.Buffer = context.memory.buffer("decoders", table.tobytes())
 
     @property
     def bytes_on_gpu(self) -> int:

@@ -29,11 +29,13 @@ class DivergenceTarget:
         self.picture, self.block, self.groupings = picture, block, groupings
         self.size = (-(-picture[0] // block[0]), -(-picture[1] // block[1]))
         """(columns, rows) of blocks of one map."""
-        self.texture = context.gl.texture((self.size[0], self.size[1] * groupings), 1, dtype="u4")
-        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self.framebuffer = context.gl.framebuffer([self.texture])
         self._counts = block[0] * block[1] + 1
-        self.histogram = context.gl.buffer(reserve=4 * self._counts * groupings)
+        what, memory = "divergence maps", context.memory
+        with memory.whole():
+            self.texture = memory.texture(what, (self.size[0], self.size[1] * groupings), 1, dtype="u4")
+            self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.framebuffer = memory.framebuffer(what, [self.texture])
+            self.histogram = memory.buffer(what, reserve=4 * self._counts * groupings)
         self.counted_by: Stage = "compute"
         """Which stage wrote the maps; only `compute` fills the histogram."""
 
@@ -64,7 +66,7 @@ class DecoderTables:
         # One entry more than there are textures: an empty buffer cannot be bound.
         self.textures = len(groupings[0]) + 1
         numbers = np.array([[*decoders, -1] for decoders in groupings], "<i4")
-        self._buffer = context.gl.buffer(numbers.tobytes())
+        self._buffer = context.memory.buffer("decoders of the textures", numbers.tobytes())
 
     def bind(self) -> None:
         """Bind to its storage binding."""

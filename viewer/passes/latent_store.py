@@ -11,6 +11,8 @@ from ntc.config import CodecConfig
 from ntc.latents import LatentLevel, latent_levels
 from ntc.pack import EncodedTexture
 from ntc.quantize import packed_cells
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
 from viewer.passes.layout import LEVEL_RECORD, cell_words
 
 
@@ -32,6 +34,8 @@ class LatentCounts:
     """Textures of which nothing has been needed so far."""
     levels_without_room: int
     """Mips that are seen and for which the budget has no room: a coarser one is shown."""
+    out_of_memory: bool = False
+    """Whether the GPU had less memory than the budget, which has been lowered."""
 
 
 def stored_words(texture: EncodedTexture, config: CodecConfig, cells: slice) -> NDArray[np.uint32]:
@@ -46,12 +50,13 @@ class LatentStore:
 
     def __init__(
         self,
-        gl: moderngl.Context,
+        context: GraphicsContext,
         config: CodecConfig,
         textures: Sequence[EncodedTexture | None],
         budget: LatentBudget,
     ) -> None:
-        self._gl, self._config, self._textures = gl, config, tuple(textures)
+        self._gl, self._memory = context.gl, context.memory
+        self._config, self._textures = config, tuple(textures)
         self._cell_bytes = 4 * cell_words(config)
         self._budget_cells = max(1, budget.budget_bytes // self._cell_bytes)
         self._pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
@@ -82,7 +87,8 @@ class LatentStore:
         self._mips = np.array(counts, np.int64)
         self._used = 0
         self._without_room = 0
-        self.buffer: moderngl.Buffer = gl.buffer(reserve=self._cell_bytes)
+        self._out_of_memory = False
+        self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self._cell_bytes)
 
     def _cells(self, index: int, finest: int) -> int:
         """Cells of a texture from mip `finest` on."""
@@ -99,7 +105,7 @@ class LatentStore:
         total = int(self._cells_from[self._first_sum].sum()) * self._cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
-        return LatentCounts(there, total - there, absent, self._without_room)
+        return LatentCounts(there, total - there, absent, self._without_room, self._out_of_memory)
 
     def all_levels(self) -> dict[int, int]:
         """Every mip of every texture, for `need`."""
@@ -113,7 +119,8 @@ class LatentStore:
         """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
 
         Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest
-        textures stay out.
+        textures stay out. Where the GPU has no memory for the budget, what it has is the budget from then on. Raises GpuMemoryError
+        where not even the coarsest mips fit; then none are there.
         """
         missing = {index: level for index, level in wanted.items() if self.finest[index] > level}
         if not missing:
@@ -123,14 +130,24 @@ class LatentStore:
         )
         self._without_room = 0
         if self._used + cells > self._budget_cells:
-            self.finest[:] = [len(pyramid) for pyramid in self._pyramids]
-            self._used = 0
-            missing = self._fitting(wanted)
-            cells = sum(self._cells(index, level) for index, level in missing.items())
-        self._reserve(self._used + cells)
+            missing, cells = self._begin_anew(wanted)
+        try:
+            self._reserve(self._used + cells)
+        except GpuMemoryError:
+            self._out_of_memory = True
+            self._budget_cells = max(1, self.buffer.size // self._cell_bytes)
+            missing, cells = self._begin_anew(wanted)
+            self._reserve(cells)
         for index, level in missing.items():
             self._upload(index, level)
         return True
+
+    def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
+        """Forget all that is there; what of `wanted` there is room for, and its cells."""
+        self.finest[:] = self._mips
+        self._used = 0
+        fitting = self._fitting(wanted)
+        return fitting, sum(self._cells(index, level) for index, level in fitting.items())
 
     def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
         """As much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
@@ -148,7 +165,13 @@ class LatentStore:
         size = cells * self._cell_bytes
         if size <= self.buffer.size:
             return
-        grown = self._gl.buffer(reserve=max(size, min(2 * self.buffer.size, self._budget_cells * self._cell_bytes)))
+        roomy = max(size, min(2 * self.buffer.size, self._budget_cells * self._cell_bytes))
+        try:
+            grown = self._memory.buffer("latents", reserve=roomy)
+        except GpuMemoryError:
+            if roomy == size:
+                raise
+            grown = self._memory.buffer("latents", reserve=size)
         if self._used:
             self._gl.copy_buffer(grown, self.buffer, self._used * self._cell_bytes)
         self.buffer.release()

@@ -19,7 +19,7 @@ class NeededLevelsPass:
         self._gl = context.gl
         self._program = programs.compute("passes/needed_levels/needed_levels.comp", {"VERTEX_COLORS": int(colors)})
         self._none = np.full(max(1, textures), NOT_SEEN, np.int32).tobytes()
-        self._levels = context.gl.buffer(self._none)
+        self._levels = context.memory.buffer("mips that are seen", self._none)
 
     @property
     def bytes_on_gpu(self) -> int:

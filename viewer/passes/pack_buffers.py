@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.latents import latent_levels
-from ntc.pack import Adapter, Pack
+from ntc.pack import Adapter, EncodedTexture, Pack
 from ntc.rescale import stored_pack
+from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.latent_store import LatentBudget, LatentCounts, LatentStore
@@ -23,6 +24,8 @@ from viewer.passes.network import NetworkLayout, network_glsl, shared_network_gl
 from viewer.passes.network_config import DEFAULT_NETWORK, NetworkConfig
 from viewer.passes.precision import precision_defines
 from viewer.view_state import Precision
+
+ALL_LATENTS = LatentBudget(1 << 62)
 
 
 class PackBuffers:
@@ -52,8 +55,25 @@ class PackBuffers:
         self.hidden_blocks = network.hidden_blocks
         self.precision = precision
         textures = [pack.textures[index] if index >= 0 else None for index in texture_index]
+        with context.memory.whole():
+            self._make(context, pack, textures, weights_in_image, on_demand)
+        self.defines = {
+            **precision_defines(context, precision, emulate_half),
+            "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
+        }
+
+    def _make(
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        textures: Sequence[EncodedTexture | None],
+        weights_in_image: bool | None,
+        on_demand: LatentBudget | None,
+    ) -> None:
+        config, memory = pack.config, context.memory
+        network = NetworkLayout(config)
         # Only what the table names is uploaded: latents of other scenes' textures cost nothing.
-        self._latents = LatentStore(context.gl, config, textures, on_demand or LatentBudget())
+        self._latents = LatentStore(context, config, textures, on_demand or ALL_LATENTS)
         records = np.zeros(max(1, len(textures)), texture_record(config))
         records["decoder"] = -1
         adapters: list[Adapter] = []
@@ -70,25 +90,23 @@ class PackBuffers:
             record["scale"] = texture.scale.reshape(-1, 4)
             record["offset"] = texture.offset.reshape(-1, 4)
         self._records = records
-        gl = context.gl
         self._buffers: dict[StorageBinding, moderngl.Buffer] = {
-            StorageBinding.TEXTURES: gl.buffer(records.tobytes()),
-            StorageBinding.LEVELS: gl.buffer(self._latents.levels.tobytes()),
+            StorageBinding.TEXTURES: memory.buffer("tables of textures", records.tobytes()),
+            StorageBinding.LEVELS: memory.buffer("tables of textures", self._latents.levels.tobytes()),
         }
-        weights = weight_bytes(config, pack.decoders, adapters, precision)
+        weights = weight_bytes(config, pack.decoders, adapters, self.precision)
         self._weight_image: moderngl.Texture | None = None
         if context.features.weights_in_image if weights_in_image is None else weights_in_image:
-            self._weight_image = weight_image(gl, weights, precision)
+            self._weight_image = weight_image(memory, weights, self.precision)
         else:
-            self._buffers[StorageBinding.WEIGHTS] = gl.buffer(weights)
+            self._buffers[StorageBinding.WEIGHTS] = memory.buffer("decoders", weights)
         self.weights_in_image = self._weight_image is not None
         self._image_bytes = len(weights) if self._weight_image is not None else 0
-        self.defines = {
-            **precision_defines(context, precision, emulate_half),
-            "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
-        }
         if on_demand is None:
             self.need(self._latents.all_levels())
+            if not self._latents.has(self._latents.all_levels()):
+                # Who wants all at once measures: coarser mips in their place would be wrong numbers.
+                raise GpuMemoryError("latents: the GPU has no memory for all of them; close other programs")
 
     @property
     def latents(self) -> LatentCounts:
@@ -144,13 +162,13 @@ class PackBuffers:
             self._weight_image.release()
 
 
-def weight_image(gl: moderngl.Context, weights: bytes, precision: Precision) -> moderngl.Texture:
+def weight_image(memory: GpuMemory, weights: bytes, precision: Precision) -> moderngl.Texture:
     """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
     kind = "f4" if precision == "fp32" else "f2"
     block_bytes = 4 * np.dtype(kind).itemsize
     rows = -(-len(weights) // (block_bytes << WEIGHT_COLUMN_BITS))
     padded = weights.ljust(rows * (block_bytes << WEIGHT_COLUMN_BITS), b"\0")
-    return gl.texture((1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
+    return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:

@@ -1,7 +1,7 @@
 """The reference path: the original images, filtered by the hardware, over the same visibility buffer."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from ntc.mips import mip_chain
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_texture_array import SrgbTextureArray
@@ -89,8 +90,31 @@ class ReferencePass:
         return len(set(self._places.values())) - len(self._uploaded)
 
     def upload(self, visible_materials: Iterable[int]) -> None:
-        """Upload the images of these materials that are not on the GPU yet, with their mip chains."""
+        """Upload the images of these materials that are not on the GPU yet, with their mip chains.
+
+        Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
+        reference.
+        """
         wanted = {self._places[index] for index in visible_materials if index in self._places}
+        try:
+            self._upload(wanted)
+        except GpuMemoryError:
+            if not self._drop_all_but({place.array for place in wanted}):
+                raise
+            self._upload(wanted)
+
+    def _drop_all_but(self, wanted: Collection[int]) -> bool:
+        """Free all other arrays; whether there were any."""
+        others = [array for array in self._arrays if array not in wanted]
+        for array in others:
+            self._drop(array)
+        return bool(others)
+
+    def _drop(self, array: int) -> None:
+        self._arrays.pop(array).release()
+        self._uploaded = {place for place in self._uploaded if place[0] != array}
+
+    def _upload(self, wanted: Collection[ImagePlace]) -> None:
         fresh = sorted((p.array, p.layer) for p in wanted if (p.array, p.layer) not in self._uploaded)
         if not fresh:
             return
@@ -101,14 +125,19 @@ class ReferencePass:
                 if array not in self._arrays:
                     plan = self._plans[array]
                     self._arrays[array] = SrgbTextureArray(self._context, plan.size, len(plan.textures))
-                self._arrays[array].write(layer, chain)
+                try:
+                    self._arrays[array].write(layer, chain)
+                except GpuMemoryError:
+                    self._drop(array)
+                    raise
                 self._uploaded.add((array, layer))
 
     def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         if self._depth is None or self._depth.size != size:
+            made = self._context.memory.depth_texture(f"the reference in a picture of {size[0]} x {size[1]}", size)
             if self._depth is not None:
                 self._depth.release()
-            self._depth = self._context.gl.depth_texture(size)
+            self._depth = made
         return self._depth
 
     def run(

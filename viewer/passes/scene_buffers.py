@@ -52,15 +52,16 @@ class SceneBuffers:
     def __init__(self, context: GraphicsContext, scene: Scene, materials: np.ndarray) -> None:
         if max(len(scene.textures), len(scene.materials)) > LARGEST_ID:
             raise InputError(f"{scene.name}: has more than {LARGEST_ID} textures or materials; split the scene")
-        self._gl = context.gl
+        self._gl, self._memory = context.gl, context.memory
         self._scene = scene
         geometry = scene.geometry
         vertices = np.concatenate([geometry.positions, geometry.uvs], axis=1).astype("<f4")
-        self._vertices = self._buffer(vertices)
-        self._colors = None if geometry.colors is None else self._buffer(geometry.colors.astype("<f4"))
-        self._indices = self._buffer(geometry.indices.astype("<u4"))
-        self._instances = self._buffer(self._instance_rows())
-        self._materials = self._buffer(materials)
+        with self._memory.whole():
+            self._vertices = self._buffer("vertices", vertices)
+            self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors.astype("<f4"))
+            self._indices = self._buffer("indices", geometry.indices.astype("<u4"))
+            self._instances = self._buffer("instances", self._instance_rows())
+            self._materials = self._buffer("materials", materials)
         self._alpha: dict[int, moderngl.Texture] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
@@ -72,9 +73,9 @@ class SceneBuffers:
         """Whether the scene has vertex colours."""
         return self._colors is not None
 
-    def _buffer(self, array: np.ndarray) -> moderngl.Buffer:
+    def _buffer(self, kind: str, array: np.ndarray) -> moderngl.Buffer:
         # OpenGL has no empty buffers.
-        return self._gl.buffer(np.ascontiguousarray(array).tobytes() or bytes(64))
+        return self._memory.buffer(f"{kind} of {self._scene.name}", np.ascontiguousarray(array).tobytes() or bytes(64))
 
     def _instance_rows(self) -> np.ndarray:
         instances, primitives = self._scene.instances, self._scene.primitives
@@ -104,22 +105,24 @@ class SceneBuffers:
         if texture_id not in self._alpha:
             alpha = self._scene.textures[texture_id].alpha if texture_id >= 0 else None
             pixels = np.full((1, 1), 255, np.uint8) if alpha is None else np.ascontiguousarray(alpha)
-            texture = self._gl.texture((pixels.shape[1], pixels.shape[0]), 1, pixels.tobytes(), alignment=1)
-            texture.build_mipmaps()
+            what = "coverage" if texture_id < 0 else f"coverage of texture {self._scene.textures[texture_id].name}"
+            texture = self._memory.texture(what, (pixels.shape[1], pixels.shape[0]), 1, pixels.tobytes())
+            self._memory.build_mipmaps(what, texture)
             self._alpha[texture_id] = texture
         return self._alpha[texture_id]
 
     def upload(self, draw_list: DrawList) -> None:
         """Take over the commands of a draw list."""
         data = draw_list.commands.tobytes()
+        if data:
+            if self._commands is None or self._commands.size < len(data):
+                what = f"draw commands of {self._scene.name}"
+                made = self._memory.buffer(what, reserve=len(data) * 2, dynamic=True)
+                if self._commands is not None:
+                    self._commands.release()
+                self._commands = made
+            self._commands.write(data)
         self._ranges = draw_list.ranges
-        if not data:
-            return
-        if self._commands is None or self._commands.size < len(data):
-            if self._commands is not None:
-                self._commands.release()
-            self._commands = self._gl.buffer(reserve=len(data) * 2, dynamic=True)
-        self._commands.write(data)
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.gl import functions as names
+from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.passes.layout import MATERIAL_SHIFT, TextureUnit
@@ -42,22 +43,26 @@ class VisibilityTarget:
     """The visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int], content: SurfaceContent) -> None:
-        gl = context.gl
         self._functions = context.functions
         self.size = size
         self.content = content
-        self._words = gl.texture(size, 4, dtype="u4")
-        self._textures = {TextureUnit.SURFACE: self._words}
-        if content.colors:
-            self._textures[TextureUnit.SURFACE_COLOR] = gl.texture(size, 1, dtype="u4")
-        if content.gradients:
-            self._textures[TextureUnit.SURFACE_GRADIENTS] = gl.texture(size, 4, dtype="f4")
-        for texture in self._textures.values():
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self.depth = gl.depth_texture(size)
-        self.framebuffer = gl.framebuffer(list(self._textures.values()), self.depth)
+        with context.memory.whole():
+            self._make_textures(context.memory)
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.clear()
+
+    def _make_textures(self, memory: GpuMemory) -> None:
+        what, size = f"what is seen in a picture of {self.size[0]} x {self.size[1]}", self.size
+        self._words = memory.texture(what, size, 4, dtype="u4")
+        self._textures = {TextureUnit.SURFACE: self._words}
+        if self.content.colors:
+            self._textures[TextureUnit.SURFACE_COLOR] = memory.texture(what, size, 1, dtype="u4")
+        if self.content.gradients:
+            self._textures[TextureUnit.SURFACE_GRADIENTS] = memory.texture(what, size, 4, dtype="f4")
+        for texture in self._textures.values():
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.depth = memory.depth_texture(what, size)
+        self.framebuffer = memory.framebuffer(what, list(self._textures.values()), self.depth)
 
     def clear(self) -> None:
         """Background everywhere: zero ids, farthest depth. What lies behind zero ids is never read."""

@@ -42,7 +42,8 @@ class GroupingJob:
     """For covisible: the file that is looked at."""
 
 
-def _inputs(job: GroupingJob) -> GroupingInputs:
+def grouping_inputs(job: GroupingJob) -> GroupingInputs:
+    """What the grouping needs besides the textures. Raises InputError."""
     features = FeatureOptions(cache=features_cache())
     if job.config.name != "covisible":
         return GroupingInputs(features=features)
@@ -51,7 +52,12 @@ def _inputs(job: GroupingJob) -> GroupingInputs:
     from viewer.scene.load import load_scene
     from viewer.scene_views import ViewSource, scene_views
 
-    seen = scene_views(load_scene(job.scene), ViewSource(seed=job.config.seed))
+    scene = load_scene(job.scene)
+    hashes = {texture.pixel_hash for texture in scene.textures}
+    if not hashes >= {texture.pixel_hash for texture in job.textures}:
+        # What is seen of one scene says nothing about the textures of another.
+        raise InputError(f"{job.scene}: has changed since it was opened; open it again")
+    seen = scene_views(scene, ViewSource(seed=job.config.seed))
     views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())
     seen.renderer.release()
     return GroupingInputs(views, {}, features)
@@ -74,7 +80,7 @@ def _serve(connection: Connection, places: GroupingJob, block_name: str) -> None
         block = SharedBlock.open(block_name)
         job = block.read(places)
         block.close()
-        answer: Grouping | str = make_grouping(job.config, job.textures, _inputs(job))
+        answer: Grouping | str = make_grouping(job.config, job.textures, grouping_inputs(job))
     except InputError as error:
         answer = str(error)
     except Exception as error:

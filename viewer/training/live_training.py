@@ -1,6 +1,7 @@
 """Training beside the window: prepares it, runs it, takes its pictures in one by one, keeps the log. No OpenGL, no torch."""
 
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from ntc.worker import TrainingWorker, starting_pack
 from ntc.worker_messages import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
 from viewer.actions import Side
 from viewer.scene.model import Scene
-from viewer.training.accepting import checked_path, default_path, save_pack
+from viewer.training.accepting import Stamp, checked_path, default_path, save_pack, stamp_of
 from viewer.training.preparation import EncodeScene, Wish, prepare, settings_text
 from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db, run_name
 from viewer.training.settings import TrainingSettings
@@ -113,6 +114,8 @@ class LiveTraining:
         self._preparation: Task[TrainingRequest] | None = None
         self._saving: tuple[int, Task[Pack]] | None = None
         self._dropped: list[Task[None]] = []
+        self._written: dict[str, Stamp] = {}
+        """Files that were written, as they were then."""
         self._last_tick = 0.0
         self._scene: Scene | None = None
         self._before: dict[int, Before] = {}
@@ -214,7 +217,8 @@ class LiveTraining:
         assert run.pack is not None
         pack = run.pack
         chosen = checked_path(path) if path is not None else default_path(session.scene, pack)
-        self._saving = (run.number, Task(lambda _stopped: save_pack(chosen, pack)))
+        opened, written = tuple(session.packs.values()), self._written.get(os.path.realpath(chosen))
+        self._saving = (run.number, Task(lambda _stopped: save_pack(chosen, pack, opened, written)))
 
     def discard(self, session: "Session") -> None:
         """Show again what was shown before the undecided run. Raises InputError where there is none."""
@@ -423,6 +427,8 @@ class LiveTraining:
         except InputError as error:
             session.say(str(error), "error")
             return
+        if pack is not None and pack.path is not None and (stamp := stamp_of(pack.path)) is not None:
+            self._written[os.path.realpath(pack.path)] = stamp
         if pack is None or not any(run.number == number for run in self.runs):
             return
         run = self.run_numbered(number)

@@ -1,5 +1,6 @@
 """Panel "Scene": cameras, and what of the file is drawn, ignored or missing."""
 
+import os
 from pathlib import Path
 
 from imgui_bundle import imgui
@@ -30,7 +31,7 @@ class OpenField:
         clicked = imgui.button("Open")
         items.note("Open")
         if (entered or clicked) and self._text.strip():
-            emit(OpenFile(Path(self._text.strip()).expanduser()))
+            emit(OpenFile(Path(os.path.expanduser(self._text.strip()))))  # noqa: PTH111 - keeps what is no user
             self._text = ""
 
 

@@ -1,0 +1,99 @@
+"""Files that vanish or change under an open window."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from ntc.pack_file import read_pack
+from tests.ui.conftest import SIZE, write_scene
+from viewer.actions import OpenFile, RunCommand
+from viewer.headless import HeadlessApp
+from viewer.pack_files import open_packs, packs_beside
+from viewer.picture_request import PictureKind
+from viewer.scene.load import load_scene
+from viewer.settings import ViewerSettings
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """A scene that a test may spoil."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    return write_scene(folder)
+
+
+@pytest.fixture
+def window(own: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
+    settings = ViewerSettings(live_figures=False)
+    made = HeadlessApp(load_scene(own), open_packs(packs_beside(own)), SIZE, tmp_path / "pictures", settings)
+    made.settle()
+    yield made
+    made.close()
+
+
+def errors(app: HeadlessApp) -> list[str]:
+    return [entry.text for entry in app.session.log if entry.kind == "error"]
+
+
+def picture(app: HeadlessApp) -> np.ndarray:
+    app.session.show_panels, app.session.toasts = False, ()
+    app.settle()
+    return app.screenshot()
+
+
+def test_all_files_are_gone(window: HeadlessApp, own: Path) -> None:
+    before = picture(window)
+    names = [own, *own.parent.glob("*.ntc")]
+    shutil.rmtree(own.parent)
+    for name in names:
+        window.drop(name)
+    assert len(errors(window)) == len(names)
+    assert all(str(name) in line for name, line in zip(names, errors(window), strict=True))
+    np.testing.assert_array_equal(picture(window), before)
+
+
+def test_a_pack_is_replaced_by_half_of_itself(window: HeadlessApp, own: Path) -> None:
+    before, pack = picture(window), own.with_name("scene.clustered.ntc")
+    pack.write_bytes(pack.read_bytes()[:2000])
+    window.drop(pack)
+    assert len(errors(window)) == 1
+    np.testing.assert_array_equal(picture(window), before)
+    window.drop(own)
+    # The scene is opened without it.
+    assert set(window.session.packs) == {"single"}
+    assert window.session.log[0].repeats == 2
+    read_pack(own.with_name("scene.single.ntc"))
+
+
+def test_pictures_go_to_a_folder_that_is_no_more(window: HeadlessApp, tmp_path: Path) -> None:
+    pictures = tmp_path / "pictures"
+    for spoil in (lambda: None, lambda: shutil.rmtree(pictures)):
+        spoil()
+        window.session.apply(RunCommand("file.screenshot", ("shot.png",)))
+        window.settle()
+        assert (pictures / "shot.png").is_file(), errors(window)
+    shutil.rmtree(pictures)
+    pictures.write_text("a file")
+    window.session.apply(RunCommand("file.screenshot", ("shot.png",)))
+    window.settle()
+    window.session.apply(RunCommand("file.screenshot-picture", (get_args(PictureKind)[-1], "other.png")))
+    window.settle()
+    assert ["cannot be written" in line for line in errors(window)] == [True, True]
+
+
+@pytest.mark.parametrize("name", ["~nobody-at-all/scene.glb", "x" * 300 + ".glb"])
+def test_what_is_typed_need_not_be_a_file(window: HeadlessApp, name: str) -> None:
+    window.show_panel("Scene")
+    window.click("path")
+    window.type(name)
+    window.press(imgui.Key.enter)
+    assert len(errors(window)) == 1
+    window.session.apply(OpenFile(Path("a\0b.glb")))
+    window.session.apply(OpenFile(Path("a\0b.ntc")))
+    window.settle()
+    assert len(errors(window)) == 3

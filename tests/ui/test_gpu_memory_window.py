@@ -1,0 +1,155 @@
+"""The window while the GPU has no memory: it stays open, says so once, and shows what it can."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.pack_file import read_pack, write_pack
+from tests.end_to_end.conftest import two_squares
+from tests.ui.conftest import SIZE
+from viewer.actions import OpenFile, SetCompare
+from viewer.gl.allocation import GpuMemoryError
+from viewer.headless import HeadlessApp
+from viewer.pack_files import open_packs, packs_beside
+from viewer.scene.model import Scene
+from viewer.settings import ViewerSettings
+from viewer.view_state import REFERENCE
+
+Refuse = Callable[[HeadlessApp, str], None]
+
+
+@pytest.fixture
+def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
+    """From now on the GPU has no memory for what has this in its name; "" for anything."""
+
+    def begin(app: HeadlessApp, word: str) -> None:
+        monkeypatch.setattr(app._context.memory, "allows", lambda what, _size: word not in what)
+
+    return begin
+
+
+@pytest.fixture
+def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
+    """A window that has drawn nothing yet."""
+    settings = ViewerSettings(live_figures=False)
+    made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", settings)
+    yield made
+    made.close()
+
+
+def errors(app: HeadlessApp) -> list[str]:
+    return [entry.text for entry in app.session.log if entry.kind == "error"]
+
+
+def picture(app: HeadlessApp) -> NDArray[np.uint8]:
+    """The scene's part of the window: messages and panels lie elsewhere."""
+    app.settle()
+    frontend = app.frontend
+    assert frontend._last is not None
+    image = frontend._last.image
+    return np.frombuffer(image.read(), np.uint8).reshape(image.height, image.width, 4).copy()
+
+
+def test_a_pack_is_refused_by_name_and_the_others_stay(app: HeadlessApp, scene_path: Path, refuse: Refuse) -> None:
+    before, view, packs = picture(app), app.session.view, app.session.packs
+    more = scene_path.with_name("scene.more.ntc")
+    write_pack(more, read_pack(scene_path.with_name("scene.single.ntc")))
+    refuse(app, "latents")
+    app.drop(more)
+    more.unlink()
+    assert [line.split(": the GPU")[0] for line in errors(app)] == ["pack scene.more: latents"]
+    assert app.session.packs is packs
+    assert app.session.view == view
+    np.testing.assert_array_equal(picture(app), before)
+    assert not app.frontend.needs_frame(SIZE)
+
+
+@pytest.mark.parametrize("word", ["vertices", "what is seen", "colours of a picture", "draw commands", ""])
+def test_a_scene_is_refused_and_the_old_one_stays(app: HeadlessApp, tmp_path: Path, refuse: Refuse, word: str) -> None:
+    before, scene = picture(app), app.session.scene
+    other = two_squares(9).write(tmp_path / "other.glb")
+    refuse(app, word)
+    app.session.apply(OpenFile(other))
+    app.frame()
+    # What the old scene needs was there before the new one took it.
+    refuse(app, "nothing any more")
+    app.settle()
+    assert len(errors(app)) == 1
+    assert "the GPU has no memory for" in errors(app)[0]
+    assert app.session.scene is scene
+    np.testing.assert_array_equal(picture(app), before)
+
+
+def test_a_window_without_any_memory_stays_open(app: HeadlessApp, tmp_path: Path, refuse: Refuse) -> None:
+    before = picture(app)
+    other = two_squares(9).write(tmp_path / "other.glb")
+    refuse(app, "draw commands")
+    app.session.apply(OpenFile(other))
+    app.frame()
+    refuse(app, "")
+    for _ in range(5):
+        app.frame()
+    assert len(app.session.log) <= 5
+    assert not app.frontend.needs_frame(SIZE)
+    refuse(app, "nothing any more")
+    app.session.apply(SetCompare("a"))
+    app.session.apply(SetCompare("wipe"))
+    app.resize((SIZE[0] + 1, SIZE[1]))
+    app.settle()
+    app.resize(SIZE)
+    np.testing.assert_array_equal(picture(app), before)
+
+
+def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Refuse) -> None:
+    before = picture(app)
+    larger = (SIZE[0] + 100, SIZE[1] + 60)
+    app.resize(larger)
+    refuse(app, "what is seen")
+    for _ in range(5):
+        app.frame()
+    assert errors(app) == [line for line in errors(app) if "picture of 820 x 460" in line]
+    assert len(app.session.log) == 1
+    assert app.session.log[0].repeats == 1
+    assert not app.frontend.needs_frame(larger)
+    np.testing.assert_array_equal(picture(app), before)
+    refuse(app, "nothing any more")
+    app.session.apply(SetCompare("a"))
+    assert app.frontend.needs_frame(larger)
+    app.resize(SIZE)
+    app.settle()
+    assert picture(app).shape == before.shape
+
+
+def test_without_its_reference_a_scene_shows_its_pack(bare: HeadlessApp, refuse: Refuse) -> None:
+    assert bare.session.view.slot_b.source == REFERENCE
+    refuse(bare, "source images")
+    bare.settle()
+    assert bare.session.view.compare == "a"
+    assert errors(bare)[0].startswith("the reference: ")
+    assert len(errors(bare)) == 1
+    shown = picture(bare)
+    assert shown[..., :3].any()
+    bare.session.apply(SetCompare("wipe"))
+    bare.settle()
+    # It is tried again, and what was shown before stays.
+    assert bare.session.view.compare == "a"
+    np.testing.assert_array_equal(picture(bare), shown)
+
+
+def test_panels_show_grey_where_there_is_no_memory(app: HeadlessApp, tmp_path: Path, refuse: Refuse) -> None:
+    other = two_squares(9).write(tmp_path / "other.glb")
+    refuse(app, "thumbnail")
+    app.session.apply(OpenFile(other))
+    app.show_panel("Textures")
+    app.settle()
+    assert errors(app)
+    assert all(line.startswith("thumbnail ") for line in errors(app))
+
+
+def test_what_cannot_begin_ends_with_one_line(bare: HeadlessApp, refuse: Refuse) -> None:
+    refuse(bare, "vertices")
+    with pytest.raises(GpuMemoryError, match=r"vertices of .*: the GPU has no memory for"):
+        bare.frame()
