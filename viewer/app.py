@@ -210,7 +210,7 @@ class WindowApp:
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise last_words(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.frontend.pictures)
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.session.pictures_folder)
         self.frontend.interface.take_over(earlier.interface)
         self.session.say(RECOVERED, details=str(lost))
         self._wake()

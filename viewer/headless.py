@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ntc.pack import Pack
 from viewer.actions import OpenFile, RunCommand
-from viewer.frontend import SETTLING_FRAMES, Frontend, read_pixels
+from viewer.frontend import SETTLING_FRAMES, Frontend
 from viewer.gl.context import create_headless_context
+from viewer.picture_writer import read_pixels
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
 from viewer.script.play import play_script

@@ -162,7 +162,7 @@ def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
         raise errors.pop()
 
     app.run(FRAMES)
-    app.frontend._thumbnail = fails  # type: ignore[method-assign]
+    app.frontend.reader.thumbnail = fails  # type: ignore[method-assign]
     session.run_command("window.panel", ("Textures", "on"))
     app.run(FRAMES)
     return {"told": [entry.text for entry in session.log], "raised": not errors}

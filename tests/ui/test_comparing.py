@@ -172,7 +172,7 @@ def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pyt
 def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
     until(live, lambda: live.frontend.facts().live.is_current)
     found = live.frontend.facts().live.comparison
-    renderer = live.frontend._renderer
+    renderer = live.frontend.picture.renderer
     assert found is not None
     assert renderer is not None
     covered = renderer.covered()
@@ -193,7 +193,7 @@ def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
         assert row.largest == difference.max()
     assert sum(row.pixels for row in found.decoders) == sum(row.pixels for row in found.textures)
     # Other modes are of the same picture.
-    drawn = live.frontend._live._process
+    drawn = live.frontend.live._process
     for mode in ("a", "b", "side-by-side", "difference"):
         run_line(f"compare.mode {mode}", live.session)
         live.settle()
@@ -203,7 +203,7 @@ def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
 
 
 def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_dropped(live: HeadlessApp) -> None:
-    process = live.frontend._live._process
+    process = live.frontend.live._process
     started = time.monotonic()
     number = 0
     while time.monotonic() - started < 0.8:
@@ -220,7 +220,7 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
     assert not figures.is_current
     until(live, lambda: live.frontend.facts().live.is_current)
     found = live.frontend.facts().live.comparison
-    renderer = live.frontend._renderer
+    renderer = live.frontend.picture.renderer
     assert found is not None
     assert renderer is not None
     assert found.pixels == renderer.covered().sum()
@@ -232,7 +232,7 @@ def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
     time.sleep(0.35)
     live.frame(8)
     assert live.frontend.facts().live.comparison is None
-    assert not live.frontend._live._process.busy
+    assert not live.frontend.live._process.busy
 
 
 def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> None:
@@ -277,7 +277,7 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> N
     run_line(f"pixel.keep {x} {y}", app.session)
     app.settle()
     assert "pixel" in labels(app)
-    pixel, renderer = app.frontend.facts().pixel, app.frontend._renderer
+    pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
     assert pixel is not None
     assert renderer is not None
     assert (pixel.x, pixel.y) == (x, y)
@@ -290,17 +290,17 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> N
     assert pixel.decoders["clustered"] == renderer.decoders("clustered")[pixel.texture_id]
     assert pixel.block_decoders["clustered"] >= 1
     assert pixel.lod is not None
-    reads = app.frontend._pixels.reads
+    reads = app.frontend.reader.pixels.reads
     app.settle()
     app.move(300.0, 20.0)
     app.settle()
-    assert app.frontend._pixels.reads == reads
+    assert app.frontend.reader.pixels.reads == reads
     app.click("let the pixel go")
     hide_panels(app)
     app.session.show_panels = True
     app.move(MIDDLE[0] + 22, SIZE[1] - 60.0)
     app.settle()
-    assert app.frontend._pixels.reads > reads
+    assert app.frontend.reader.pixels.reads > reads
 
 
 def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:

@@ -157,7 +157,7 @@ def test_a_path_is_recorded_as_a_cameras_file(app: HeadlessApp, monkeypatch: pyt
         app.frame(2)
     last = app.session.view.camera
     app.press(imgui.Key.r)
-    (file,) = app.frontend.pictures.glob("*-path-*.json")
+    (file,) = app.session.pictures_folder.glob("*-path-*.json")
     cameras = read_cameras(file)
     assert len(cameras) == 4
     assert cameras[-1].eye == last.eye

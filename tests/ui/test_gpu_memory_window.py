@@ -48,8 +48,8 @@ def picture(app: HeadlessApp) -> NDArray[np.uint8]:
     """The scene's part of the window: messages and panels lie elsewhere."""
     app.settle()
     frontend = app.frontend
-    assert frontend._last is not None
-    image = frontend._last.image
+    assert frontend.picture.last is not None
+    image = frontend.picture.last.image
     return np.frombuffer(image.read(), np.uint8).reshape(image.height, image.width, 4).copy()
 
 
@@ -110,7 +110,8 @@ def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Ref
     refuse(app, "what is seen")
     for _ in range(5):
         app.frame()
-    assert errors(app) == [line for line in errors(app) if "picture of 820 x 460" in line]
+    width, height = app.session.picture_size
+    assert errors(app) == [line for line in errors(app) if f"picture of {width} x {height}" in line]
     assert len(app.session.log) == 1
     assert app.session.log[0].repeats == 1
     assert not app.frontend.needs_frame(larger)
@@ -152,4 +153,4 @@ def test_panels_show_grey_where_there_is_no_memory(app: HeadlessApp, tmp_path: P
 def test_what_cannot_begin_ends_with_one_line(bare: HeadlessApp, refuse: Refuse) -> None:
     refuse(bare, "vertices")
     with pytest.raises(GpuMemoryError, match=r"vertices of .*: the GPU has no memory for"):
-        bare.frame()
+        bare.settle()

@@ -360,7 +360,7 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
         raise InputError("other.glb: has too many textures")
 
     scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
-    monkeypatch.setattr("viewer.frontend.Renderer", refuse)
+    monkeypatch.setattr("viewer.shown_picture.Renderer", refuse)
     app.drop(two_squares(9).write(tmp_path / "other.glb"))
     assert app.session.scene is scene
     assert app.session.packs == packs
