@@ -1,6 +1,5 @@
 """Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md)."""
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,10 +18,9 @@ from ntc.pack import Adapter, Decoder, EncodedTexture, Pack
 from ntc.pack_metadata import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
 from ntc.quantize import packed_cells, unpacked_cells
 from ntc.reading import read_file
+from ntc.tensor_file import file_metadata
 
 HIDDEN_LAYERS = 2
-LENGTH_BYTES = 8
-"""A safetensors file begins with the length of its JSON header."""
 NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
@@ -84,7 +82,7 @@ def write_pack(path: Path, pack: Pack) -> None:
 
 @dataclass(frozen=True)
 class _Tensors:
-    """A safetensors file in memory: a mapped file that somebody shortens would end the process."""
+    """A safetensors file in memory."""
 
     metadata: Mapping[str, Any]
     tensors: Mapping[str, Mapping[str, Any]]
@@ -94,9 +92,7 @@ class _Tensors:
     def of(cls, data: bytes) -> "_Tensors":
         """Take a file apart. Raises SafetensorError."""
         tensors = dict(deserialize(data))
-        length = int.from_bytes(data[:LENGTH_BYTES], "little")
-        header = json.loads(data[LENGTH_BYTES : LENGTH_BYTES + length])
-        return cls(header.get("__metadata__") or {}, tensors)
+        return cls(file_metadata(data), tensors)
 
     def array(self, name: str) -> NDArray[Any]:
         """The tensor called `name`, of one of NUMPY_TYPES."""

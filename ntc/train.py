@@ -121,9 +121,17 @@ class _Training:
             path, TrainingState(tensors, self._progress, self._generator.get_state(), self.seconds), self._settings
         )
 
+    def _save_if_possible(self, path: Path) -> str:
+        """Write the state; why not, where that fails: a disk may be full for a while only, and training need not end for it."""
+        try:
+            self.save(path)
+        except InputError as error:
+            return f"the state of the training could not be kept, it goes on ({error})"
+        return ""
+
     def run(self, clock: TrainingClock, state: Path | None) -> None:
         """All steps that are left; the state is written now and then, and when the caller asks to stop."""
-        last_save = time.monotonic()
+        last_save, problem = time.monotonic(), ""
         clock.skip(sum(cohort.step for cohort in self.cohorts))
         for number, cohort in enumerate(self.cohorts):
             before = self._progress[number]
@@ -135,9 +143,10 @@ class _Training:
                 if report is None:
                     clock.tick(torch.tensor(torch.nan), 0, 1.0, note)
                 else:
-                    clock.tick(report.loss, report.texels, report.freezing)
+                    clock.tick(report.loss, report.texels, report.freezing, problem)
+                    problem = ""
                 if state is not None and time.monotonic() - last_save > SECONDS_BETWEEN_SAVES:
-                    self.save(state)
+                    problem = self._save_if_possible(state)
                     last_save = time.monotonic()
             clock.skip(cohort.steps - cohort.step)
 
@@ -198,8 +207,8 @@ def train(
     """Train a pack for `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
 
     With `state` a training that was stopped goes on where it was, and ends as if it had never been stopped: the file is
-    written every minute, when `cancelled` says so and when numbers blow up, and removed at the end. Without it, the state
-    of a training whose numbers blow up is written to `rescue`.
+    written every minute where that is possible, when `cancelled` says so and when numbers blow up, and removed at the end.
+    Without it, the state of a training whose numbers blow up is written to `rescue`.
 
     Raises InputError for a device that is not there, for textures or groups that do not fit and for a state of another
     training, TrainingFailedError when numbers blow up for good, TrainingCancelledError when `cancelled` says so.

@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
+from safetensors import SafetensorError
+from safetensors.torch import load, save
 from torch import Tensor
 
 from ntc.config import CodecConfig
 from ntc.errors import InputError
 from ntc.files import write_bytes
 from ntc.pack import Grouping
+from ntc.reading import read_file
+from ntc.tensor_file import file_metadata
 from ntc.textures import SourceTexture
 from ntc.training_config import TrainingConfig
 
@@ -74,20 +76,19 @@ def save_state(path: Path, state: TrainingState, settings: Mapping[str, Any]) ->
 def load_state(path: Path, settings: Mapping[str, Any]) -> TrainingState:
     """A state that was saved with the same settings. Raises InputError for any other file."""
     try:
-        with safe_open(path, framework="pt") as file:
-            record = json.loads((file.metadata() or {})[METADATA_KEY])
-            known = json.loads(json.dumps(settings))
-            other = sorted(key for key in known if record["settings"].get(key) != known[key])
-            if other:
-                raise InputError(
-                    f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}"
-                )
-            progress = tuple(CohortProgress(**entry) for entry in record["progress"])
-            cohorts: list[dict[str, Tensor]] = [{} for _ in progress]
-            for name in file.keys():  # noqa: SIM118 - not a dictionary
-                number, _, key = name.partition("/")
-                if key:
-                    cohorts[int(number)][key] = file.get_tensor(name)
-            return TrainingState(cohorts, progress, file.get_tensor(GENERATOR), float(record["seconds"]))
+        data = read_file(path)
+        tensors = load(data)
+        record = json.loads(file_metadata(data)[METADATA_KEY])
+        known = json.loads(json.dumps(settings))
+        other = sorted(key for key in known if record["settings"].get(key) != known[key])
+        if other:
+            raise InputError(f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}")
+        progress = tuple(CohortProgress(**entry) for entry in record["progress"])
+        cohorts: list[dict[str, Tensor]] = [{} for _ in progress]
+        for name, tensor in tensors.items():
+            number, _, key = name.partition("/")
+            if key:
+                cohorts[int(number)][key] = tensor
+        return TrainingState(cohorts, progress, tensors[GENERATOR], float(record["seconds"]))
     except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error

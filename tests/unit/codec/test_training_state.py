@@ -1,5 +1,6 @@
 """A training that is stopped and gone on with ends as if it had never been stopped."""
 
+import errno
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -96,3 +97,29 @@ def test_a_damaged_state_is_refused_or_read_never_a_crash(tmp_path: Path) -> Non
             train(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(0), state=path)
         except (InputError, TrainingCancelledError):
             continue
+
+
+def test_a_full_disk_now_and_then_ends_no_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, notes, refused = tmp_path / "a.state", [], []
+
+    def full(*_: object) -> None:
+        refused.append(True)
+        raise InputError("a.state: cannot be written (No space left on device)")
+
+    monkeypatch.setattr("ntc.train.SECONDS_BETWEEN_SAVES", 0.0)
+    monkeypatch.setattr("ntc.train.save_state", full)
+    pack = train(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
+    assert len(refused) > 1
+    assert any("could not be kept, it goes on (a.state: cannot be written" in note for note in notes)
+    assert same(pack, train(TEXTURES, GROUPS, FULL, SHORT))
+
+
+def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = saved(tmp_path / "a.state")
+
+    def changed(_path: Path) -> bytes:
+        raise OSError(errno.EAGAIN, "it changed while it was read")
+
+    monkeypatch.setattr("ntc.training_state.read_file", changed)
+    with pytest.raises(InputError, match="it changed while it was read"):
+        train(TEXTURES, GROUPS, FULL, SHORT, state=path)
