@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.pack_file import read_pack
 from viewer.gl.context import create_headless_context
-from viewer.path_choice import turned
+from viewer.navigation import turned
 from viewer.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera

@@ -29,7 +29,7 @@ from tests.gl.small_scenes import FRONT, objects
 from viewer.bench.random_pack import random_pack
 from viewer.camera import frame_all
 from viewer.gl.context import create_headless_context
-from viewer.path_choice import turned
+from viewer.navigation import turned
 from viewer.renderer import Renderer, read_picture
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.navigation import FREE
+from viewer.rotation import rotated
 from viewer.scene.model import Camera
 
+VERTICAL = np.array([0.0, 1.0, 0.0])
 PATH_SECONDS = 0.25
 """From one camera of a path to the next; a recorded path has one so often."""
 
@@ -23,14 +25,10 @@ class Turntable:
         """The camera `seconds` later, and what goes on moving it; `bounds` [2, 3] in scene units."""
         angle = math.radians(self.degrees_per_second * seconds)
         centre = bounds.astype(np.float64).mean(axis=0)
-        cos, sin = math.cos(angle), math.sin(angle)
-
-        def turned(point: tuple[float, float, float]) -> tuple[float, float, float]:
-            x, z = point[0] - float(centre[0]), point[2] - float(centre[2])
-            return float(centre[0]) + x * cos + z * sin, point[1], float(centre[2]) - x * sin + z * cos
-
+        places = centre + rotated(np.array([camera.eye, camera.target]) - centre, VERTICAL, angle)
+        eye, target = (tuple(place) for place in places.tolist())
         # Clip distances of a scene's camera fit its own place only.
-        moved = replace(camera, name=FREE, eye=turned(camera.eye), target=turned(camera.target), near=None, far=None)
+        moved = replace(camera, name=FREE, eye=eye, target=target, near=None, far=None)
         return moved, self
 
 

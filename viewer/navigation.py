@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from viewer.rotation import Vector, rotated
 from viewer.scene.model import Camera
-
-Vector = NDArray[np.float64]
 
 RADIANS_PER_HEIGHT = math.pi
 """A drag over the whole height of the picture turns by half a circle."""
@@ -52,7 +51,7 @@ def _turned(camera: Camera, yaw: float, pitch: float) -> Vector:
     elevation = math.asin(float(np.clip(forward @ up, -1.0, 1.0)))
     limit = math.pi / 2.0 - POLE_MARGIN
     elevation = min(max(elevation + pitch, -limit), limit)
-    level = level * math.cos(yaw) + np.cross(up, level) * math.sin(yaw)
+    level = rotated(level, up, yaw)
     return level * math.cos(elevation) + up * math.sin(elevation)
 
 
@@ -77,6 +76,13 @@ def look(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
     distance = float(np.linalg.norm(_vector(camera.target) - eye))
     direction = _turned(camera, -drag[0] * angle, -drag[1] * angle)
     return _free(camera, eye, eye + direction * distance)
+
+
+def turned(camera: Camera, degrees: float) -> Camera:
+    """`camera` looking further to the left by so much, from the same place. It keeps its name and clip distances."""
+    eye = _vector(camera.eye)
+    direction = rotated(_vector(camera.target) - eye, _unit(_vector(camera.up)), math.radians(degrees))
+    return replace(camera, target=_tuple(eye + direction))
 
 
 def pan(camera: Camera, drag: tuple[float, float], height: float) -> Camera:

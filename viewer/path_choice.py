@@ -1,15 +1,12 @@
 """Decode path `auto`: all paths are timed on the view at hand, and the fastest is taken."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import get_args
 
-import numpy as np
-
 from ntc.errors import InputError
 from viewer.gl.program import ShaderError
-from viewer.scene.model import Camera
+from viewer.navigation import turned
 from viewer.view_state import DecodePath, Slot, ViewState
 
 SHARE = 4
@@ -32,20 +29,6 @@ class PathTimes:
     def fastest(self) -> DecodePath:
         """The path with the least time; `deferred` where none could be timed."""
         return min(self.milliseconds, key=lambda path: self.milliseconds[path], default="deferred")
-
-
-def turned(camera: Camera, degrees: float) -> Camera:
-    """`camera` looking further to the left, from the same place."""
-    eye, target, up = (np.array(vector, np.float64) for vector in (camera.eye, camera.target, camera.up))
-    axis = up / max(float(np.linalg.norm(up)), 1e-30)
-    direction, angle = target - eye, math.radians(degrees)
-    # Rodrigues' formula.
-    direction = (
-        direction * math.cos(angle)
-        + np.cross(axis, direction) * math.sin(angle)
-        + axis * float(axis @ direction) * (1.0 - math.cos(angle))
-    )
-    return replace(camera, target=tuple((eye + direction).tolist()))
 
 
 def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slot) -> PathTimes:

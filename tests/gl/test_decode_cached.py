@@ -20,9 +20,9 @@ from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.context import GraphicsContext
 from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.navigation import turned
 from viewer.passes import decode_cached, layout
 from viewer.passes.decode_cached import PAGE_BYTES
-from viewer.path_choice import turned
 from viewer.renderer import FrameResult, Renderer
 from viewer.scene.model import Camera, Material, Scene
 from viewer.tile_cache import TileCacheConfig, TileCounts

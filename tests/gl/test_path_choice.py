@@ -11,7 +11,8 @@ from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
-from viewer.path_choice import PathTimes, time_paths, turned
+from viewer.navigation import turned
+from viewer.path_choice import PathTimes, time_paths
 from viewer.renderer import Renderer
 from viewer.scene.model import Camera
 from viewer.view_state import DecodePath, Slot, ViewState

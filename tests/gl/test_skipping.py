@@ -15,9 +15,9 @@ from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
+from viewer.navigation import turned
 from viewer.passes.latent_store import LatentBudget
 from viewer.passes.layout import StorageBinding
-from viewer.path_choice import turned
 from viewer.renderer import Renderer
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Material, Scene

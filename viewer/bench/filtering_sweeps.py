@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.color import linear_to_srgb
-from viewer.path_choice import turned
+from viewer.navigation import turned
 from viewer.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene
