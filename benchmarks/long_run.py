@@ -28,9 +28,10 @@ from ntc.pack import Pack
 from tests.gl.small_scenes import FRONT, objects
 from viewer.bench.random_pack import random_pack
 from viewer.camera import frame_all
+from viewer.frame_result import read_picture
 from viewer.gl.context import create_headless_context
 from viewer.navigation import turned
-from viewer.renderer import Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.tile_cache import TileCacheConfig

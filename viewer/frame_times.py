@@ -6,7 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Mapping
 
 from viewer.explore.frame_history import FrameHistory
-from viewer.renderer import FrameResult
+from viewer.frame_result import FrameResult
 from viewer.view_state import Slot
 
 FRAMES_REMEMBERED = 15

@@ -9,8 +9,9 @@ import numpy as np
 from ntc.pack import Pack
 from viewer.comparison import Comparison, PairOfPictures
 from viewer.comparison_process import ComparisonProcess
+from viewer.frame_result import DrawnPair
 from viewer.live_figures import LiveFigures, compared_source
-from viewer.renderer import DrawnPair, Renderer
+from viewer.renderer import Renderer
 from viewer.shown_errors import FoundErrors
 from viewer.view_state import Slot, ViewState
 

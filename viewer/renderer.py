@@ -1,41 +1,38 @@
 """The frame: which passes run, in which order, and which of them may be skipped because nothing they read has changed."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.config import CodecConfig
 from ntc.divergence import DivergenceStatistics
 from ntc.pack import Pack
 from ntc.pack_match import PackMatch
 from viewer.camera import view_projection
-from viewer.gl.allocation import GpuMemoryError
+from viewer.frame_result import DrawnPair, FrameResult
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
-from viewer.pack_files import match_scene
-from viewer.pack_on_gpu import Drawing, PackOnGpu, SeenSurfaces
+from viewer.pack_on_gpu import Drawing, SeenSurfaces
+from viewer.packs_to_draw import PacksToDraw, refusing
 from viewer.passes.albedo_target import AlbedoTarget
 from viewer.passes.composite import CompositePass, CompositeTarget, Look, ShownDifference
 from viewer.passes.culling import Culling, DrawList
 from viewer.passes.divergence import Stage
 from viewer.passes.latent_store import LatentBudget
 from viewer.passes.layout import scene_layout_glsl
-from viewer.passes.pack_buffers import codec_programs
 from viewer.passes.reference import ReferencePass
 from viewer.passes.scene_buffers import SceneBuffers, material_records
 from viewer.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
 from viewer.path_choice import PathTimes, time_paths
+from viewer.picture_targets import DrawnAlbedo, PictureTargets
 from viewer.placement import shown_slots, split_of
 from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
-from viewer.shown_divergence import CountedGrouping, ShownDivergence
+from viewer.shown_divergence import ShownDivergence
 from viewer.shown_errors import ShownErrors
 from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import (
@@ -44,7 +41,6 @@ from viewer.view_state import (
     Difference,
     DifferenceKind,
     Overlay,
-    PathChoice,
     Precision,
     Slot,
     ViewState,
@@ -59,97 +55,6 @@ COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
     ("difference", "flip"),
 )
 """One way to compare for each program that the composite has."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrameResult:
-    """One frame."""
-
-    image: moderngl.Texture
-    """RGBA8, sRGB-coded, row 0 at the bottom."""
-    timings_ms: Mapping[str, float]
-    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up."""
-    slot_ms: Mapping[Slot, float]
-    """Time in ms that each shown slot's albedo took when it was last drawn at this size."""
-    timer: str
-    """How the times were taken."""
-    skipped: Mapping[str, int]
-    """What was left out, and how many of it."""
-    divergence: Mapping[str, DivergenceStatistics]
-    """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
-    drawn: Mapping[str, int]
-    """Triangles and draw commands of the visibility buffer."""
-    tiles: Mapping[Slot, TileCounts]
-    """The tile caches of the shown slots that have one."""
-    paths: Mapping[Slot, PathChoice]
-    """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
-    short_latents: bool = False
-    """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
-
-    @property
-    def is_short(self) -> bool:
-        """Whether the picture is coarser than it should be, because the GPU has too little memory."""
-        return self.short_latents or any(counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values())
-
-    @property
-    def waiting(self) -> int:
-        """Tiles that are still to come: the same view drawn again shows more."""
-        return sum(counts.waiting for counts in self.tiles.values())
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnPair:
-    """Slots A and B of one view, drawn whole."""
-
-    key: object
-    """Equal keys mean equal pictures."""
-    a: AlbedoTarget
-    b: AlbedoTarget
-    visibility: VisibilityTarget
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """What an albedo was made from."""
-
-    key: object
-    """Equal means that it is still good."""
-    seen: object
-    """What of it does not depend on the pack."""
-    number: int
-    """Of the drawing: differs whenever the albedo may."""
-
-
-@dataclass
-class _Targets:
-    """Everything that has the size of the picture."""
-
-    visibility: VisibilityTarget
-    composite: CompositeTarget
-    albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
-    drawn: dict[Slot, _Drawn] = field(default_factory=dict)
-    """For each slot what its albedo was made from."""
-    slot_ms: dict[Slot, float] = field(default_factory=dict)
-    visibility_key: object = None
-    composite_key: object = None
-
-    def release(self) -> None:
-        self.release_all_but_picture()
-        self.composite.release()
-
-    def release_all_but_picture(self) -> None:
-        self.visibility.release()
-        for target in self.albedo.values():
-            target.release()
-
-
-@contextmanager
-def refusing(name: str) -> Iterator[None]:
-    """Say what it is that the GPU has no memory for."""
-    try:
-        yield
-    except GpuMemoryError as error:
-        raise GpuMemoryError(f"{name}: {error}") from error
 
 
 PREPARED_SIZE = (16, 16)
@@ -179,7 +84,7 @@ class Renderer:
             self._composite = CompositePass(context, self._programs)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._timer = PassTimer(context)
-        self._drawing = Drawing(
+        drawing = Drawing(
             context,
             scene,
             self._scene_buffers,
@@ -190,16 +95,11 @@ class Renderer:
         )
         self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
         self._errors = ShownErrors(context, len(scene.textures))
-        self._packs: dict[str, Pack] = {}
-        self._pack_versions: dict[str, int] = {}
-        self._grouping_versions: dict[tuple[int, ...], int] = {}
-        self._version = self._draws = 0
-        self._matches: dict[str, PackMatch] = {}
-        self._decode: dict[tuple[str, Precision], PackOnGpu] = {}
+        self._packs = PacksToDraw(drawing, self._programs, scene)
+        self._draws = 0
         self._prepared: set[Slot] = set()
         self._path_times: dict[tuple[str, Precision], PathTimes] = {}
-        self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
-        self._targets: _Targets | None = None
+        self._targets: PictureTargets | None = None
         self._left: CompositeTarget | None = None
         """The picture before, while one of another size is drawn."""
         self._depth = 0
@@ -221,43 +121,28 @@ class Renderer:
     @property
     def matches(self) -> Mapping[str, PackMatch]:
         """How each open pack fits the scene, by the pack's name."""
-        return self._matches
+        return self._packs.matches
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
         """The packs that slots may name. Those that are gone or replaced are freed."""
-        for name, pack in packs.items():
-            if self._packs.get(name) is not pack:
-                self._version += 1
-                self._pack_versions[name] = self._version
-                self._matches[name] = match_scene(pack, self._scene)
-        for key, on_gpu in list(self._decode.items()):
-            replaced = packs.get(key[0])
-            if replaced is None or replaced.config != on_gpu.pack.config:
-                self._decode.pop(key).release()
-            elif replaced is not on_gpu.pack:
-                try:
-                    self._decode[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
-                except GpuMemoryError:
-                    # Both do not fit beside each other; the new one is made when it is drawn.
-                    self._decode.pop(key).release()
-        self._matches = {name: match for name, match in self._matches.items() if name in packs}
+        self._packs.set_packs(packs)
         self._prepared = {slot for slot in self._prepared if slot.source in packs}
-        self._packs = dict(packs)
 
     def gpu_bytes(self, slot: Slot) -> int | None:
         """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
-        on_gpu = self._decode.get((slot.source, slot.precision))
-        return on_gpu.bytes_on_gpu if on_gpu is not None else None
+        return self._packs.bytes_on_gpu(slot)
 
     def gpu_parts(self, slot: Slot) -> Mapping[str, int] | None:
         """`gpu_bytes`, by what it is for."""
-        on_gpu = self._decode.get((slot.source, slot.precision))
-        return on_gpu.bytes_by_part if on_gpu is not None else None
+        return self._packs.bytes_by_part(slot)
 
     def latent_bytes(self, slot: Slot) -> NDArray[np.int64] | None:
         """[textures of the scene] int64: latents of each on the GPU; None for the reference and before its first frame."""
-        on_gpu = self._decode.get((slot.source, slot.precision))
-        return on_gpu.latent_bytes if on_gpu is not None and on_gpu.is_made else None
+        return self._packs.latent_bytes(slot)
+
+    def decoders(self, source: str) -> tuple[int, ...]:
+        """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""
+        return self._packs.counted(source).decoders
 
     @checks_context
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
@@ -315,7 +200,7 @@ class Renderer:
         tiles = {slot: counts for slot in slots if (counts := self._tiles(slot)) is not None}
         short_latents = False
         for slot in dict.fromkeys(slot for slot in slots if slot.source != REFERENCE):
-            latents = self._on_gpu(slot).latents
+            latents = self._packs.on_gpu(slot).latents
             coarse = slot in tiles and tiles[slot].coarse_latents
             short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
             skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
@@ -363,10 +248,10 @@ class Renderer:
         return replace(slot, path=self._path_times[key].fastest)
 
     def _tiles(self, slot: Slot) -> TileCounts | None:
-        on_gpu = self._decode.get((slot.source, slot.precision))
+        on_gpu = self._packs.uploaded(slot)
         return on_gpu.tiles if on_gpu is not None and slot.path == "cached" else None
 
-    def _targets_for(self, view: ViewState) -> _Targets:
+    def _targets_for(self, view: ViewState) -> PictureTargets:
         filters = any(slot.source == REFERENCE or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
         content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and filters)
         targets = self._targets
@@ -374,7 +259,7 @@ class Renderer:
             self._leave_targets()
             with self._context.memory.whole():
                 visibility = VisibilityTarget(self._context, view.size, content)
-                targets = self._targets = _Targets(visibility, CompositeTarget(self._context, view.size))
+                targets = self._targets = PictureTargets(visibility, CompositeTarget(self._context, view.size))
         return targets
 
     def _leave_targets(self) -> None:
@@ -388,7 +273,7 @@ class Renderer:
         else:
             targets.release()
 
-    def _update_visibility(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> DrawList:
+    def _update_visibility(self, view: ViewState, targets: PictureTargets, skipped: dict[str, int]) -> DrawList:
         key = view.camera
         if self._draw_list is not None and targets.visibility_key == key:
             skipped["passes"] += 1
@@ -420,7 +305,7 @@ class Renderer:
         try:
             self._visibility.run(visibility, self._matrix)
             seen = SeenSurfaces(visibility, self._draw_list, self._matrix, 1, ("prepared", slot))
-            self._on_gpu(slot).decode(slot.path, seen, target, whole=False)
+            self._packs.on_gpu(slot).decode(slot.path, seen, target, whole=False)
         finally:
             self._timer.take()
             visibility.release()
@@ -431,7 +316,7 @@ class Renderer:
         self,
         view: ViewState,
         slot: Slot,
-        targets: _Targets,
+        targets: PictureTargets,
         draw_list: DrawList,
         skipped: dict[str, int],
         whole: bool,
@@ -441,7 +326,7 @@ class Renderer:
             return
         is_reference = slot.source == REFERENCE
         anisotropy = view.anisotropy if is_reference or slot.path == "cached" else 1
-        on_gpu = None if is_reference else self._on_gpu(slot)
+        on_gpu = None if is_reference else self._packs.on_gpu(slot)
         seen_key = (view.camera, anisotropy)
         drawn = targets.drawn.get(slot)
         still = drawn is not None and drawn.seen == seen_key and not whole
@@ -474,70 +359,42 @@ class Renderer:
                 return
             targets.slot_ms[slot] = spent
         self._draws += 1
-        targets.drawn[slot] = _Drawn(self._albedo_key(view, slot), seen_key, self._draws)
+        targets.drawn[slot] = DrawnAlbedo(self._albedo_key(view, slot), seen_key, self._draws)
 
     def _albedo_key(self, view: ViewState, slot: Slot) -> object:
         """Albedos of equal keys are equal, unless tiles of them are still to come."""
-        version = 0 if slot.source == REFERENCE else self._pack_versions[slot.source]
+        version = 0 if slot.source == REFERENCE else self._packs.version(slot.source)
         anisotropy = view.anisotropy if slot.source == REFERENCE or slot.path == "cached" else 1
         return view.camera, version, anisotropy
 
-    def _is_drawn(self, view: ViewState, slot: Slot, targets: _Targets) -> bool:
+    def _is_drawn(self, view: ViewState, slot: Slot, targets: PictureTargets) -> bool:
         """Whether the slot's albedo is what the view asks for."""
         drawn = targets.drawn.get(slot)
         if drawn is None or drawn.key != self._albedo_key(view, slot):
             return False
-        return slot.source == REFERENCE or not self._on_gpu(slot).is_waiting(slot.path)
+        return slot.source == REFERENCE or not self._packs.on_gpu(slot).is_waiting(slot.path)
 
-    def _on_gpu(self, slot: Slot) -> PackOnGpu:
-        key = (slot.source, slot.precision)
-        if key not in self._decode:
-            pack = self._packs[slot.source]
-            # Packs of one codec share their programs: those take seconds to compile.
-            if pack.config not in self._codec_programs:
-                self._codec_programs[pack.config] = codec_programs(self._programs, pack)
-            programs = self._codec_programs[pack.config]
-            on_gpu = PackOnGpu(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
-            with refusing(f"pack {slot.source}"):
-                on_gpu.make()
-            self._decode[key] = on_gpu
-        return self._decode[key]
-
-    def _forget_unused(self, view: ViewState, targets: _Targets) -> None:
+    def _forget_unused(self, view: ViewState, targets: PictureTargets) -> None:
         """Keep the pictures of slots A and B and of the reference; free those of slots that nobody looks at."""
         for slot in [s for s in targets.albedo if s not in (view.slot_a, view.slot_b) and s.source != REFERENCE]:
             targets.albedo.pop(slot).release()
             targets.drawn.pop(slot, None)
             targets.slot_ms.pop(slot, None)
 
-    def decoders(self, source: str) -> tuple[int, ...]:
-        """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""
-        return self._counted(source).decoders
-
-    def _counted(self, source: str) -> CountedGrouping:
-        """The grouping of a source; for the reference nothing is decoded."""
-        pack = self._packs.get(source)
-        if pack is None:
-            return CountedGrouping(0, (-1,) * len(self._scene.textures))
-        decoders = tuple(self._matches[source].decoders(pack))
-        # A pack that is trained keeps its grouping: nothing is to be counted anew.
-        version = self._grouping_versions.setdefault(decoders, len(self._grouping_versions) + 1)
-        return CountedGrouping(version, decoders)
-
     def _update_divergence(
-        self, view: ViewState, slots: tuple[Slot, ...], targets: _Targets, skipped: dict[str, int]
+        self, view: ViewState, slots: tuple[Slot, ...], targets: PictureTargets, skipped: dict[str, int]
     ) -> dict[str, DivergenceStatistics]:
         """Count the decoders per block of what is shown, where the overlay asks for it."""
         if view.overlay.kind != "divergence":
             skipped["divergence_passes"] += 1
             return {}
-        groupings = {slot.source: self._counted(slot.source) for slot in slots}
+        groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
         if not self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block):
             skipped["passes"] += 1
         statistics = self._divergence.statistics
         return {source: statistics[source] for source in groupings if source != REFERENCE}
 
-    def _look(self, view: ViewState, targets: _Targets) -> Look:
+    def _look(self, view: ViewState, targets: PictureTargets) -> Look:
         """How the albedos of the shown slots come together."""
         overlay = None
         if view.overlay.kind == "divergence":
@@ -548,11 +405,11 @@ class Renderer:
         marks = self._errors.marks(view.overlay, view.highlight, targets.visibility)
         return Look(split_of(view), difference, overlay, marks, view.zoom)
 
-    def _pair_key(self, view: ViewState, targets: _Targets) -> object:
+    def _pair_key(self, view: ViewState, targets: PictureTargets) -> object:
         """Stands for what A and B are at each pixel."""
         return tuple((slot, targets.drawn.get(slot)) for slot in (view.slot_a, view.slot_b))
 
-    def _update_composite(self, view: ViewState, targets: _Targets, skipped: dict[str, int]) -> None:
+    def _update_composite(self, view: ViewState, targets: PictureTargets, skipped: dict[str, int]) -> None:
         first, second = shown_slots(view)
         key = (
             first,
@@ -695,20 +552,10 @@ class Renderer:
         if self._left is not None:
             self._left.release()
             self._left = None
-        for passes in self._decode.values():
-            passes.release()
-        self._decode.clear()
+        self._packs.release()
         self._composite.release()
         self._divergence.release()
         self._errors.release()
         self._reference.release()
         self._scene_buffers.release()
-        for programs in (self._programs, *self._codec_programs.values()):
-            programs.release()
-
-
-def read_picture(image: moderngl.Texture) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8 sRGB, row 0 on top, of the image of a FrameResult."""
-    width, height = image.size
-    pixels = np.frombuffer(image.read(), np.uint8).reshape(height, width, 4)
-    return np.ascontiguousarray(pixels[::-1, :, :3])
+        self._programs.release()

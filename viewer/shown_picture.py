@@ -14,6 +14,7 @@ from ntc.errors import InputError
 from ntc.pack import Pack
 from viewer.actions import SetSlot
 from viewer.explore.background import Background
+from viewer.frame_result import FrameResult, read_picture
 from viewer.frame_times import FrameTimes
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -21,7 +22,7 @@ from viewer.gl.program import ShaderError
 from viewer.gl.thumbnails import Thumbnails
 from viewer.message_log import details_of
 from viewer.picture_request import PictureRequest
-from viewer.renderer import FrameResult, Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.scene.model import Camera, Scene
 from viewer.session import Session
 from viewer.tile_cache import TileCacheConfig

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ntc.color import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
+from viewer.frame_result import read_picture
 from viewer.gl.context import GraphicsContext
 from viewer.palettes import palette_colors
 from viewer.passes.composite import FLIP_PALETTE, LEAST_LIGHT
 from viewer.passes.texture_marks import DIMMED
-from viewer.renderer import Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.shown_errors import FoundErrors
 from viewer.view_state import CompareMode, Difference, DifferenceKind, Overlay, Slot, ViewState
 from viewer.zoom import Zoom

@@ -18,12 +18,13 @@ from tests.gl.test_frame_parity import CASES
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
+from viewer.frame_result import FrameResult
 from viewer.gl.context import GraphicsContext
 from viewer.gl.srgb_atlas import SrgbAtlas
 from viewer.navigation import turned
 from viewer.passes import decode_cached, layout
 from viewer.passes.decode_cached import PAGE_BYTES
-from viewer.renderer import FrameResult, Renderer
+from viewer.renderer import Renderer
 from viewer.scene.model import Camera, Material, Scene
 from viewer.tile_cache import TileCacheConfig, TileCounts
 from viewer.view_state import Slot, ViewState

@@ -13,9 +13,10 @@ from ntc.color import linear_to_srgb8
 from ntc.pack import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
+from viewer.frame_result import FrameResult
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
-from viewer.renderer import FrameResult, Renderer
+from viewer.renderer import Renderer
 from viewer.scene.model import Camera, Material
 from viewer.view_state import DecodePath, Overlay, Slot, ViewState
 from viewer.zoom import Zoom

@@ -15,6 +15,7 @@ from ntc.pack import Pack
 from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.packs import random_pack
 from viewer import renderer as renderer_module
+from viewer.frame_result import FrameResult, read_picture
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import egl_loader
@@ -22,7 +23,7 @@ from viewer.gl.named_images import NamedImages
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
 from viewer.gl.thumbnails import Thumbnails
 from viewer.passes.decode_texels import GlTexelDecoder
-from viewer.renderer import FrameResult, Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.scene.model import Scene
 from viewer.tile_cache import TileCacheConfig
 from viewer.view_state import REFERENCE, Overlay, Slot, ViewState

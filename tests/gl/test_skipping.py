@@ -165,7 +165,7 @@ def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, pat
         # The other renderer has had everything on the GPU from the start.
         slot = Slot("p", path)
         complete.render(view(path, camera))
-        on_gpu = complete._on_gpu(slot)
+        on_gpu = complete._packs.on_gpu(slot)
         on_gpu.buffers.need({0: 0, 1: 0})
         complete.render(view(path, turned(camera, 90.0)))
         complete.render(view(path, camera))
@@ -186,7 +186,7 @@ def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) ->
     for renderer in (tight, roomy):
         renderer.render(view("deferred", near))
         pictures.append(renderer.albedo(slot))
-    counts = tight._on_gpu(slot).latents
+    counts = tight._packs.on_gpu(slot).latents
     assert counts.levels_without_room > 0
     assert counts.bytes_uploaded <= 1600
     assert np.isfinite(pictures[0]).all()

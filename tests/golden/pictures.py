@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from ntc.color import linear_to_srgb8
 from viewer.commandline.sources import builtin_scene_path
+from viewer.frame_result import read_picture
 from viewer.gl.context import create_headless_context
 from viewer.pack_files import open_packs, packs_beside
-from viewer.renderer import Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.view_state import REFERENCE, Overlay, Slot, ViewState
 

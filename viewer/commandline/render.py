@@ -20,11 +20,12 @@ from ntc.pack import Pack
 from viewer.commandline.options import RenderOptions
 from viewer.commandline.precision import resolve_precision
 from viewer.commandline.sources import choose_camera, choose_source, open_scene, packs_for
+from viewer.frame_result import FrameResult, read_picture
 from viewer.gl.context import create_headless_context
 from viewer.measurement import decoder_ids
 from viewer.overlay import error_overlay, with_color_bar
 from viewer.palettes import PaletteName
-from viewer.renderer import FrameResult, Renderer, read_picture
+from viewer.renderer import Renderer
 from viewer.scene.images import write_png
 from viewer.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState
 
