@@ -37,7 +37,7 @@ from ntc.worker_messages import (
 from ntc.worker_pipe import WorkerEnd
 from ntc.worker_wire import decode_command, encode
 
-NICENESS = 10
+NICENESS = 19
 """The window comes first."""
 LONGEST_DETAILS = 8000
 """Characters of a traceback: its end says what happened."""

@@ -22,6 +22,8 @@ class FrameTimes:
         """Time that each slot took when it was last drawn whole, ms."""
         self.whole_frame_ms = 0.0
         """Of the last picture that was not coarse: all of its passes."""
+        self.last_ms = 0.0
+        """Of the last frame that drew a whole picture: all of it, by the wall clock."""
         self._passes: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
         self._started = 0.0
         self._drawn: Mapping[str, float] | None = None
@@ -41,7 +43,8 @@ class FrameTimes:
     def end(self) -> None:
         """The frame is on its framebuffer."""
         if self._drawn is not None:
-            self.history.add(self._drawn, 1000.0 * (time.perf_counter() - self._started))
+            self.last_ms = 1000.0 * (time.perf_counter() - self._started)
+            self.history.add(self._drawn, self.last_ms)
 
     def medians_ms(self) -> dict[str, float]:
         """Median time of each pass over the recent frames in which it ran, ms."""

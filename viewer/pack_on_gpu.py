@@ -26,7 +26,7 @@ from viewer.passes.scene_buffers import SceneBuffers
 from viewer.passes.tile_table import TileTable
 from viewer.passes.visibility import VisibilityTarget
 from viewer.scene.model import Scene
-from viewer.tile_cache import TileCacheConfig, TileCounts
+from viewer.tile_cache import TileCacheConfig, TileCounts, TilePace
 from viewer.view_state import PathChoice, Precision
 
 BANDS = 4
@@ -57,6 +57,7 @@ class Drawing:
     scene_buffers: SceneBuffers
     timer: PassTimer
     tile_cache: TileCacheConfig
+    tile_pace: TilePace
     latents: LatentBudget
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
@@ -143,6 +144,7 @@ class PackOnGpu:
                 self.decoders,
                 self._colors,
                 self.drawing.tile_cache,
+                self.drawing.tile_pace,
             )
             self._made.append(self._cached)
         return self._cached

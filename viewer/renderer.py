@@ -34,7 +34,7 @@ from viewer.resources import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.shown_divergence import ShownDivergence
 from viewer.shown_errors import ShownErrors
-from viewer.tile_cache import TileCacheConfig, TileCounts
+from viewer.tile_cache import TileCacheConfig, TileCounts, TilePace
 from viewer.view_state import (
     REFERENCE,
     CompareMode,
@@ -84,12 +84,16 @@ class Renderer:
             self._composite = CompositePass(context, self._programs)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._timer = PassTimer(context)
+        tile_cache = tile_cache or TileCacheConfig()
+        self.tile_pace = TilePace(tile_cache)
+        """To be told how long frames take, by who knows."""
         drawing = Drawing(
             context,
             scene,
             self._scene_buffers,
             self._timer,
-            tile_cache or TileCacheConfig(),
+            tile_cache,
+            self.tile_pace,
             latents or LatentBudget(),
             emulate_half,
         )

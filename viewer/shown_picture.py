@@ -33,6 +33,8 @@ SLOW_FRAME_MS = 120.0
 COARSE_SHARE = 0.25
 TILE_MILLISECONDS = 25.0
 """Of a frame, for decoding tiles that have come into sight."""
+LEAST_TILES = 3
+"""Of a frame: on a machine that a training keeps busy a tile takes some milliseconds."""
 MOVING_SECONDS = 0.3
 """A camera moves until it has rested for so long."""
 
@@ -100,6 +102,8 @@ class ShownPicture:
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
+        if self.is_waiting:
+            renderer.tile_pace.note_frame(self._times.last_ms)
         whole = self._session.measure_requested or bool(self._session.picture_requests)
         if view == self.last_view and not self.is_waiting:
             return
@@ -174,7 +178,7 @@ class ShownPicture:
         """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
         session = self._session
         if self.renderer is None or self._scene is not session.scene:
-            tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS)
+            tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS, LEAST_TILES)
             try:
                 with self._context.memory.whole():
                     textures = session.scene.textures

@@ -15,6 +15,32 @@ class TileCacheConfig:
     """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
 
 
+LONG_FRAME_MS = 33.0
+"""A frame that takes longer lets the next one decode for less long."""
+LEAST_MILLISECONDS = 4.0
+
+
+class TilePace:
+    """How long a frame may decode for tiles now: less where frames take long, whatever else takes their time.
+
+    It falls by factors and rises by steps, so that a machine that other programs are busy on is found out within a few frames.
+    """
+
+    def __init__(self, config: TileCacheConfig) -> None:
+        self._most = config.milliseconds
+        self.milliseconds = config.milliseconds
+        """As TileCacheConfig's, now."""
+
+    def note_frame(self, milliseconds: float) -> None:
+        """A frame that decoded tiles took so long, all in all."""
+        if self._most is None or self.milliseconds is None:
+            return
+        if milliseconds > LONG_FRAME_MS:
+            self.milliseconds = min(max(0.6 * self.milliseconds, LEAST_MILLISECONDS), self._most)
+        else:
+            self.milliseconds = min(self.milliseconds + 3.0, self._most)
+
+
 @dataclass(frozen=True)
 class TileCounts:
     """The state of the cache."""

@@ -29,7 +29,7 @@ from viewer.passes.page_pool import PagePool
 from viewer.passes.scene_buffers import MaterialsSource
 from viewer.passes.tile_table import TileTable
 from viewer.passes.visibility import VisibilityTarget
-from viewer.tile_cache import TileCacheConfig, TileCounts
+from viewer.tile_cache import TileCacheConfig, TileCounts, TilePace
 
 FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
@@ -60,9 +60,10 @@ class DecodeCachedPass:
         decoder_of_texture: Iterable[int],
         colors: bool,
         config: TileCacheConfig,
+        pace: TilePace,
     ) -> None:
         self._gl = context.gl
-        self._buffers, self._ranges, self._table, self._config = buffers, ranges, table, config
+        self._buffers, self._ranges, self._table, self._config, self._pace = buffers, ranges, table, config, pace
         self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
         defines = {
             "VERTEX_COLORS": int(colors),
@@ -164,7 +165,7 @@ class DecodeCachedPass:
 
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
-        return self._fitting(None if whole else self._config.milliseconds, self._config.least_tiles)
+        return self._fitting(None if whole else self._pace.milliseconds, self._config.least_tiles)
 
     def tiles_ahead(self) -> int:
         """How many tiles to decode in a frame that shows the picture before: few, for nobody waits for them."""
