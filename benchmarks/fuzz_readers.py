@@ -55,6 +55,8 @@ def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
         "cameras": [*seeds.cameras()],
         "settings": [*seeds.settings()],
         "worker messages": [*seeds.messages()],
+        "script": [*seeds.scripts()],
+        "view": [*seeds.views()],
     }
     return list(made[reader])
 
@@ -118,7 +120,7 @@ def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: 
 def main() -> None:
     """Run and report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    names = ["scene", "pack", "image", "cameras", "settings", "worker messages"]
+    names = ["scene", "pack", "image", "cameras", "settings", "worker messages", "script", "view"]
     parser.add_argument("--reader", action="append", choices=names, help="may be given again; default all")
     parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")

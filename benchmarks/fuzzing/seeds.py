@@ -105,6 +105,21 @@ def messages() -> Iterator[bytes]:
     yield from talks()
 
 
+def scripts() -> Iterator[bytes]:
+    """Scripts."""
+    from benchmarks.fuzzing.scripts import script_seed
+
+    yield script_seed()
+    yield b"camera.frame-all\ncompare.mode wipe\n# a comment\nslot.path a cached\nwait settled\nexpect path cached\n"
+
+
+def views() -> Iterator[bytes]:
+    """Saved views."""
+    from benchmarks.fuzzing.scripts import view_seed
+
+    yield view_seed()
+
+
 def real(folder: Path | None, suffixes: tuple[str, ...]) -> Iterator[bytes]:
     """The small files with one of `suffixes` below `folder`, sorted by path."""
     if folder is None:

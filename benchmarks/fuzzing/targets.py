@@ -16,13 +16,15 @@ from benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutat
 from ntc.errors import InputError
 
 WATCHED = ["viewer.scene", "viewer.settings", "ntc.pack_file", "ntc.pack_metadata", "ntc.pack", "ntc.quantize"]
+WATCHED_SCRIPTS = ["viewer.commands", "viewer.script", "viewer.view_file", "viewer.json_fields", "viewer.session"]
 WATCHED_MESSAGES = [
     *("ntc.worker", "ntc.worker_wire", "ntc.worker_pipe", "ntc.worker_process", "ntc.report_checks", "ntc.pack_checks"),
     *("ntc.shared_arrays", "ntc.snapshot", "ntc.training_checks"),
 ]
 
-with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES], enable_loader_override=False):
+with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_SCRIPTS], enable_loader_override=False):
     from benchmarks.fuzzing.messages import MessageReader, mutate_messages
+    from benchmarks.fuzzing.scripts import ScriptReader, mutate_script
     from ntc.pack_file import read_pack
     from viewer.scene.cameras_file import read_cameras
     from viewer.scene.gltf_container import parse_gltf
@@ -49,8 +51,11 @@ class Readers:
             "cameras": (self.cameras, mutate_json),
             "settings": (self.settings, mutate_json),
             "worker messages": (self.messages, mutate_messages),
+            "script": (self.script, mutate_script),
+            "view": (self.view, mutate_json),
         }
         self._messages: MessageReader | None = None
+        self._scripts: ScriptReader | None = None
 
     def scene(self, data: bytes) -> None:
         """Read `data` as a scene, with a folder of its own in which nothing else lies."""
@@ -80,6 +85,19 @@ class Readers:
         if self._messages is None:
             self._messages = MessageReader()
         self._messages.read(data)
+
+    def script(self, data: bytes) -> None:
+        """Take `data` as a script, and run it."""
+        self._script_reader().script(data)
+
+    def view(self, data: bytes) -> None:
+        """Take `data` as a saved view."""
+        self._script_reader().view(data)
+
+    def _script_reader(self) -> ScriptReader:
+        if self._scripts is None:
+            self._scripts = ScriptReader()
+        return self._scripts
 
     def _file(self, data: bytes) -> Path:
         path = self._folder / "fuzz.bin"
