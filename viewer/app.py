@@ -228,6 +228,11 @@ class WindowApp:
         """Whether a held key moves the camera."""
         return any(glfw.get_key(self._handle, key) == glfw.PRESS for key in map(ord, "WASDQE"))
 
+    def leave(self, error: BaseException) -> None:
+        """To be called before `close` where `error` broke off a frame."""
+        if self._window is not None:
+            self._window.leave_frame(error)
+
     def close(self) -> None:
         """Remember settings and layout, and free everything."""
         width, height = self._size
@@ -248,6 +253,9 @@ def run_window(content: WindowContent) -> int:
     frames = os.environ.get(FRAMES_VARIABLE, "")
     try:
         app.run(int(frames) if frames.isdigit() else None)
+    except BaseException as error:
+        app.leave(error)
+        raise
     finally:
         app.close()
     return 0

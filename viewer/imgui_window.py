@@ -16,7 +16,7 @@ from moderngl_window.context.glfw.window import Window
 
 from ntc.errors import InputError
 from viewer.gl.context import REQUIRED_VERSION, GraphicsContext, wrap_context
-from viewer.gl.context_loss import ContextLostError, SimulatedLosses
+from viewer.gl.context_loss import SimulatedLosses
 
 TITLE = "ntc-viewer"
 
@@ -137,15 +137,15 @@ class ImguiWindow:
         """How panels are docked, for the next window; "" before the first frame, in which it is read."""
         return imgui.save_ini_settings_to_memory() if imgui.get_frame_count() > 0 else ""
 
-    def leave_frame(self, lost: ContextLostError) -> None:
-        """End the frame that `lost` broke off, maybe inside of a panel; there is none after it.
+    def leave_frame(self, error: BaseException) -> None:
+        """End the frame that `error` broke off, maybe inside of a panel; there is none after it.
 
         What the broken calls held is let go: parts of ImGui must not outlive its context.
         """
         io = imgui.get_io()
         # ImGui then closes what is open, and is not to complain.
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_debug_log = False
-        behind: BaseException | None = lost
+        behind: BaseException | None = error
         while behind is not None:
             traceback.clear_frames(behind.__traceback__)
             behind = behind.__cause__ or behind.__context__

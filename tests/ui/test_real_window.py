@@ -81,3 +81,18 @@ def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Pa
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
+
+
+def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:
+    settings = tmp_path / "settings"
+    result = subprocess.run(
+        [sys.executable, "-m", "tests.ui.broken_window", str(scene_path), str(tmp_path / "out")],
+        env={**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(settings)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 1, result.stderr
+    assert result.stderr.splitlines()[-1] == "RuntimeError: a mistake of this program"
+    assert (settings / "settings.json").is_file()
