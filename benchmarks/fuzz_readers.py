@@ -11,6 +11,7 @@ import argparse
 import hashlib
 import importlib.util
 import json
+import os
 import re
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from ntc.files import write_text
 
 LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
 LARGEST_INPUT = 1 << 14
+MEMORY = Path("/dev/shm")
 MOST_FINDINGS = 20
 """Of one reader: then it is left alone."""
 
@@ -85,7 +87,16 @@ def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) 
         *("-print_final_stats=1", str(corpus)),
     ]
     started = time.monotonic()
-    done = subprocess.run(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+    # libFuzzer ends the process without further ado: what it leaves is removed here. Files in memory keep off the disk.
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as scratch:
+        done = subprocess.run(
+            arguments,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env={**os.environ, "TMPDIR": scratch},
+        )
     log = done.stdout
     tally.seconds += time.monotonic() - started
     counted = _numbers(r"stat::number_of_executed_units: (\d+)", log) or _numbers(r"^#(\d+)\s", log) or [0]

@@ -108,8 +108,7 @@ class Readers:
 def main() -> None:
     """Fuzz the reader named first; the rest are libFuzzer's arguments."""
     reader = sys.argv.pop(1)
-    memory = Path("/dev/shm")
-    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name:
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # decode_image writes its input to a temporary file: keep that off the disk too.
         tempfile.tempdir = name

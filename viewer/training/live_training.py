@@ -1,100 +1,40 @@
 """Training beside the window: prepares it, runs it, takes its pictures in one by one, keeps the log. No OpenGL, no torch."""
 
-import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from ntc.errors import InputError
 from ntc.pack import Pack
-from ntc.snapshot import GroupSnapshot, apply_snapshot, ended_pack
+from ntc.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker import TrainingWorker, starting_pack
 from ntc.worker_messages import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
 from viewer.actions import Side
 from viewer.scene.model import Scene
 from viewer.training.accepting import Stamp, checked_path, default_path, save_pack, stamp_of
 from viewer.training.preparation import EncodeScene, Wish, prepare, settings_text
-from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db, run_name
+from viewer.training.run_log import RunLog
+from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db
 from viewer.training.settings import TrainingSettings
 from viewer.training.task import Task
-from viewer.view_state import REFERENCE, CompareMode, Slot
+from viewer.training.work import State, Work, put_away
+from viewer.view_state import REFERENCE
 
 if TYPE_CHECKING:
     from viewer.session import Session
 
-State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
 SECONDS_BETWEEN_TICKS = 0.1
 """A window that otherwise rests looks so often what the training says."""
-MOST_RUNS = 100
-MOST_PACKS = 8
-"""Packs of runs that are kept for a second look, besides those that are shown."""
 MOST_NOTES = 20
 SECONDS_TO_STOP = 3.0
 SECONDS_TO_WRITE = 20.0
 
 
-@dataclass(frozen=True)
-class Before:
-    """What was shown before a run."""
-
-    slot_a: Slot
-    slot_b: Slot
-    compare: CompareMode
-
-
 SECONDS_BETWEEN_PICTURES = 1.0
 """Of a training: snapshots that come sooner are shown together."""
-
-
-@dataclass
-class Work:
-    """The run under way."""
-
-    number: int
-    wish: Wish
-    scene: Scene
-    base_name: str | None
-    """The pack that it goes on from."""
-    base: Pack | None
-    began: float
-    """Monotonic seconds."""
-    state: State = "preparing"
-    request: TrainingRequest | None = None
-    pack: Pack | None = None
-    """What the snapshots so far make."""
-    groups_seen: frozenset[int] = frozenset()
-    """Groups of which a snapshot has come."""
-    progress: WorkerProgress | None = None
-    first_picture_seconds: float | None = None
-    """From the wish to the first snapshot."""
-    curves: Curves = field(default_factory=Curves)
-    notes: tuple[str, ...] = ()
-    before: "Before | None" = None
-    """What was shown when the first snapshot came."""
-    is_ahead: bool = False
-    """Whether `pack` is newer than what is shown of it."""
-    put_up_at: float = -math.inf
-    """When it was shown last, monotonic seconds."""
-
-    @property
-    def name(self) -> str:
-        """As which its pack is open."""
-        return run_name(self.number)
-
-
-def put_away(session: "Session", name: str, before: Before | None) -> None:
-    """Close the pack `name`; where A shows it, show what was there before."""
-    packs = {other: pack for other, pack in session.packs.items() if other != name}
-    view = session.view
-    if view.slot_a.source == name and before is not None:
-        view = replace(view, slot_a=before.slot_a, slot_b=before.slot_b, compare=before.compare)
-    gone = {slot.source for slot in (view.slot_a, view.slot_b)} - {REFERENCE, *packs}
-    a, b = (replace(slot, source=REFERENCE) if slot.source in gone else slot for slot in (view.slot_a, view.slot_b))
-    session.view = replace(view, slot_a=a, slot_b=b)
-    session.packs = packs
 
 
 class LiveTraining:
@@ -103,10 +43,7 @@ class LiveTraining:
     def __init__(self, settings: TrainingSettings | None = None) -> None:
         self.settings = settings or TrainingSettings()
         """What the next training is asked for where nobody says otherwise."""
-        self.runs: tuple[Run, ...] = ()
-        """Oldest first."""
-        self.undecided: int | None = None
-        """Number of the run that is to be accepted or discarded."""
+        self._log = RunLog()
         self.curves: Curves | None = None
         """Of the run under way, else of the last one."""
         self._work: Work | None = None
@@ -118,7 +55,16 @@ class LiveTraining:
         """Files that were written, as they were then."""
         self._last_tick = 0.0
         self._scene: Scene | None = None
-        self._before: dict[int, Before] = {}
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """All runs of the scene, oldest first."""
+        return self._log.runs
+
+    @property
+    def undecided(self) -> int | None:
+        """Number of the run that is to be accepted or discarded."""
+        return self._log.undecided
 
     @property
     def work(self) -> Work | None:
@@ -142,10 +88,7 @@ class LiveTraining:
 
     def run_numbered(self, number: int) -> Run:
         """A run of the log. Raises InputError."""
-        for run in self.runs:
-            if run.number == number:
-                return run
-        raise InputError(f"run {number}: there is no such run; runs so far: {len(self.runs)}")
+        return self._log[number]
 
     def base_name(self, session: "Session") -> str | None:
         """Name of the pack that a training would go on from: what A shows, else B, else the first that is open."""
@@ -166,10 +109,9 @@ class LiveTraining:
         base = session.packs[name] if name is not None else None
         if base is None and not isinstance(wish, EncodeScene):
             raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
-        number = self.runs[-1].number + 1 if self.runs else 1
         scene = session.scene
-        self._work = Work(number, wish, scene, name, base, time.monotonic())
-        self.undecided = None
+        self._work = Work(self._log.next_number, wish, scene, name, base, time.monotonic())
+        self._log.undecided = None
         self.curves = self._work.curves
         worker = self._worker
 
@@ -213,7 +155,8 @@ class LiveTraining:
 
     def accept(self, session: "Session", path: Path | None = None) -> None:
         """Write the undecided run's pack. Raises InputError where there is none, and for a path that cannot be."""
-        run = self._undecided_run()
+        self._require_nothing_saved()
+        run = self._log.undecided_run()
         assert run.pack is not None
         pack = run.pack
         chosen = checked_path(path) if path is not None else default_path(session.scene, pack)
@@ -222,10 +165,8 @@ class LiveTraining:
 
     def discard(self, session: "Session") -> None:
         """Show again what was shown before the undecided run. Raises InputError where there is none."""
-        run = self._undecided_run()
-        self.undecided = None
-        self._change_run(replace(run, outcome=f"{run.outcome}, discarded"))
-        put_away(session, run.name, self._before.get(run.number))
+        self._require_nothing_saved()
+        self._log.discard(session)
 
     def show(self, session: "Session", number: int, side: Side) -> None:
         """Put the pack of a run into a slot. Raises InputError where there is no such run, or none of its pack."""
@@ -241,14 +182,11 @@ class LiveTraining:
         if view.compare not in (side, "wipe"):
             session.view = replace(session.view, compare=side)
         if self._work is None and self._saving is None and run.saved is None:
-            self.undecided = number
+            self._log.undecided = number
 
-    def _undecided_run(self) -> Run:
+    def _require_nothing_saved(self) -> None:
         if self._saving is not None:
             raise InputError("training: the pack is being written already")
-        if self.undecided is None:
-            raise InputError("training: no finished run waits to be accepted or discarded")
-        return self.run_numbered(self.undecided)
 
     @property
     def is_due(self) -> bool:
@@ -314,7 +252,7 @@ class LiveTraining:
                 self._take_finished(session, work, report)
             case Failed():
                 session.say(report.line, "error")
-                self._end(session, work, "failed", self._pack_so_far(work), (report.line,))
+                self._end(session, work, "failed", work.pack_so_far(), (report.line,))
 
     def _take_snapshot(self, session: "Session", work: Work, snapshot: GroupSnapshot) -> None:
         assert work.pack is not None
@@ -325,7 +263,7 @@ class LiveTraining:
         self._put_up(session, work)
         if first:
             work.first_picture_seconds = time.monotonic() - work.began
-            self._show_beside(session, work)
+            work.show_beside(session)
 
     def _put_up(self, session: "Session", work: Work) -> None:
         """Show what snapshots have brought, not too often: every picture of it costs several frames."""
@@ -334,25 +272,12 @@ class LiveTraining:
             work.is_ahead, work.put_up_at = False, now
             session.packs = {**session.packs, work.name: work.pack}
 
-    def _show_beside(self, session: "Session", work: Work) -> None:
-        """Slot A shows the pack that changes, B what it was or should become."""
-        view = session.view
-        work.before = Before(view.slot_a, view.slot_b, view.compare)
-        path = "cached" if view.slot_a.source == REFERENCE else view.slot_a.path
-        slot_b = view.slot_b
-        if work.base_name is not None and work.base_name in session.packs:
-            # Without another decode of the same: B is as A was.
-            slot_b = replace(view.slot_a, source=work.base_name)
-        compare = "wipe" if view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE else view.compare
-        slot_a = replace(view.slot_a, source=work.name, path=path)
-        session.view = replace(view, slot_a=slot_a, slot_b=slot_b, compare=compare)
-
     def _take_finished(self, session: "Session", work: Work, finished: Finished) -> None:
         lines = tuple(outcome.line() for outcome in finished.outcomes)
         if finished.pack is not None:
             session.packs = {**session.packs, work.name: finished.pack}
             if not work.groups_seen:
-                self._show_beside(session, work)
+                work.show_beside(session)
             worse = sum(outcome.kept_old for outcome in finished.outcomes)
             kept = (
                 f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were"
@@ -362,18 +287,10 @@ class LiveTraining:
             self._end(session, work, finished.reason, finished.pack, lines)
             session.say(f"{work.name} ({work.wish.title()}): {finished.reason}{kept}. Accept or discard it")
             return
-        pack = self._pack_so_far(work)
+        pack = work.pack_so_far()
         self._end(session, work, "cancelled", pack, lines)
         stays = "its last picture stays: accept or discard it" if pack is not None else "nothing came of it"
         session.say(f"{work.name} was cancelled; {stays}")
-
-    def _pack_so_far(self, work: Work) -> Pack | None:
-        """What snapshots have made, if every group that was to be trained has had one."""
-        request, pack = work.request, work.pack
-        if request is None or pack is None or not work.groups_seen >= (request.dirty or frozenset()):
-            return None
-        whole = ended_pack(pack, request.grouping)
-        return replace(whole, training={**whole.training, "ended_early": True})
 
     def _end(
         self, session: "Session", work: Work, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()
@@ -395,27 +312,12 @@ class LiveTraining:
             pack,
         )
         self._work = None
-        if work.before is not None:
-            self._before[work.number] = work.before
-        self.runs = (*self.runs, run)[-MOST_RUNS:]
+        self._log.add(run, work.before)
         if pack is not None:
-            self.undecided = run.number
             session.packs = {**session.packs, run.name: pack}
         elif work.name in session.packs:
             put_away(session, work.name, work.before)
-        self._let_go(session)
-
-    def _let_go(self, session: "Session") -> None:
-        """Forget packs of old runs that nobody looks at."""
-        shown = {session.view.slot_a.source, session.view.slot_b.source}
-        with_pack = [run for run in self.runs if run.pack is not None]
-        for run in with_pack[:-MOST_PACKS]:
-            if run.name not in shown and run.number != self.undecided:
-                self._change_run(replace(run, pack=None))
-                session.packs = {name: pack for name, pack in session.packs.items() if name != run.name}
-
-    def _change_run(self, changed: Run) -> None:
-        self.runs = tuple(changed if run.number == changed.number else run for run in self.runs)
+        self._log.let_go(session)
 
     def _take_saved(self, session: "Session") -> None:
         if self._saving is None or not self._saving[1].done:
@@ -429,12 +331,12 @@ class LiveTraining:
             return
         if pack is not None and pack.path is not None and (stamp := stamp_of(pack.path)) is not None:
             self._written[os.path.realpath(pack.path)] = stamp
-        if pack is None or not any(run.number == number for run in self.runs):
+        if pack is None or number not in self._log:
             return
-        run = self.run_numbered(number)
-        self._change_run(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
+        run = self._log[number]
+        self._log.change(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
         if self.undecided == number:
-            self.undecided = None
+            self._log.undecided = None
         if run.name in session.packs:
             session.packs = {**session.packs, run.name: pack}
         session.say(f"wrote {pack.path}")
@@ -462,10 +364,8 @@ class LiveTraining:
 
     def _forget_runs(self, scene: Scene) -> None:
         self._scene = scene
-        self.runs = ()
-        self.undecided = None
+        self._log = RunLog()
         self.curves = None
-        self._before = {}
 
     def close(self) -> None:
         """End everything: the process, the threads; a pack that is being written is finished."""

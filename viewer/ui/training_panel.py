@@ -4,9 +4,10 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.actions import RunCommand
 from viewer.session import Session
-from viewer.training.live_training import LiveTraining, Work
+from viewer.training.live_training import LiveTraining
 from viewer.training.runs import Run
 from viewer.training.settings import TrainingSettings
+from viewer.training.work import Work
 from viewer.ui.area import Area
 from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit
