@@ -10,10 +10,16 @@ from torch import Tensor, nn
 
 from ntc.config import CodecConfig
 from ntc.pack import Adapter, Decoder
+from ntc.precision import LARGEST_HALF
 
-LARGEST_HALF = 65504.0
 Layer = tuple[Tensor, Tensor]
 """(weight [T, inputs, outputs], bias [T, 1, outputs]): row t computes x @ weight[t] + bias[t]."""
+
+
+def _as_halves(numbers: Tensor) -> NDArray[np.float32]:
+    """What half precision stores of `numbers`; beyond its range would lie infinity, which no pack may hold."""
+    halves = numbers.detach().cpu().clamp(-LARGEST_HALF, LARGEST_HALF).half()
+    return np.asarray(halves.float().numpy(), np.float32)
 
 
 class AdapterStack(nn.Module):
@@ -54,7 +60,7 @@ class AdapterStack(nn.Module):
         if self.output:
             shared = (decoders.weights[-1], decoders.biases[-1])
             parts += [own + common[decoder] for own, common in zip(self.output, shared, strict=True)]
-        stacked = [part.detach().cpu().half().float().numpy() for part in parts]
+        stacked = [_as_halves(part) for part in parts]
         return tuple(Adapter(*(values.copy() for values in row)) for row in zip(*stacked, strict=True))
 
 
@@ -132,9 +138,7 @@ class DecoderStack(nn.Module):
         """The decoders as numpy arrays, exact in the precision in which the codec stores them."""
 
         def stored(values: Tensor) -> NDArray[np.float32]:
-            numbers = values.detach().cpu()
-            # Beyond the range of half precision lies infinity.
-            return (numbers.clamp(-LARGEST_HALF, LARGEST_HALF).half().float() if self._in_half else numbers).numpy()
+            return _as_halves(values) if self._in_half else np.asarray(values.detach().cpu().numpy(), np.float32)
 
         weights = [stored(weight) for weight in self.weights]
         biases = [stored(bias) for bias in self.biases]

@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from ntc.config import CodecConfig, ColorSpace, WrapMode
-from ntc.decoder import DecoderStack
+from ntc.decoder import AdapterStack, DecoderStack
 from ntc.errors import InputError
 from ntc.latents import latent_levels
 from ntc.metrics import psnr_db
@@ -287,6 +287,19 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     # The biases of hidden layers are the adapters' now.
     assert not pack.decoders[0].biases[0].any()
     assert not pack.decoders[0].biases[1].any()
+
+
+def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
+    config = CodecConfig(hidden_width=4, adapters=True, adapter_output=True, weight_bits=16)
+    decoders, adapters = DecoderStack(config, 1, torch.Generator()), AdapterStack(config, 1)
+    with torch.no_grad():
+        for part in (*adapters.scales, *adapters.biases, *adapters.output, *decoders.weights):
+            part.fill_(-1e6)
+    (adapter,) = adapters.export(decoders, torch.zeros(1, dtype=torch.int64))
+    (decoder,) = decoders.export()
+    assert adapter.output_weight is not None
+    for found in (adapter.scales, adapter.biases, adapter.output_weight, decoder.weights[0]):
+        assert (found == -65504.0).all()
 
 
 def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
