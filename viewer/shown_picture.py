@@ -102,8 +102,7 @@ class ShownPicture:
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
-        if self.is_waiting:
-            renderer.tile_pace.note_frame(self._times.last_ms)
+        renderer.tile_pace.note_frame(self._times.last_ms)
         whole = self._session.measure_requested or bool(self._session.picture_requests)
         if view == self.last_view and not self.is_waiting:
             return

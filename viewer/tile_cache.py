@@ -15,30 +15,34 @@ class TileCacheConfig:
     """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
 
 
-LONG_FRAME_MS = 33.0
-"""A frame that takes longer lets the next one decode for less long."""
+FRAME_MS = 33.0
+"""What a frame that decodes tiles should take, all in all."""
 LEAST_MILLISECONDS = 4.0
+LEAST_SHARE = 0.25
+"""Of what a frame takes besides: where that is long, tiles are not what makes it so."""
 
 
 class TilePace:
-    """How long a frame may decode for tiles now: less where frames take long, whatever else takes their time.
-
-    It falls by factors and rises by steps, so that a machine that other programs are busy on is found out within a few frames.
-    """
+    """How long a frame may decode for tiles now: what the rest of a frame leaves, whatever that goes to."""
 
     def __init__(self, config: TileCacheConfig) -> None:
         self._most = config.milliseconds
         self.milliseconds = config.milliseconds
         """As TileCacheConfig's, now."""
+        self._spent = 0.0
+
+    def note_tiles(self, milliseconds: float) -> None:
+        """Tiles took so long in the frame that is being drawn."""
+        self._spent += milliseconds
 
     def note_frame(self, milliseconds: float) -> None:
-        """A frame that decoded tiles took so long, all in all."""
+        """That frame took so long, all in all."""
+        rest, self._spent = max(milliseconds - self._spent, 0.0), 0.0
         if self._most is None or self.milliseconds is None:
             return
-        if milliseconds > LONG_FRAME_MS:
-            self.milliseconds = min(max(0.6 * self.milliseconds, LEAST_MILLISECONDS), self._most)
-        else:
-            self.milliseconds = min(self.milliseconds + 3.0, self._most)
+        room = max(FRAME_MS - rest, LEAST_SHARE * rest, LEAST_MILLISECONDS)
+        # Half of the way: one frame that something else held up says little about the next.
+        self.milliseconds = min(0.5 * (self.milliseconds + room), self._most)
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,38 @@
 """How long a frame may decode for tiles."""
 
-from viewer.tile_cache import LEAST_MILLISECONDS, TileCacheConfig, TilePace
+import pytest
+
+from viewer.tile_cache import FRAME_MS, LEAST_MILLISECONDS, TileCacheConfig, TilePace
 
 
-def test_long_frames_leave_less_time_to_tiles_and_short_ones_more_again() -> None:
+def paced(rest: float, limit: float | None = 25.0, frames: int = 20) -> float | None:
+    """Time for tiles after frames that took `rest` ms besides."""
+    pace = TilePace(TileCacheConfig(milliseconds=limit))
+    for _ in range(frames):
+        pace.note_tiles(5.0)
+        pace.note_tiles(2.0)
+        pace.note_frame(rest + 7.0)
+    return pace.milliseconds
+
+
+def test_tiles_get_what_the_rest_of_a_frame_leaves() -> None:
+    assert paced(2.0) == pytest.approx(25.0, abs=1e-3)
+    assert paced(20.0) == pytest.approx(FRAME_MS - 20.0, abs=1e-3)
+    assert paced(30.0) == pytest.approx(7.5, abs=1e-3)
+
+
+def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
+    assert paced(60.0) == pytest.approx(15.0, abs=1e-3)
+    assert paced(1000.0) == pytest.approx(25.0, abs=1e-3)
+    assert min(paced(rest) or 0.0 for rest in range(60)) >= LEAST_MILLISECONDS
+
+
+def test_one_long_frame_changes_little() -> None:
     pace = TilePace(TileCacheConfig(milliseconds=25.0))
-    for _ in range(4):
-        pace.note_frame(80.0)
-    assert pace.milliseconds is not None
-    assert pace.milliseconds < 5.0
-    for _ in range(20):
-        pace.note_frame(500.0)
-    assert pace.milliseconds == LEAST_MILLISECONDS
-    for _ in range(20):
-        pace.note_frame(10.0)
-    assert pace.milliseconds == 25.0
+    pace.note_frame(32.0)
+    assert pace.milliseconds == pytest.approx(0.5 * (25.0 + 8.0))
 
 
-def test_what_has_no_limit_keeps_none() -> None:
-    pace = TilePace(TileCacheConfig())
-    pace.note_frame(1000.0)
-    assert pace.milliseconds is None
-
-
-def test_a_limit_below_the_least_stays() -> None:
-    pace = TilePace(TileCacheConfig(milliseconds=1.0))
-    pace.note_frame(1000.0)
-    assert pace.milliseconds == 1.0
+def test_what_has_no_limit_keeps_none_and_a_small_one_stays() -> None:
+    assert paced(1000.0, limit=None) is None
+    assert paced(1000.0, limit=1.0) == 1.0

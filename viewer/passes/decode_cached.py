@@ -245,6 +245,7 @@ class DecodeCachedPass:
         """Learn how long decoding takes."""
         if tiles:
             self._tile_ms = milliseconds / tiles
+            self._pace.note_tiles(milliseconds)
 
     def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
         self._bind()
