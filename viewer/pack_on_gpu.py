@@ -32,6 +32,9 @@ from viewer.view_state import PathChoice, Precision
 BANDS = 4
 """Parts in which a picture is drawn anew while the one before is still shown: none of them makes a frame long."""
 FRAMES_AHEAD = 12
+"""That decode tiles and show the picture before, where all tiles are there in an older version."""
+FRAMES_AHEAD_OF_MISSING = 4
+"""The same where tiles are shown coarser, and frames are long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,12 +213,17 @@ class PackOnGpu:
         return path == "cached" and self.tiles is not None and self.tiles.waiting > 0
 
     def decode_ahead(self, path: PathChoice) -> bool:
-        """Bring tiles up to date without drawing, where all are there in an older version; False when it is time to draw.
+        """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
 
         Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
         """
         cache = self._cached
-        if path != "cached" or cache is None or self._bands_left or self._ahead >= FRAMES_AHEAD or not cache.only_stale:
+        if path != "cached" or cache is None or self._bands_left:
+            return False
+        most = FRAMES_AHEAD if cache.only_stale else 0
+        if cache.is_missing_tiles and self.drawing.tile_pace.is_tight:
+            most = FRAMES_AHEAD_OF_MISSING
+        if self._ahead >= most:
             return False
         self._ahead += 1
         with self.drawing.timer.measure("decode_cached"):
@@ -259,7 +267,7 @@ class PackOnGpu:
     def _decode_cached(self, seen: SeenSurfaces, target: AlbedoTarget, whole: bool, in_bands: bool) -> float:
         cache, timer, name = self._tile_cache(), self.drawing.timer, "decode_cached"
         spent = 0.0
-        # Only where a picture of older tiles is shown: one that lacks tiles is to become better in every frame.
+        # Only after frames that decoded ahead: else a picture that lacks tiles is to become better in every frame.
         in_bands = in_bands and not whole and self._asked == seen.key and bool(self._ahead or self._bands_left)
         if in_bands and self._bands_left:
             return self._sample_band(seen, target)

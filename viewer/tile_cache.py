@@ -15,10 +15,10 @@ class TileCacheConfig:
     """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
 
 
-FRAME_MS = 33.0
+FRAME_MS = 25.0
 """What a frame that decodes tiles should take, all in all."""
 LEAST_MILLISECONDS = 4.0
-LEAST_SHARE = 0.25
+LEAST_SHARE = 0.125
 """Of what a frame takes besides: where that is long, tiles are not what makes it so."""
 
 
@@ -29,6 +29,8 @@ class TilePace:
         self._most = config.milliseconds
         self.milliseconds = config.milliseconds
         """As TileCacheConfig's, now."""
+        self.is_tight = False
+        """Whether a frame is long without any tiles: the picture is then not drawn anew for every few of them."""
         self._spent = 0.0
 
     def note_tiles(self, milliseconds: float) -> None:
@@ -40,6 +42,7 @@ class TilePace:
         rest, self._spent = max(milliseconds - self._spent, 0.0), 0.0
         if self._most is None or self.milliseconds is None:
             return
+        self.is_tight = FRAME_MS - rest < LEAST_MILLISECONDS
         room = max(FRAME_MS - rest, LEAST_SHARE * rest, LEAST_MILLISECONDS)
         # Half of the way: one frame that something else held up says little about the next.
         self.milliseconds = min(0.5 * (self.milliseconds + room), self._most)

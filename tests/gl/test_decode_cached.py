@@ -153,6 +153,26 @@ def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext
         made.release()
 
 
+def test_where_frames_are_long_tiles_are_decoded_ahead_of_the_picture(graphics: GraphicsContext) -> None:
+    eager, busy = opened(graphics), opened(graphics, TileCacheConfig(milliseconds=25.0, least_tiles=2))
+    expected = picture(eager)
+    render(busy)
+    drawn = 0
+    for _ in range(1000):
+        busy.tile_pace.note_frame(200.0)
+        assert busy.tile_pace.is_tight
+        frame = render(busy)
+        drawn += "composite" in frame.timings_ms
+        if not frame.waiting:
+            break
+    decoded = counts(frame).decoded
+    assert frame.waiting == 0
+    assert drawn < decoded / 4
+    np.testing.assert_array_equal(busy.albedo(CACHED), expected)
+    eager.release()
+    busy.release()
+
+
 def test_a_coarser_tile_stands_in_for_a_missing_one(graphics: GraphicsContext) -> None:
     patient = opened(graphics, TileCacheConfig(milliseconds=0.0, least_tiles=4))
     render(patient)

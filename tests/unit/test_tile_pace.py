@@ -2,7 +2,7 @@
 
 import pytest
 
-from viewer.tile_cache import FRAME_MS, LEAST_MILLISECONDS, TileCacheConfig, TilePace
+from viewer.tile_cache import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileCacheConfig, TilePace
 
 
 def paced(rest: float, limit: float | None = 25.0, frames: int = 20) -> float | None:
@@ -16,13 +16,13 @@ def paced(rest: float, limit: float | None = 25.0, frames: int = 20) -> float | 
 
 
 def test_tiles_get_what_the_rest_of_a_frame_leaves() -> None:
-    assert paced(2.0) == pytest.approx(25.0, abs=1e-3)
-    assert paced(20.0) == pytest.approx(FRAME_MS - 20.0, abs=1e-3)
-    assert paced(30.0) == pytest.approx(7.5, abs=1e-3)
+    assert paced(2.0) == pytest.approx(FRAME_MS - 2.0, abs=1e-3)
+    assert paced(15.0) == pytest.approx(FRAME_MS - 15.0, abs=1e-3)
+    assert paced(2.0, limit=10.0) == pytest.approx(10.0, abs=1e-3)
 
 
 def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
-    assert paced(60.0) == pytest.approx(15.0, abs=1e-3)
+    assert paced(120.0) == pytest.approx(LEAST_SHARE * 120.0, abs=1e-3)
     assert paced(1000.0) == pytest.approx(25.0, abs=1e-3)
     assert min(paced(rest) or 0.0 for rest in range(60)) >= LEAST_MILLISECONDS
 
@@ -30,7 +30,7 @@ def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
 def test_one_long_frame_changes_little() -> None:
     pace = TilePace(TileCacheConfig(milliseconds=25.0))
     pace.note_frame(32.0)
-    assert pace.milliseconds == pytest.approx(0.5 * (25.0 + 8.0))
+    assert pace.milliseconds == pytest.approx(0.5 * (25.0 + LEAST_MILLISECONDS))
 
 
 def test_what_has_no_limit_keeps_none_and_a_small_one_stays() -> None:

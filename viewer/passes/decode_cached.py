@@ -159,9 +159,14 @@ class DecodeCachedPass:
         self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
 
     @property
-    def only_stale(self) -> int:
-        """Tiles that are shown in an older version, where nothing else is to come; 0 where something is."""
-        return 0 if len(self._waiting) or self._unheard else len(self._stale)
+    def only_stale(self) -> bool:
+        """Whether tiles are shown in an older version, and nothing else is to come."""
+        return bool(len(self._stale)) and not len(self._waiting) and not self._unheard
+
+    @property
+    def is_missing_tiles(self) -> bool:
+        """Whether there are tiles to decode that are shown coarser, and are known."""
+        return bool(len(self._waiting))
 
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
