@@ -173,8 +173,9 @@ class DecodeCachedPass:
         return self._fitting(None if whole else self._pace.milliseconds, self._config.least_tiles)
 
     def tiles_ahead(self) -> int:
-        """How many tiles to decode in a frame that shows the picture before: few, for nobody waits for them."""
-        return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, 1)
+        """How many tiles to decode in a frame that shows the picture before: few where nobody waits for them."""
+        least = self._config.least_tiles if self.is_missing_tiles else 1
+        return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, least)
 
     def _fitting(self, milliseconds: float | None, least: int) -> int:
         waiting = len(self._waiting) + len(self._stale)
