@@ -12,7 +12,7 @@ from ntc.half_reference import decode_texels_in_half
 from ntc.latents import latent_levels
 from ntc.pack import Decoder, Pack
 from ntc.precision import Precision
-from ntc.precision_choice import chosen_precision, measured_error, sampled_bound
+from ntc.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
 from ntc.reference import decode_texels, decoder_inputs, run_decoder
 from ntc.rescale import Exponents, exponents, rescaled_pack, stored_pack
 from ntc.running_error import running_bounds
@@ -188,6 +188,13 @@ def test_rescaling_prevents_overflow(precision: Precision) -> None:
     assert np.abs(decode_texels_in_half(pack, 0, uv, lod, accumulate) - exact).max() < 1e-2
     assert texture_bounds(pack, precision, rescale=False)[0].overflows
     assert not texture_bounds(pack, precision)[0].overflows
+
+
+def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    pack, halves = CASES["adapted"], ("fp32", "fp16-accumulate")
+    for share, chosen in ((0.3, "fp16-accumulate"), (0.5, "fp32")):
+        monkeypatch.setattr("ntc.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
+        assert chosen_precision(pack, halves).precision == chosen
 
 
 def test_the_cheapest_precision_that_does_not_show() -> None:
