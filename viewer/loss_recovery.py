@@ -12,7 +12,7 @@ from ntc.files import write_text
 from viewer.gl.context_loss import ContextLostError
 from viewer.pack_files import packs_beside
 from viewer.session import Session
-from viewer.view_file import SavedView, view_json
+from viewer.view_file import present_view, view_json
 
 RECOVERED: Final = "the graphics driver was reset; everything was uploaded again"
 MOST_LOSSES = 3
@@ -69,11 +69,9 @@ def _command(session: Session, view: Path) -> str:
 
 def last_words(session: Session, lost: ContextLostError, why: str) -> InputError:
     """The error to end with when `why` there is no new window; writes the view as a file that can be opened again."""
-    kept = SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
-    dated = f"{session.scene.name}-view-{time.strftime('%Y%m%d-%H%M%S')}.json"
-    path = (session.pictures_folder / dated).resolve()
+    path = session.dated_file("-view", ".json").resolve()
     try:
-        write_text(path, view_json(kept))
+        write_text(path, view_json(present_view(session)))
     except InputError as error:
         return InputError(f"{lost}, {why}; the view could not be kept: {error}")
     return InputError(f"{lost}, {why}; the view is kept, to see it again: {_command(session, path)}")

@@ -3,9 +3,6 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ntc.config import CodecConfig
 from ntc.pack import Pack
 from ntc.pack_match import PackMatch
@@ -91,21 +88,6 @@ class PacksToDraw:
     def uploaded(self, slot: Slot) -> PackOnGpu | None:
         """The same, if it is on the GPU; None for the reference, too."""
         return self._on_gpu.get((slot.source, slot.precision))
-
-    def bytes_on_gpu(self, slot: Slot) -> int | None:
-        """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
-        on_gpu = self.uploaded(slot)
-        return on_gpu.bytes_on_gpu if on_gpu is not None else None
-
-    def bytes_by_part(self, slot: Slot) -> Mapping[str, int] | None:
-        """`bytes_on_gpu`, by what it is for."""
-        on_gpu = self.uploaded(slot)
-        return on_gpu.bytes_by_part if on_gpu is not None else None
-
-    def latent_bytes(self, slot: Slot) -> NDArray[np.int64] | None:
-        """[textures of the scene] int64: latents of each on the GPU; None for the reference and before its first frame."""
-        on_gpu = self.uploaded(slot)
-        return on_gpu.latent_bytes if on_gpu is not None and on_gpu.is_made else None
 
     def counted(self, source: str) -> CountedGrouping:
         """The grouping of a source, as divergence counts it; for the reference nothing is decoded."""

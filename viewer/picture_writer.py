@@ -1,7 +1,5 @@
 """Pictures and recorded paths as files in the session's folder of pictures."""
 
-import time
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -43,12 +41,10 @@ class PictureWriter:
             self._write_path(session.recorded_path)
             session.recorded_path = None
 
-    def _dated(self, what: str, suffix: str) -> str:
-        return f"{self._session.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
-
     def _write(self, request: PictureRequest, framebuffer: moderngl.Framebuffer) -> None:
         session, is_window = self._session, request.kind == "window"
-        path = session.pictures_folder / (request.file or self._dated("" if is_window else f"-{request.kind}", ".png"))
+        dated = session.dated_file("" if is_window else f"-{request.kind}", ".png")
+        path = session.pictures_folder / request.file if request.file else dated
         try:
             pixels = read_pixels(framebuffer) if is_window else self._picture.alone(request, self._session.picture_size)
             self._context.reset.check()
@@ -59,7 +55,7 @@ class PictureWriter:
             session.say(" ".join(str(error).split()) or "there is not enough memory for the picture", "error")
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
-        path = self._session.pictures_folder / self._dated("-path", ".json")
+        path = self._session.dated_file("-path", ".json")
         try:
             write_text(path, cameras_json(cameras))
             self._session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")

@@ -134,15 +134,18 @@ class Renderer:
 
     def gpu_bytes(self, slot: Slot) -> int | None:
         """Bytes of the slot's latents, decoders and tables on the GPU; None for the reference and before its first frame."""
-        return self._packs.bytes_on_gpu(slot)
+        on_gpu = self._packs.uploaded(slot)
+        return on_gpu.bytes_on_gpu if on_gpu is not None else None
 
     def gpu_parts(self, slot: Slot) -> Mapping[str, int] | None:
         """`gpu_bytes`, by what it is for."""
-        return self._packs.bytes_by_part(slot)
+        on_gpu = self._packs.uploaded(slot)
+        return on_gpu.bytes_by_part if on_gpu is not None else None
 
     def latent_bytes(self, slot: Slot) -> NDArray[np.int64] | None:
         """[textures of the scene] int64: latents of each on the GPU; None for the reference and before its first frame."""
-        return self._packs.latent_bytes(slot)
+        on_gpu = self._packs.uploaded(slot)
+        return on_gpu.latent_bytes if on_gpu is not None and on_gpu.is_made else None
 
     def decoders(self, source: str) -> tuple[int, ...]:
         """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""

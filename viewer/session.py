@@ -1,5 +1,6 @@
 """What is open and how it is looked at: the one mutable thing behind the window. Knows neither OpenGL nor the UI."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -216,6 +217,10 @@ class Session:
     def file_named(self, file: Path) -> Path:
         """A file to read: as given, else in the folder of pictures, where views and paths are written."""
         return file if file.is_absolute() or file.exists() else self.pictures_folder / file
+
+    def dated_file(self, what: str, suffix: str) -> Path:
+        """A file to write in the folder of pictures: the scene's name, `what`, and the time."""
+        return self.pictures_folder / f"{self.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
 
     def move_camera(self, seconds: float) -> None:
         """Let what moves the camera do so for `seconds`."""

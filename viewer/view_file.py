@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from ntc.errors import InputError
 from viewer.json_fields import JsonFields
@@ -26,6 +26,9 @@ from viewer.view_state import (
 )
 from viewer.zoom import LARGEST, Zoom
 
+if TYPE_CHECKING:
+    from viewer.session import Session
+
 FORMAT = "ntc-viewer view"
 VERSION = 1
 LARGEST_VIEW = 1 << 20
@@ -44,6 +47,11 @@ class SavedView:
     resolution: float
     """Pixels of the picture along one side, as a share of the window's."""
     bookmarks: Mapping[str, Camera]
+
+
+def present_view(session: "Session") -> SavedView:
+    """What is seen in a session now."""
+    return SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
 
 
 def _camera_fields(camera: Camera) -> dict[str, Any]:

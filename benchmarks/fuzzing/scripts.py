@@ -4,7 +4,7 @@ import random
 
 from benchmarks.fuzzing.mutators import Mutate
 from ntc.errors import InputError
-from viewer.camera import frame_all
+from tests.support.scripts import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
 from viewer.resources import assets_folder
 from viewer.scene.load import load_scene
@@ -12,10 +12,8 @@ from viewer.script.directions import DIRECTIONS
 from viewer.script.parse import parse_script
 from viewer.session import FirstLook, Session
 from viewer.settings import ViewerSettings
-from viewer.view_file import SavedView, parse_view, view_json
+from viewer.view_file import parse_view, view_json
 
-WRITING = ("file.", "training.", "view.save")
-"""Beginnings of commands that write files, open others, or start processes: they are read, not run."""
 NUMBERS = ("0", "1", "-1", "0.5", "1e400", "nan", "-inf", "99999999999", "0x10", "\u0661", "")
 MOST_LINES = 40
 
@@ -31,14 +29,14 @@ class ScriptReader:
     def __init__(self) -> None:
         session = example_session()
         self._scene = session.scene
-        self._saved = SavedView(session.scene.name, session.view, 1.0, {"bookmark": frame_all(session.scene.bounds)})
+        self._saved = example_view(session)
 
     def script(self, data: bytes) -> None:
         """Take `data` as a script. Raises InputError."""
         text = data.decode(errors="replace")
         session = Session(self._scene, {}, ViewerSettings(), FirstLook())
         for line in text.splitlines()[:MOST_LINES]:
-            if line.split()[:1] and not line.split()[0].startswith(WRITING):
+            if line.split()[:1] and not line.split()[0].startswith(REACHING_OUT):
                 try:
                     run_line(line, session)
                 except InputError as error:
@@ -58,9 +56,7 @@ def _require_one_line(error: InputError) -> None:
 
 def view_seed() -> bytes:
     """A saved view."""
-    session = example_session()
-    bookmarks = {"bookmark": frame_all(session.scene.bounds)}
-    return view_json(SavedView(session.scene.name, session.view, 1.0, bookmarks)).encode()
+    return view_json(example_view(example_session())).encode()
 
 
 def script_seed() -> bytes:

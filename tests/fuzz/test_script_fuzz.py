@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ntc.errors import InputError
-from viewer.camera import frame_all
+from tests.support.scripts import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
 from viewer.resources import assets_folder
 from viewer.scene.load import load_scene
@@ -18,7 +18,7 @@ from viewer.settings import ViewerSettings
 from viewer.view_file import SavedView, parse_view, view_json
 
 SCENE = load_scene(assets_folder() / "courtyard.glb")
-HARMLESS = [command for command in COMMANDS if not command.id.startswith(("file.", "training.", "view.save"))]
+HARMLESS = [command for command in COMMANDS if not command.id.startswith(REACHING_OUT)]
 WORDS = st.one_of(
     st.sampled_from([*(command.id for command in HARMLESS), *DIRECTIONS, "a", "b", "on", "0.5", "-1", "1e400", "nan"]),
     st.text(max_size=12),
@@ -59,8 +59,7 @@ def test_any_command_runs_or_is_refused(lines: list[str]) -> None:
 
 
 def saved() -> SavedView:
-    session = Session(SCENE, {}, ViewerSettings(), FirstLook())
-    return SavedView(SCENE.name, session.view, 1.0, {"bookmark": frame_all(SCENE.bounds)})
+    return example_view(Session(SCENE, {}, ViewerSettings(), FirstLook()))
 
 
 @given(path=st.lists(st.integers(0, 30), min_size=1, max_size=4), value=VALUES)

@@ -1,11 +1,9 @@
 """The window goes on in a new one when its OpenGL context is lost, with the same picture and all that was open."""
 
 import json
-import os
 import re
 import shlex
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import pytest
 
 from ntc.errors import InputError
 from ntc.pack_file import write_pack
+from tests.ui.window_process import run_window
 from viewer.commandline.arguments import parse_arguments
 from viewer.commandline.options import ViewOptions
 from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError
@@ -27,21 +26,10 @@ from viewer.settings import ViewerSettings
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def environment(display: str, folder: Path, at: str = "") -> dict[str, str]:
-    return {**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(folder / "settings"), LOSE_VARIABLE: at}
-
-
 def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 1) -> dict[str, Any]:
     """What a deed of lost_windows.py finds."""
-    ran = subprocess.run(
-        [sys.executable, "-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"), str(losses)],
-        cwd=ROOT,
-        env=environment(display, folder),
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
+    command = ("-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"), str(losses))
+    ran = run_window(display, folder, *command, cwd=ROOT, timeout=280, **{LOSE_VARIABLE: ""})
     assert ran.returncode == 0, ran.stderr
     assert "Traceback" not in ran.stderr
     found: dict[str, Any] = json.loads(ran.stdout)
@@ -55,15 +43,7 @@ def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 
 
 
 def play(display: str, folder: Path, at: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "viewer", "view", *arguments],
-        cwd=folder,
-        env=environment(display, folder, at),
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
+    return run_window(display, folder, "-m", "viewer", "view", *arguments, timeout=200, **{LOSE_VARIABLE: at})
 
 
 def test_a_new_window_shows_the_same(display: str, scene_path: Path, tmp_path: Path) -> None:
@@ -220,14 +200,7 @@ print(glfw.get_window_size(window._window))
 def test_a_robust_context_is_asked_for_and_can_be_refused(
     display: str, tmp_path: Path, code: str, expected: list[str]
 ) -> None:
-    ran = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment(display, tmp_path),
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    ran = run_window(display, tmp_path, "-c", code, cwd=ROOT, **{LOSE_VARIABLE: ""})
     if code == ROBUST_UNDER_EGL and (ran.returncode != 0 or ran.stdout.split() == ["False", "False"]):
         pytest.skip("EGL on this screen has no robust contexts")
     assert ran.stdout.splitlines() == expected, ran.stderr

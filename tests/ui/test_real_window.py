@@ -1,30 +1,17 @@
 """A real window on a virtual screen."""
 
-import os
-import subprocess
-import sys
 import time
 from pathlib import Path
 
+from tests.ui.window_process import run_window
 from viewer.scene.images import read_image
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tmp_path: Path) -> None:
     started = time.monotonic()
-    result = subprocess.run(
-        [sys.executable, "-m", "viewer", str(scene_path)],
-        cwd=tmp_path,
-        env={
-            **os.environ,
-            "DISPLAY": display,
-            "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings"),
-            "NTC_VIEWER_EXIT_AFTER_FRAMES": "4",
-        },
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    result = run_window(display, tmp_path, "-m", "viewer", str(scene_path), NTC_VIEWER_EXIT_AFTER_FRAMES="4")
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert (tmp_path / "settings" / "settings.json").is_file()
@@ -32,15 +19,7 @@ def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tm
 
 
 def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
-    result = subprocess.run(
-        [sys.executable, "-m", "viewer", str(scene_path)],
-        cwd=tmp_path,
-        env={**os.environ, "DISPLAY": ":98765", "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings")},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    result = run_window(":98765", tmp_path, "-m", "viewer", str(scene_path))
     assert result.returncode == 2
     (line,) = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert "DISPLAY" in line
@@ -49,19 +28,12 @@ def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
 
 def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scene_path: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    result = subprocess.run(
-        [sys.executable, "-m", "viewer", str(scene_path)],
-        cwd=tmp_path,
-        env={
-            **os.environ,
-            "DISPLAY": display,
-            "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "file" / "settings"),
-            "NTC_VIEWER_EXIT_AFTER_FRAMES": "2",
-        },
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
+    result = run_window(
+        display,
+        tmp_path,
+        *("-m", "viewer", str(scene_path)),
+        NTC_VIEWER_CONFIG_DIR=str(tmp_path / "file" / "settings"),
+        NTC_VIEWER_EXIT_AFTER_FRAMES="2",
     )
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
@@ -69,30 +41,16 @@ def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scen
 
 def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Path, tmp_path: Path) -> None:
     lines = "wait settled; key H; expect panels off; size 320x240; wait frames 5; screenshot a.png; window.close"
-    result = subprocess.run(
-        [sys.executable, "-m", "viewer", "view", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out"],
-        cwd=tmp_path,
-        env={**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "settings")},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    command = ("-m", "viewer", "view", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out")
+    result = run_window(display, tmp_path, *command)
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
 
 
 def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:
-    settings = tmp_path / "settings"
-    result = subprocess.run(
-        [sys.executable, "-m", "tests.ui.broken_window", str(scene_path), str(tmp_path / "out")],
-        env={**os.environ, "DISPLAY": display, "NTC_VIEWER_CONFIG_DIR": str(settings)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    command = ("-m", "tests.ui.broken_window", str(scene_path), str(tmp_path / "out"))
+    result = run_window(display, tmp_path, *command, cwd=ROOT)
     assert result.returncode == 1, result.stderr
     assert result.stderr.splitlines()[-1] == "RuntimeError: a mistake of this program"
-    assert (settings / "settings.json").is_file()
+    assert (tmp_path / "settings" / "settings.json").is_file()

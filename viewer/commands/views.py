@@ -8,16 +8,12 @@ from ntc.files import write_text
 from ntc.reading import read_file
 from viewer.commands.command import Command, Parameter
 from viewer.session import Session
-from viewer.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_open_sources
+from viewer.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
 from viewer.zoom import LARGEST, Zoom
 
 
-def _present(session: Session) -> SavedView:
-    return SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
-
-
 def _restore(session: Session, text: str, where: str) -> None:
-    saved = parse_view(text, where, _present(session))
+    saved = parse_view(text, where, present_view(session))
     view, missing = with_open_sources(saved.view, session.view, session.sources)
     session.motion = None
     # The window's own size stays.
@@ -32,7 +28,7 @@ def _restore(session: Session, text: str, where: str) -> None:
 
 def _save(session: Session, file: Path) -> None:
     path = session.pictures_folder / file
-    write_text(path, view_json(_present(session)))
+    write_text(path, view_json(present_view(session)))
     session.say(f"wrote {path}")
 
 
@@ -48,7 +44,7 @@ def _load(session: Session, file: Path) -> None:
 
 
 def _copy(session: Session) -> None:
-    session.clipboard.write(view_json(_present(session)))
+    session.clipboard.write(view_json(present_view(session)))
     session.say("the view is on the clipboard")
 
 
