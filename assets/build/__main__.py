@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from assets.build.courtyard import Model, Placement, cameras, models
 from assets.build.glb import GlbWriter
 from assets.build.materials import TextureRecipe, pixels, recipes
-from ntc.files import write_bytes, write_text
+from ntc.io import write_bytes, write_text
 
 ASSETS = Path(__file__).resolve().parents[1]
 JPEG_QUALITY = 92

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.config import FeatureName
+from ntc.codec.config import FeatureName
+from ntc.codec.textures import SourceTexture
 from ntc.features.cache import cache_path, read_features, write_features
 from ntc.features.extractor import Extractor
-from ntc.textures import SourceTexture
 
 __all__ = ["FeatureOptions", "feature_matrix"]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.extractor import Extractor
-from ntc.files import write_bytes
-from ntc.textures import SourceTexture
+from ntc.io import write_bytes
 
 _FLOAT64 = np.dtype("<f8")
 

@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.extractor import Extractor
 from ntc.features.network_input import square_images
 from ntc.features.scaling import centred_directions
-from ntc.textures import SourceTexture
 
 LENGTH = 1280
 INPUT_SIDE = 224

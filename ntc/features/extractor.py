@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.config import FeatureName
-from ntc.textures import SourceTexture
+from ntc.codec.config import FeatureName
+from ntc.codec.textures import SourceTexture
 
 Extraction = Callable[[Sequence[SourceTexture]], NDArray[np.float64]]
 Scaling = Callable[[NDArray[np.float64]], NDArray[np.float64]]

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.textures import SourceTexture
 from ntc.features.extractor import Extractor, one_by_one
 from ntc.features.pixels import LUMA, small_mips
 from ntc.features.scaling import standardised_columns
-from ntc.textures import SourceTexture
 
 SCALES = 4
 

@@ -6,8 +6,8 @@ from typing import Literal
 import torch
 from torch.nn import functional
 
+from ntc.codec.textures import SourceTexture
 from ntc.features.pixels import as_rgb
-from ntc.textures import SourceTexture
 
 
 def square_images(

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.mips import mip_chain
-from ntc.textures import SourceTexture
 
 LARGEST_SIDE = 256
 """Texels: features are taken from the first mip that is no larger."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.config import DEFAULT_CLUSTERS, GroupingConfig
+from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
-from ntc.pack import Grouping
-from ntc.textures import SourceTexture
+from ntc.pack.model import Grouping
 
 __all__ = ["GroupingInputs", "make_grouping"]
 

@@ -4,8 +4,8 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from ntc.pack import Grouping
-from ntc.textures import SourceTexture
+from ntc.codec.textures import SourceTexture
+from ntc.pack.model import Grouping
 
 KEYWORDS: dict[str, tuple[str, ...]] = {
     "aerial": ("aerial", "satellite"),

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
-from ntc.config import FeatureName
+from ntc.codec.config import FeatureName
 from ntc.grouping.order import in_order_of_appearance
-from ntc.pack import Grouping
+from ntc.pack.model import Grouping
 
 RESTARTS = 20
 

@@ -9,7 +9,7 @@ from ntc.errors import InputError
 from ntc.grouping.order import in_order_of_appearance
 from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import Floats, Groups, SearchProblem, feature_spread, tabu_search
-from ntc.pack import Grouping
+from ntc.pack.model import Grouping
 
 SPREAD_WEIGHTS_UNDER_A_LIMIT = (0.01, 4.0)
 """Weights of spread that chains try, from the first to the last, where spread has a limit."""

@@ -5,8 +5,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.textures import SourceTexture
 
 TEXTURE_COLUMNS = ("texture", "name", "file")
 CATEGORY_COLUMN = "category"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ntc.grouping.order import in_order_of_appearance
-from ntc.pack import Grouping
+from ntc.pack.model import Grouping
 
 
 def random_grouping(like: Grouping, seed: int) -> Grouping:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ntc.divergence import BLOCK, distinct_ids
+from ntc.metrics.divergence import BLOCK, distinct_ids
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ vec4 weight(int block) {
 }
 #endif
 
-// Hidden blocks of the decoder: a uniform, so that its loops stay loops (see viewer/passes/network.py).
+// Hidden blocks of the decoder: a uniform, so that its loops stay loops (see viewer/render/resources/network.py).
 uniform int network_blocks;
 
 #include "ntc/half.glsl"

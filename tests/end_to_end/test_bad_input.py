@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.pack_file import read_pack, write_pack
+from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder
 from tests.support.packs import random_pack

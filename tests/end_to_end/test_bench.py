@@ -9,18 +9,18 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
-from ntc.pack_file import write_pack
+from lab.bench.random_pack import random_pack
+from lab.bench.turns import take_turns, warm_up_rounds
+from lab.commands import bench as command
+from ntc.codec.config import CodecConfig
+from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
-from viewer.bench.random_pack import random_pack
-from viewer.bench.turns import take_turns, warm_up_rounds
-from viewer.commandline import bench as command
 from viewer.gl.context import create_headless_context
-from viewer.passes.precision import EVERYWHERE
+from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene
-from viewer.view_state import DecodePath, Precision
+from viewer.state.view_state import DecodePath, Precision
 
 TINY = ("--repeats", "1", "--codec", "paper", "--hidden-width", "4")
 WORST = ("--what", "worst-case", "--worst-sizes", "16x16", "40x24", "--decoders", "1", "3")

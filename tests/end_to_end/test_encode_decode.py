@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.pack_file import read_pack
+from ntc.pack.file import read_pack
 from viewer import cli
 from viewer.scene.images import read_image, write_png
 

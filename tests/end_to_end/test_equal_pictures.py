@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.pack_file import write_pack
+from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder
 from tests.support.packs import random_pack
 from viewer import cli

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.divergence import divergence_map
+from ntc.metrics.divergence import divergence_map
 from viewer import cli
 from viewer.scene.images import read_image
 

@@ -7,7 +7,7 @@ import pytest
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.gl.allocation import LIMIT_VARIABLE
-from viewer.view_state import REFERENCE
+from viewer.state.view_state import REFERENCE
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from viewer import cli
-from viewer.commandline.sources import builtin_scene_path
+from viewer.cli.sources import builtin_scene_path
 from viewer.scene.images import read_image, write_png
 
 

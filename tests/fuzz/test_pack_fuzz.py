@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_cell_count
 from ntc.errors import InputError
-from ntc.latents import latent_cell_count
-from ntc.metrics import psnr_table
-from ntc.pack import Pack
-from ntc.pack_file import read_pack, write_pack
-from ntc.pack_metadata import metadata_json, parse_metadata
+from ntc.metrics.metrics import psnr_table
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.model import Pack
+from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import LENGTH_BYTES, PackBytes
 from tests.support.packs import random_pack
 

@@ -12,7 +12,7 @@ import pytest
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png
-from viewer.scene.gltf_container import parse_gltf
+from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.load import build_scene
 from viewer.scene.model import Scene
 from viewer.scene.report import report_json, report_lines

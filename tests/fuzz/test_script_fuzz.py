@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from ntc.errors import InputError
 from tests.support.scripts import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
-from viewer.resources import assets_folder
+from viewer.resource_files import assets_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import DIRECTIONS
 from viewer.script.parse import parse_script
-from viewer.session import FirstLook, Session
-from viewer.settings import ViewerSettings
-from viewer.view_file import SavedView, parse_view, view_json
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_file import SavedView, parse_view, view_json
 
 SCENE = load_scene(assets_folder() / "courtyard.glb")
 HARMLESS = [command for command in COMMANDS if not command.id.startswith(REACHING_OUT)]

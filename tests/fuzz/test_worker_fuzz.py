@@ -17,14 +17,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
+from lab.benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
 from ntc.errors import InputError
-from ntc.pack import Decoder, Grouping
-from ntc.shared_arrays import ArrayPlace, SharedBlock
-from ntc.snapshot import GroupSnapshot
-from ntc.training_config import TrainingConfig
-from ntc.worker_launch import TrainingProcess, start_process
-from ntc.worker_messages import (
+from ntc.pack.model import Decoder, Grouping
+from ntc.training.config import TrainingConfig
+from ntc.training.snapshot import GroupSnapshot
+from ntc.worker.launch import TrainingProcess, start_process
+from ntc.worker.pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed
+from ntc.worker.process import NOT_A_COMMAND, Switchboard, train_as_told
+from ntc.worker.protocol import (
     Cancel,
     Ended,
     Failed,
@@ -39,9 +40,8 @@ from ntc.worker_messages import (
     StepBudget,
     WorkerReport,
 )
-from ntc.worker_pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed
-from ntc.worker_process import NOT_A_COMMAND, Switchboard, train_as_told
-from ntc.worker_wire import WireError, decode_command, decode_report, encode
+from ntc.worker.shared_arrays import ArrayPlace, SharedBlock
+from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
     REFUSED,
     Orders,

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.config import WrapMode
+from ntc.codec.config import WrapMode
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import fetch
 from viewer.gl.context import GraphicsContext
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Sampler
-from viewer.view_state import ViewState
+from viewer.state.view_state import ViewState
 
 SIZE = (48, 32)
 MAP = PixelMap((-0.253, -0.261), (1 / 32 + 1e-4, 0.0), (0.0, 1 / 20 + 1e-4))

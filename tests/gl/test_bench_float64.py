@@ -7,16 +7,16 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
-from ntc.pack import Pack
+from lab.bench.float64_error import Float64Error, float64_pixels
+from lab.bench.random_pack import random_pack
+from ntc.codec.config import CodecConfig
+from ntc.pack.model import Pack
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
-from viewer.bench.float64_error import Float64Error, float64_pixels
-from viewer.bench.random_pack import random_pack
 from viewer.gl.context import GraphicsContext
-from viewer.passes.precision import EVERYWHERE
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
+from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.model import Material, Sampler
-from viewer.view_state import DecodePath, Precision, Slot, ViewState
+from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
 SIZE = (80, 72)
 SIZES = ((64, 64), (40, 24))

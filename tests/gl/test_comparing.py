@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb
+from ntc.codec.color import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
-from viewer.frame_result import read_picture
 from viewer.gl.context import GraphicsContext
-from viewer.palettes import palette_colors
-from viewer.passes.composite import FLIP_PALETTE, LEAST_LIGHT
-from viewer.passes.texture_marks import DIMMED
-from viewer.renderer import Renderer
-from viewer.shown_errors import FoundErrors
-from viewer.view_state import CompareMode, Difference, DifferenceKind, Overlay, Slot, ViewState
-from viewer.zoom import Zoom
+from viewer.render.error_overlay import FoundErrors
+from viewer.render.frame_result import read_picture
+from viewer.render.passes.composite import FLIP_PALETTE, LEAST_LIGHT
+from viewer.render.renderer import Renderer
+from viewer.render.resources.texture_marks import DIMMED
+from viewer.state.palettes import palette_colors
+from viewer.state.view_state import CompareMode, Difference, DifferenceKind, Overlay, Slot, ViewState
+from viewer.state.zoom import Zoom
 
 SIZE = (120, 72)
 VIEW = ViewState(FRONT, SIZE, Slot("p"), Slot())

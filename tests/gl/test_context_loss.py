@@ -12,8 +12,8 @@ from ntc.errors import InputError
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import GL_CONTEXT_LOST, LOSE_VARIABLE, ContextLostError, ResetStatus, SimulatedLosses
-from viewer.renderer import Renderer
-from viewer.view_state import Slot, ViewState
+from viewer.render.renderer import Renderer
+from viewer.state.view_state import Slot, ViewState
 
 GUILTY, INNOCENT, UNKNOWN = 0x8253, 0x8254, 0x8255
 CALL = ctypes.CFUNCTYPE(ctypes.c_uint)

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.config import CodecConfig
-from viewer.bench.decode_stand import OneMaterial, interleaved_words
-from viewer.bench.random_pack import square_pack
+from lab.bench.decode_stand import OneMaterial, interleaved_words
+from lab.bench.random_pack import square_pack
+from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.passes.albedo_target import AlbedoTarget
-from viewer.passes.decode_binned import DecodeBinnedPass
-from viewer.passes.decode_deferred import DecodeDeferredPass
-from viewer.passes.decoder_ranges import DecoderRanges
-from viewer.passes.layout import BIN_RECORD, scene_layout_glsl
-from viewer.passes.pack_buffers import PackBuffers, codec_programs
-from viewer.passes.visibility import SurfaceContent, VisibilityTarget
-from viewer.resources import shaders_folder
-from viewer.view_state import Precision
+from viewer.render.passes.decode_binned import DecodeBinnedPass
+from viewer.render.passes.decode_deferred import DecodeDeferredPass
+from viewer.render.passes.visibility import SurfaceContent, VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
+from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.resource_files import shaders_folder
+from viewer.state.view_state import Precision
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 FULL = CodecConfig(

@@ -8,26 +8,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc import reference
-from ntc.color import srgb_to_linear
+from ntc.codec import reference
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.latents import latent_levels
 from ntc.errors import InputError
-from ntc.latents import latent_levels
-from ntc.pack import Pack
+from ntc.pack.model import Pack
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.gl.test_frame_parity import CASES
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
-from viewer.frame_result import FrameResult
 from viewer.gl.context import GraphicsContext
 from viewer.gl.srgb_atlas import SrgbAtlas
-from viewer.navigation import turned
-from viewer.passes import decode_cached, layout
-from viewer.passes.decode_cached import PAGE_BYTES
-from viewer.renderer import Renderer
+from viewer.render.frame_result import FrameResult
+from viewer.render.renderer import Renderer
+from viewer.render.resources import layout
+from viewer.render.tile_cache import decode_cached
+from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts
+from viewer.render.tile_cache.decode_cached import PAGE_BYTES
 from viewer.scene.model import Camera, Material, Scene
-from viewer.tile_cache import TileCacheConfig, TileCounts
-from viewer.view_state import Slot, ViewState
+from viewer.state.navigation import turned
+from viewer.state.view_state import Slot, ViewState
 
 SIZE = (48, 32)
 SIZES = ((150, 90), (40, 24), (17, 33))

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.config import GroupingConfig
-from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.codec.config import GroupingConfig
 from ntc.grouping import GroupingInputs, make_grouping
+from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
-from viewer.passes.layout import scene_layout_glsl
-from viewer.renderer import Renderer
-from viewer.resources import assets_folder, shaders_folder
+from viewer.render.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
+from viewer.render.renderer import Renderer
+from viewer.render.resources.layout import scene_layout_glsl
+from viewer.resource_files import assets_folder, shaders_folder
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
-from viewer.view_state import BLOCKS, ViewState
+from viewer.state.view_state import BLOCKS, ViewState
 
 NAMES = ("baseline", "single", "random", "category", "clustered", "covisible")
 SIZES = ((640, 360), (331, 187))

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ntc.divergence import DivergenceStatistics, divergence_map
+from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
-from viewer.passes.layout import MATERIAL_SHIFT, scene_layout_glsl
-from viewer.passes.visibility import SurfaceContent, VisibilityTarget
-from viewer.resources import shaders_folder
+from viewer.render.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget
+from viewer.render.passes.visibility import SurfaceContent, VisibilityTarget
+from viewer.render.resources.layout import MATERIAL_SHIFT, scene_layout_glsl
+from viewer.resource_files import shaders_folder
 
 
 @pytest.fixture(scope="module")

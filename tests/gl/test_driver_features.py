@@ -15,8 +15,8 @@ from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.features import NAMES, WITHOUT_VARIABLE, features_without, find_features
 from viewer.gl.timer import PassTimer
-from viewer.renderer import Renderer
-from viewer.view_state import DecodePath, Slot, ViewState
+from viewer.render.renderer import Renderer
+from viewer.state.view_state import DecodePath, Slot, ViewState
 
 SIZE = (60, 36)
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb
-from ntc.config import WrapMode
-from ntc.pack import Pack
+from lab.bench.filtering import decode_filtered
+from ntc.codec.color import linear_to_srgb
+from ntc.codec.config import WrapMode
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
-from viewer.bench.filtering import decode_filtered
 from viewer.gl.context import GraphicsContext
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Sampler
-from viewer.view_state import DecodePath, Precision, Slot, ViewState
+from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
 SIZE = (48, 32)
 SIZES = ((64, 64), (40, 24), (17, 33))

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb8
-from ntc.pack import Pack
+from ntc.codec.color import linear_to_srgb8
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
-from viewer.frame_result import FrameResult
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
-from viewer.renderer import Renderer
+from viewer.render.frame_result import FrameResult
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.view_state import DecodePath, Overlay, Slot, ViewState
-from viewer.zoom import Zoom
+from viewer.state.view_state import DecodePath, Overlay, Slot, ViewState
+from viewer.state.zoom import Zoom
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))

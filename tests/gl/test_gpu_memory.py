@@ -11,22 +11,22 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.pack import Pack
+from ntc.pack.model import Pack
 from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.packs import random_pack
-from viewer import renderer as renderer_module
-from viewer.frame_result import FrameResult, read_picture
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import egl_loader
 from viewer.gl.named_images import NamedImages
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
 from viewer.gl.thumbnails import Thumbnails
-from viewer.passes.decode_texels import GlTexelDecoder
-from viewer.renderer import Renderer
+from viewer.render import renderer as renderer_module
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.renderer import Renderer
+from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
-from viewer.tile_cache import TileCacheConfig
-from viewer.view_state import REFERENCE, Overlay, Slot, ViewState
+from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
 
 SIZE, LARGER = (40, 24), (56, 40)
 TILES = TileCacheConfig(budget_bytes=1 << 22)

@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.accuracy.half_reference import decode_texels_in_half, to_half
+from ntc.codec.config import CodecConfig
+from ntc.codec.reference import decode_texels
 from ntc.errors import InputError
-from ntc.half_reference import decode_texels_in_half, to_half
-from ntc.pack import Pack
-from ntc.pack_file import read_pack
-from ntc.reference import decode_texels
+from ntc.pack.file import read_pack
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.half_arithmetic import EXTENSIONS, half_arithmetic
-from viewer.passes.decode_texels import GlTexelDecoder
-from viewer.passes.precision import precision_defines
-from viewer.view_state import Precision
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.resources.precision import precision_defines
+from viewer.state.view_state import Precision
 
 PLAIN = CodecConfig(hidden_width=16, output_channels=4)
 ADAPTED = CodecConfig(

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.passes.layout import (
+from viewer.render.resources.layout import (
     LEVEL_RECORD,
     MATERIAL_RECORD,
     REQUEST_RECORD,
@@ -14,7 +14,7 @@ from viewer.passes.layout import (
     scene_layout_glsl,
     texture_record,
 )
-from viewer.resources import shaders_folder
+from viewer.resource_files import shaders_folder
 
 CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
 RECORDS = {

@@ -17,11 +17,11 @@ from tests.support.picture_scenes import (
     texture,
     texture_of,
 )
-from viewer.camera import frame_all
 from viewer.gl.context import GraphicsContext
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Scene
-from viewer.view_state import DecodePath, Slot, ViewState
+from viewer.state.camera import frame_all
+from viewer.state.view_state import DecodePath, Slot, ViewState
 
 PATHS = get_args(DecodePath)
 MAP = PixelMap((0.0, 1.0), (1 / 16, 0.0), (0.0, -1 / 16))

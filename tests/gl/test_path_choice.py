@@ -11,11 +11,11 @@ from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
-from viewer.navigation import turned
-from viewer.path_choice import PathTimes, time_paths
-from viewer.renderer import Renderer
+from viewer.render.path_choice import PathTimes, time_paths
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera
-from viewer.view_state import DecodePath, Slot, ViewState
+from viewer.state.navigation import turned
+from viewer.state.view_state import DecodePath, Slot, ViewState
 
 SLOT = Slot("p", "auto")
 VIEW = ViewState(FRONT, (120, 72), SLOT)

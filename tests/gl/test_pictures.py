@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb8
+from ntc.codec.color import linear_to_srgb8
 from tests.gl.small_scenes import CAMERAS, FLAT, INSIDE, SCENES
 from tests.support.packs import random_pack
 from tests.support.ray_caster import cast_scene
 from viewer.gl.context import GraphicsContext
-from viewer.passes import clusters, culling
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
+from viewer.render.resources import clusters, culling
 from viewer.scene.model import Camera, Scene
-from viewer.view_state import Slot, ViewState
+from viewer.state.view_state import Slot, ViewState
 
 SIZE = (120, 72)
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
-from viewer.passes.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
-from viewer.passes.pack_buffers import codec_programs
-from viewer.resources import shaders_folder
+from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
+from viewer.render.resources.pack_buffers import codec_programs
+from viewer.resource_files import shaders_folder
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 PRECISIONS = [{"PRECISION_FP16": 0}, {"PRECISION_FP16": 1}]

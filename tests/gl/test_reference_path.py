@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import srgb_to_linear
-from ntc.config import WrapMode
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.config import WrapMode
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample
 from viewer.gl.context import GraphicsContext
-from viewer.renderer import Renderer
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Sampler, SceneTexture
-from viewer.view_state import ViewState
+from viewer.state.view_state import ViewState
 
 SIZE = (32, 24)
 SRGB_TOLERANCE = 2e-3

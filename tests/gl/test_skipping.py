@@ -10,18 +10,18 @@ import moderngl
 import numpy as np
 import pytest
 
-from ntc.pack import Pack
+from ntc.pack.model import Pack
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
-from viewer.navigation import turned
-from viewer.passes.latent_store import LatentBudget
-from viewer.passes.layout import StorageBinding
-from viewer.renderer import Renderer
-from viewer.resources import shaders_folder
+from viewer.render.renderer import Renderer
+from viewer.render.resources.latent_store import LatentBudget
+from viewer.render.resources.layout import StorageBinding
+from viewer.resource_files import shaders_folder
 from viewer.scene.model import Camera, Material, Scene
-from viewer.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState
+from viewer.state.navigation import turned
+from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState
 
 SIZE = (120, 72)
 DIRECT: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
@@ -57,7 +57,7 @@ def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     text = text.replace(start, "    atomicAdd(work_done, 1u);\n" + start)
     declared = f"layout(std430, binding = {int(COUNTER)}) buffer Work {{ uint work_done; }};\n"
     file.write_text(text.replace("void decoder_input(", declared + "void decoder_input(", 1))
-    monkeypatch.setattr("viewer.renderer.shaders_folder", lambda: folder)
+    monkeypatch.setattr("viewer.render.renderer.shaders_folder", lambda: folder)
     made = Work(graphics.gl.buffer(bytes(4)))
     yield made
     made.buffer.release()

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from ntc.precision import Precision
-from ntc.rescale import exponents
-from viewer.bench.stability import StabilityBench, StabilityRow, stand_paths
-from viewer.bench.stability_cases import StabilityCase, stability_cases
+from lab.bench.stability import StabilityBench, StabilityRow, stand_paths
+from lab.bench.stability_cases import StabilityCase, stability_cases
+from ntc.codec.precision import Precision
+from ntc.codec.rescale import exponents
 from viewer.gl.context import GraphicsContext
 
 CASES = {case.name: case for case in stability_cases(300)}

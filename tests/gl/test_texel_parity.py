@@ -6,13 +6,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from ntc import reference
-from ntc.config import CodecConfig, WrapMode
-from ntc.latents import latent_levels
-from ntc.pack import Pack
+from ntc.codec import reference
+from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.latents import latent_levels
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 from viewer.gl.context import GraphicsContext
-from viewer.passes.decode_texels import GlTexelDecoder
+from viewer.render.passes.decode_texels import GlTexelDecoder
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3), (1024, 1024))
 WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
@@ -153,5 +153,5 @@ def test_no_texels_are_an_empty_answer(full: tuple[Pack, GlTexelDecoder]) -> Non
 def test_more_texels_than_one_batch(full: tuple[Pack, GlTexelDecoder], monkeypatch: pytest.MonkeyPatch) -> None:
     uv, lod = np.random.default_rng(5).uniform(0.0, 1.0, (1000, 2)), np.zeros(1000)
     whole = full[1].decode_texels(0, uv, lod)
-    monkeypatch.setattr("viewer.passes.decode_texels.TEXELS_AT_ONCE", 300)
+    monkeypatch.setattr("viewer.render.passes.decode_texels.TEXELS_AT_ONCE", 300)
     assert np.array_equal(full[1].decode_texels(0, uv, lod), whole)

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb8
-from viewer.commandline.sources import builtin_scene_path
-from viewer.frame_result import read_picture
+from ntc.codec.color import linear_to_srgb8
+from viewer.cli.sources import builtin_scene_path
 from viewer.gl.context import create_headless_context
-from viewer.pack_files import open_packs, packs_beside
-from viewer.renderer import Renderer
+from viewer.render.frame_result import read_picture
+from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
-from viewer.view_state import REFERENCE, Overlay, Slot, ViewState
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
 
 SIZE = (320, 180)
 FOLDER = Path(__file__).parent / "llvmpipe"

@@ -2,7 +2,7 @@
 
 import json
 
-from ntc.files import write_text
+from ntc.io import write_text
 from tests.golden.pictures import FOLDER, Studio
 from viewer.scene.images import write_png
 

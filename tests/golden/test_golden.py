@@ -8,7 +8,7 @@ import pytest
 
 from tests.golden.pictures import FOLDER, SLOTS, GoldenPicture, Studio
 from viewer.scene.images import read_image
-from viewer.view_state import Slot
+from viewer.state.view_state import Slot
 
 TOLERANCE = 2
 ALLOWED_SHARE = 0.001

@@ -1,5 +1,5 @@
 """Packs with random content, for tests that only need something to decode: those that the benchmarks decode."""
 
-from viewer.bench.random_pack import random_pack
+from lab.bench.random_pack import random_pack
 
 __all__ = ["random_pack"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.textures import hash_pixels
+from ntc.codec.textures import hash_pixels
 from tests.support.gltf_builder import noise
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import (

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.color import srgb_to_linear
-from ntc.mips import mip_chain
-from viewer.bench.filtering import selected_lod, wrapped
+from lab.bench.filtering import selected_lod, wrapped
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.mips import mip_chain
 from viewer.scene.model import Sampler
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.support.gltf_builder import GltfBuilder
-from viewer.scene.gltf_container import parse_gltf
+from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.load import build_scene
 from viewer.scene.model import Scene
 

@@ -1,8 +1,8 @@
 """What scripts are tried with: which commands stay in the session, and a saved view."""
 
-from viewer.camera import frame_all
-from viewer.session import Session
-from viewer.view_file import SavedView
+from viewer.state.camera import frame_all
+from viewer.state.session import Session
+from viewer.state.view_file import SavedView
 
 REACHING_OUT = ("file.", "training.", "view.save")
 """Beginnings of commands that write files, open others, or start processes."""

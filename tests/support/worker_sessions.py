@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack import Grouping, Pack
-from ntc.pack_checks import check_pack
-from ntc.pack_metadata import metadata_json, parse_metadata
-from ntc.shared_arrays import BLOCK_NAME, SharedBlock, without_arrays
-from ntc.snapshot import GroupSnapshot, apply_snapshot, grey_pack
-from ntc.textures import SourceTexture
-from ntc.training_config import TrainingConfig
-from ntc.worker import TrainingWorker, starting_pack
-from ntc.worker_messages import (
+from ntc.pack.model import Grouping, Pack
+from ntc.pack.schema import metadata_json, parse_metadata
+from ntc.pack.validate import check_pack
+from ntc.training.config import TrainingConfig
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, grey_pack
+from ntc.worker.client import TrainingWorker, starting_pack
+from ntc.worker.pipe import framed
+from ntc.worker.protocol import (
     Command,
     Ended,
     Failed,
@@ -34,8 +34,8 @@ from ntc.worker_messages import (
     WorkerProgress,
     WorkerReport,
 )
-from ntc.worker_pipe import framed
-from ntc.worker_wire import decode_command, encode
+from ntc.worker.shared_arrays import BLOCK_NAME, SharedBlock, without_arrays
+from ntc.worker.wire import decode_command, encode
 from viewer.training.runs import Curves
 
 CODEC = CodecConfig(
@@ -67,7 +67,7 @@ def snapshots(request: TrainingRequest, version: int = 1, final: bool = True) ->
 
 
 def placed(request: TrainingRequest, found: list[GroupSnapshot]) -> list[GroupSnapshot]:
-    """Snapshots with places that the window has room for: groups one after the other, as `ntc.worker` lays them out."""
+    """Snapshots with places that the window has room for: groups one after the other, as `ntc.worker.client` lays them out."""
     position, places = 0, []
     for snapshot in found:
         here, _, position = without_arrays(snapshot, position)

@@ -3,12 +3,12 @@
 import sys
 from pathlib import Path
 
-from viewer import app
+from viewer.app import window_app as app
 from viewer.gl.thumbnails import Thumbnails
-from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.load import load_scene
 from viewer.script.parse import parse_script
-from viewer.session import FirstLook
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import FirstLook
 
 
 def fails(*_: object) -> None:

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from ntc.pack_file import write_pack
+from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.packs import random_pack
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
+from viewer.app.headless import HeadlessApp
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.settings import ViewerSettings
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
 
 SIZE = (720, 400)
 

@@ -16,11 +16,11 @@ from imgui_bundle import imgui, implot  # isort: skip
 import glfw
 import moderngl
 
-from viewer.app import WindowApp, WindowContent
-from viewer.loss_recovery import LossHistory
-from viewer.pack_files import open_packs, packs_beside
+from viewer.app.loss_recovery import LossHistory
+from viewer.app.window_app import WindowApp, WindowContent
 from viewer.scene.load import load_scene
-from viewer.session import FirstLook
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import FirstLook
 
 KINDS = (
     moderngl.Buffer,

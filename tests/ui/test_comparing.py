@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from ntc.color import linear_to_srgb8
-from ntc.metrics import psnr_db
+from ntc.codec.color import linear_to_srgb8
+from ntc.metrics.metrics import psnr_db
 from tests.ui.conftest import SIZE
-from viewer import frontend, live_comparison
+from viewer.app import frontend
+from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
-from viewer.comparison_process import ComparisonProcess
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
-from viewer.renderer import Renderer
+from viewer.inspect import live_comparison
+from viewer.inspect.comparison_process import ComparisonProcess
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
-from viewer.settings import ViewerSettings
-from viewer.view_state import CompareMode, Slot
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import CompareMode, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 PATIENCE_SECONDS = 60.0

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
-from ntc.pack_file import write_pack
+from ntc.pack.file import write_pack
 from tests.ui.window_process import run_window
-from viewer.commandline.arguments import parse_arguments
-from viewer.commandline.options import ViewOptions
+from viewer.app.loss_recovery import RECOVERED, LossHistory, last_words, open_again
+from viewer.cli.arguments import parse_arguments
+from viewer.cli.options import ViewOptions
 from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError
-from viewer.loss_recovery import RECOVERED, LossHistory, last_words, open_again
-from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
-from viewer.session import FirstLook, Session
-from viewer.settings import ViewerSettings
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import ViewerSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -167,7 +167,7 @@ def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) ->
 ROBUST_UNDER_EGL = """
 from imgui_bundle import imgui
 import glfw
-from viewer import imgui_window
+from viewer.app import imgui_window
 # Drivers have it under EGL more often than under GLX; moderngl knows only GLX here.
 glfw.NATIVE_CONTEXT_API = glfw.EGL_CONTEXT_API
 imgui_window.Window.init_mgl_context = imgui_window.Window.set_default_viewport = lambda self: None
@@ -179,7 +179,7 @@ for robust in (True, False):
 REFUSED = """
 from imgui_bundle import imgui
 import glfw
-from viewer import imgui_window
+from viewer.app import imgui_window
 create, hint, asked = glfw.create_window, glfw.window_hint, []
 def note(name, value):
     asked.append(name)

@@ -7,11 +7,11 @@ import pytest
 from imgui_bundle import imgui
 
 from tests.ui.conftest import SIZE
-from viewer import frontend
-from viewer.headless import HeadlessApp
+from viewer.app import frontend
+from viewer.app.headless import HeadlessApp
 from viewer.scene.cameras_file import read_cameras
-from viewer.view_state import Overlay, Slot
-from viewer.zoom import WHOLE
+from viewer.state.view_state import Overlay, Slot
+from viewer.state.zoom import WHOLE
 
 MEETING = (SIZE[0] / 2, SIZE[1] / 2)
 """Where the two squares meet, as `mapped` looks at them."""

@@ -12,12 +12,12 @@ from imgui_bundle import imgui
 
 from tests.support.picture_scenes import Part, scene_of, texture
 from tests.ui.conftest import SIZE
-from viewer.actions import RunCommand
-from viewer.explore.texture_table import TextureRow
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
+from viewer.app.headless import HeadlessApp
+from viewer.inspect.texture_table import TextureRow
 from viewer.scene.model import Material, Scene
-from viewer.settings import ViewerSettings, load_settings, save_settings
+from viewer.state.actions import RunCommand
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.panels import make_panels
 from viewer.ui.user_interface import UserInterface
 

@@ -7,24 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ntc.codec.mips import mip_chain
+from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.metrics import psnr_db, psnr_table
-from ntc.mips import mip_chain
-from ntc.pack import Grouping
-from ntc.reference import decode_image
+from ntc.metrics.metrics import psnr_db, psnr_table
+from ntc.pack.model import Grouping
 from tests.support.packs import random_pack
 from tests.support.picture_scenes import Part, scene_of, texture
-from viewer.explore.background import Background, Finished, JobReport
-from viewer.explore.flat_texture import FlatTexture, decode_flat
-from viewer.explore.frame_history import FRAMES, FrameHistory
-from viewer.explore.group_table import centroid_distances, group_distances, group_rows, grouping_features
-from viewer.explore.memory_table import mip_sizes, pack_memory, scene_memory
-from viewer.explore.scene_tree import SceneTree
-from viewer.explore.texture_table import TextureRow, filtered, ordered, texture_rows
-from viewer.explore.visible_part import visible_part
-from viewer.message_log import LONGEST_LOG, MessageLog, details_of
-from viewer.pack_files import match_scene
+from viewer.inspect.flat_texture import FlatTexture, decode_flat
+from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
+from viewer.inspect.memory_table import mip_sizes, pack_memory, scene_memory
+from viewer.inspect.scene_tree import SceneTree
+from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
+from viewer.inspect.visible_part import visible_part
+from viewer.jobs.background import Background, Finished, JobReport
+from viewer.render.frame_history import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
+from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
+from viewer.state.pack_files import match_scene
 from viewer.ui.dock_layout import Docked, column_width, places_for
 
 WHITE = (1.0, 1.0, 1.0, 1.0)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from ntc.pack_file import read_pack
+from ntc.pack.file import read_pack
 from tests.ui.conftest import SIZE, write_scene
-from viewer.actions import OpenFile, RunCommand
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
-from viewer.picture_request import PictureKind
+from viewer.app.headless import HeadlessApp
 from viewer.scene.load import load_scene
-from viewer.settings import ViewerSettings
+from viewer.state.actions import OpenFile, RunCommand
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.picture_request import PictureKind
+from viewer.state.settings import ViewerSettings
 
 
 @pytest.fixture

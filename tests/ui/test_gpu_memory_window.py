@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.pack_file import read_pack, write_pack
+from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.ui.conftest import SIZE
-from viewer.actions import OpenFile, SetCompare
+from viewer.app.headless import HeadlessApp
 from viewer.gl.allocation import GpuMemoryError
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.model import Scene
-from viewer.settings import ViewerSettings
-from viewer.view_state import REFERENCE
+from viewer.state.actions import OpenFile, SetCompare
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import REFERENCE
 
 Refuse = Callable[[HeadlessApp, str], None]
 

@@ -8,15 +8,15 @@ import pytest
 from imgui_bundle import imgui
 
 from tests.ui.conftest import SIZE
+from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.chords import Chord
 from viewer.commands.command import Command
-from viewer.headless import HeadlessApp
-from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.model import Camera, Scene
 from viewer.script.inputs import press
 from viewer.script.parse import parse_script
-from viewer.session import Session
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import Session
 
 Seen = list[tuple[str, tuple[str, ...]]]
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
-from viewer.actions import RunCommand
+from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS
-from viewer.headless import HeadlessApp
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
 from viewer.scene.model import Camera
 from viewer.script.parse import parse_script
-from viewer.zoom import Zoom
+from viewer.state.actions import RunCommand
+from viewer.state.zoom import Zoom
 
 
 def play(app: HeadlessApp, *lines: str) -> None:

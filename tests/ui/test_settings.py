@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from viewer.commands import key_table_markdown
-from viewer.settings import SETTINGS_FILE, ViewerSettings, load_settings, save_settings
+from viewer.state.settings import SETTINGS_FILE, ViewerSettings, load_settings, save_settings
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 

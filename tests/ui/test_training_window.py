@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
-from ntc.pack import Pack
-from ntc.pack_file import read_pack
-from ntc.shared_arrays import PREFIX
+from ntc.pack.file import read_pack
+from ntc.pack.model import Pack
+from ntc.worker.shared_arrays import PREFIX
 from tests.end_to_end.conftest import two_squares
-from viewer.actions import OpenFile
+from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
-from viewer.headless import HeadlessApp
 from viewer.scene.load import load_scene
+from viewer.state.actions import OpenFile
+from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
-from viewer.view_state import REFERENCE
 
 SIZE = (900, 640)
 PATIENCE = 140.0

@@ -9,20 +9,20 @@ import pytest
 from imgui_bundle import imgui
 
 from ntc.errors import InputError
-from ntc.pack_file import read_pack, write_pack
+from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.packs import random_pack
 from tests.ui.conftest import SIZE, write_scene
-from viewer.actions import RunCommand
+from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS
 from viewer.commands.chords import parse_chord
 from viewer.commands.command import Command
-from viewer.headless import HeadlessApp
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.script.inputs import hold
-from viewer.settings import ViewerSettings
-from viewer.view_state import REFERENCE, Slot
+from viewer.state.actions import RunCommand
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import REFERENCE, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
@@ -360,7 +360,7 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
         raise InputError("other.glb: has too many textures")
 
     scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
-    monkeypatch.setattr("viewer.shown_picture.Renderer", refuse)
+    monkeypatch.setattr("viewer.render.viewport.Renderer", refuse)
     app.drop(two_squares(9).write(tmp_path / "other.glb"))
     assert app.session.scene is scene
     assert app.session.packs == packs

@@ -5,15 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
+from lab.bench.decode_stand import block_words, interleaved_words, scattered_words
+from lab.bench.pareto import pareto_front
+from lab.bench.random_pack import square_pack
+from lab.bench.scaling import ScalingConfig
+from lab.bench.scene import SceneBenchConfig, bench_slots, in_turn
+from lab.bench.tiles import PictureLimits, require_memory, tiling
 from ntc.errors import InputError
-from viewer.bench.decode_stand import block_words, interleaved_words, scattered_words
-from viewer.bench.pareto import pareto_front
-from viewer.bench.random_pack import square_pack
-from viewer.bench.scaling import ScalingConfig
-from viewer.bench.scene import SceneBenchConfig, bench_slots, in_turn
-from viewer.bench.tiles import PictureLimits, require_memory, tiling
 from viewer.scene.model import Camera
-from viewer.view_state import REFERENCE, Slot
+from viewer.state.view_state import REFERENCE, Slot
 
 CAMERA = Camera("c", (0.0, 1.0, 4.0), (0.0, 0.0, 0.0))
 ROOMY = PictureLimits(16384, 1 << 40)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.pack_file import read_pack
-from ntc.pack_match import match_pack
-from viewer.commandline.sources import builtin_scene_path
-from viewer.pack_files import packs_beside
+from ntc.pack.file import read_pack
+from ntc.pack.match import match_pack
+from viewer.cli.sources import builtin_scene_path
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
+from viewer.state.pack_files import packs_beside
 
 CATEGORIES = {
     "aerial",

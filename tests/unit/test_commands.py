@@ -5,10 +5,10 @@ import pytest
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, find_command, run_line
 from viewer.commands.command import words
-from viewer.resources import assets_folder
+from viewer.resource_files import assets_folder
 from viewer.scene.load import load_scene
-from viewer.session import FirstLook, Session
-from viewer.settings import ViewerSettings
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import ViewerSettings
 
 
 @pytest.fixture

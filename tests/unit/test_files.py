@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ntc.errors import InputError
-from ntc.files import atomic_path, is_partial, write_bytes
+from ntc.io import atomic_path, is_partial, write_bytes
 from ntc.reading import read_file
 
 
@@ -55,7 +55,7 @@ def test_a_full_disk_gives_one_line_and_keeps_the_old_file(tmp_path: Path) -> No
     path = tmp_path / "a.ntc"
     write_bytes(path, b"old")
     program = (
-        "import resource, signal, sys; from pathlib import Path; from ntc.files import write_bytes;"
+        "import resource, signal, sys; from pathlib import Path; from ntc.io import write_bytes;"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
         "write_bytes(Path(sys.argv[1]), bytes(5000))"
     )
@@ -75,7 +75,7 @@ def test_a_disk_that_fills_while_writing_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_killed_writer_damages_nothing(tmp_path: Path) -> None:
-    from benchmarks.killed_writes import kill_writers
+    from lab.benchmarks.killed_writes import kill_writers
 
     result = kill_writers(tmp_path / "pack.ntc", kills=6, seed=1)
     assert result.kills == 6

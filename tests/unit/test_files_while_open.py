@@ -12,25 +12,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc import files
-from ntc.config import GroupingConfig
+from ntc import io as files
+from ntc.codec.config import GroupingConfig
 from ntc.errors import InputError
-from ntc.pack import Pack
-from ntc.pack_file import read_pack, write_pack
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.model import Pack
 from ntc.reading import read_file
 from tests.support.gltf_builder import GltfBuilder, png
 from tests.support.packs import random_pack
 from viewer import cli
-from viewer.actions import OpenFile, RunCommand
-from viewer.commandline import encode as encode_command
-from viewer.commandline.info_all import files_below
+from viewer.cli import encode as encode_command
+from viewer.cli.info_all import files_below
 from viewer.commands import run_command
-from viewer.pack_files import open_packs, packs_beside
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
-from viewer.session import FirstLook, Session
-from viewer.settings import ViewerSettings, load_settings, save_settings
+from viewer.state.actions import OpenFile, RunCommand
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.training.grouping_process import GroupingJob, grouping_inputs
 from viewer.training.runs import Run
 
@@ -380,7 +380,7 @@ def test_files_vanish_while_all_are_listed(
     monkeypatch.setattr(os, "walk", vanishing)
     found = files_below(folder)
     assert [file.name for file in found] == ["scene.gltf", "scene.single.ntc", "scene.gltf"]
-    monkeypatch.setattr("viewer.commandline.info_all.files_below", lambda _: found)
+    monkeypatch.setattr("viewer.cli.info_all.files_below", lambda _: found)
     (folder / "scene.single.ntc").unlink()
     folder_instead(folder / "sub" / "scene.gltf")
     assert cli.main(["info", "--all", str(folder)]) == 0

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from viewer.nearby_cameras import NearbyConfig, nearby_cameras
 from viewer.scene.model import Camera
+from viewer.viewpoints.nearby_cameras import NearbyConfig, nearby_cameras
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.overlay import with_color_bar
-from viewer.palettes import PALETTES, PaletteName, palette_colors, share_of_most
+from viewer.capture.overlay_picture import with_color_bar
+from viewer.state.palettes import PALETTES, PaletteName, palette_colors, share_of_most
 
 
 def test_green_red_has_the_colours_of_the_paper() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from viewer.tile_cache import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileCacheConfig, TilePace
+from viewer.render.tile_cache.budget import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileCacheConfig, TilePace
 
 
 def paced(rest: float, limit: float | None = 25.0, frames: int = 20) -> float | None:

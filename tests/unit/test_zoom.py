@@ -2,7 +2,7 @@
 
 import pytest
 
-from viewer.zoom import LARGEST, WHOLE, Zoom
+from viewer.state.zoom import LARGEST, WHOLE, Zoom
 
 
 def test_the_whole_picture_is_where_it_is() -> None:

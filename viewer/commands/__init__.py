@@ -20,7 +20,7 @@ from viewer.commands import (
 )
 from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
 from viewer.commands.command import Command, FixedChoices, words
-from viewer.session import Session
+from viewer.state.session import Session
 
 COMMANDS: tuple[Command, ...] = (
     *compare.COMMANDS,

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.session import Session
-from viewer.settings import UI_SCALE_RANGE, Theme
+from viewer.state.session import Session
+from viewer.state.settings import UI_SCALE_RANGE, Theme
 
 
 def _open_for_comparison(session: Session, title: str, is_open: bool) -> None:

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 from ntc.errors import InputError
-from viewer.actions import SetCamera
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.navigation import frame
 from viewer.scene.model import Camera
-from viewer.session import Session
-from viewer.settings import CameraMode
+from viewer.state.actions import SetCamera
+from viewer.state.navigation import frame
+from viewer.state.session import Session
+from viewer.state.settings import CameraMode
 
 
 def _frame_all(session: Session) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from ntc.errors import InputError
 
 if TYPE_CHECKING:
-    from viewer.session import Session
+    from viewer.state.session import Session
 
 Menu = Literal["File", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
 Value = str | float | int | Path

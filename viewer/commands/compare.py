@@ -3,13 +3,13 @@
 from dataclasses import replace
 from typing import cast, get_args
 
+from ntc.codec.precision import PrecisionChoice
 from ntc.errors import InputError
-from ntc.precision import PrecisionChoice
-from viewer.actions import Side
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.session import Session
-from viewer.settings import ANISOTROPIES, FLICKER_RANGE, GAIN_RANGE
-from viewer.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Slot
+from viewer.state.actions import Side
+from viewer.state.session import Session
+from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE, GAIN_RANGE
+from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Slot
 
 MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 NEXT_PATH: dict[PathChoice, PathChoice] = {

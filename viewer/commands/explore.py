@@ -2,7 +2,7 @@
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter
-from viewer.session import Session
+from viewer.state.session import Session
 
 
 def _texture(session: Session, named: str) -> int:

@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from ntc.errors import InputError
-from viewer.actions import SetCamera
-from viewer.camera_motion import Playback, Turntable
 from viewer.commands.command import Command, Parameter
 from viewer.scene.cameras_file import read_cameras
-from viewer.scene.gltf_container import printable
-from viewer.session import Session
-from viewer.view_file import MOST_BOOKMARKS
+from viewer.scene.gltf.container import printable
+from viewer.state.actions import SetCamera
+from viewer.state.camera_motion import Playback, Turntable
+from viewer.state.session import Session
+from viewer.state.view_file import MOST_BOOKMARKS
 
 FASTEST_DEGREES = 720.0
 LAST_PATH = ""

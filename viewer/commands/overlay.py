@@ -5,9 +5,9 @@ from typing import cast, get_args
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.palettes import PALETTES, PaletteName
-from viewer.session import Session
-from viewer.view_state import BLOCKS, BlockName, OverlayKind
+from viewer.state.palettes import PALETTES, PaletteName
+from viewer.state.session import Session
+from viewer.state.view_state import BLOCKS, BlockName, OverlayKind
 
 
 def _toggle(session: Session) -> None:

@@ -5,8 +5,8 @@ from typing import get_args
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.picture_request import PictureKind, PictureRequest
-from viewer.session import Session
+from viewer.state.picture_request import PictureKind, PictureRequest
+from viewer.state.session import Session
 
 DATED = ""
 """As a file: a name with the scene's name and the time in it."""

@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
 
-from ntc.config import GroupingName, RecipeName
+from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
-from ntc.pack import Pack
-from viewer.actions import Side
+from ntc.pack.model import Pack
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.session import Session
+from viewer.state.actions import Side
+from viewer.state.session import Session
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, Wish
 from viewer.training.settings import AUTO, TrainingSettings, budget_text, parse_budget, read_clusters, read_size
 

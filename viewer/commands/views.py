@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from ntc.errors import InputError
-from ntc.files import write_text
+from ntc.io import write_text
 from ntc.reading import read_file
 from viewer.commands.command import Command, Parameter
-from viewer.session import Session
-from viewer.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
-from viewer.zoom import LARGEST, Zoom
+from viewer.state.session import Session
+from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
+from viewer.state.zoom import LARGEST, Zoom
 
 
 def _restore(session: Session, text: str, where: str) -> None:

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from ntc.errors import InputError
-from viewer.actions import OpenFile
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.session import Session
-from viewer.zoom import WHOLE
+from viewer.state.actions import OpenFile
+from viewer.state.session import Session
+from viewer.state.zoom import WHOLE
 
 
 def _open(session: Session, path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
-from viewer.gl.spare_texture import SpareTexture
+from viewer.gl.fallback_texture import SpareTexture
 
 SIDE = 48
 """Texels of the longer side."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from ntc.errors import InputError
 from ntc.reading import read_file
-from viewer.scene.gltf_container import describe, printable
+from viewer.scene.gltf.container import describe, printable
 from viewer.scene.model import Camera
 
 LARGEST_FILE = 1 << 26

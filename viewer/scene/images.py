@@ -12,11 +12,11 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb
+from ntc.codec.color import linear_to_srgb
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.files import atomic_path, is_partial
+from ntc.io import atomic_path, is_partial
 from ntc.reading import read_file
-from ntc.textures import SourceTexture, hash_pixels
 
 LARGEST_EXCESS = 1e-3
 """Floating-point values may lie this far above 1, by rounding."""

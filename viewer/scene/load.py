@@ -7,15 +7,15 @@ import numpy as np
 
 from ntc.errors import InputError
 from viewer.scene.bounds import world_bounds
-from viewer.scene.extensions import check_required, ignored_extensions, names_of
-from viewer.scene.gltf_accessors import Accessors
-from viewer.scene.gltf_buffers import Buffers
-from viewer.scene.gltf_cameras import read_cameras
-from viewer.scene.gltf_container import GltfFile, parse_gltf, read_gltf
-from viewer.scene.gltf_geometry import GeometryReader
-from viewer.scene.gltf_images import read_images
-from viewer.scene.gltf_materials import read_materials
-from viewer.scene.gltf_nodes import NodePlacements, walk_nodes
+from viewer.scene.gltf.accessors import Accessors
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.cameras import read_cameras
+from viewer.scene.gltf.container import GltfFile, parse_gltf, read_gltf
+from viewer.scene.gltf.extensions import check_required, ignored_extensions, names_of
+from viewer.scene.gltf.geometry import GeometryReader
+from viewer.scene.gltf.images import read_images
+from viewer.scene.gltf.materials import read_materials
+from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
 from viewer.scene.model import Instances, Primitive, Scene
 from viewer.scene.report_notes import ReportNotes
 
@@ -41,7 +41,7 @@ def load_scene(path: Path) -> Scene:
 
 def _load(path: Path) -> Scene:
     if path.suffix.lower() in FOREIGN_SUFFIXES:
-        from viewer.scene.foreign import foreign_to_glb
+        from viewer.scene.mesh_import import foreign_to_glb
 
         return build_scene(parse_gltf(foreign_to_glb(path), str(path), None), path.stem, path)
     return build_scene(read_gltf(path), path.stem, path)

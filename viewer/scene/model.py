@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.config import WrapMode
+from ntc.codec.config import WrapMode
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 
@@ -33,7 +33,7 @@ class SceneTexture:
     alpha: NDArray[np.uint8] | None
     """[H, W] uint8 coverage, None when the image is opaque or no material reads it. Stays a plain texture."""
     pixel_hash: str
-    """`ntc.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None."""
+    """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None."""
     origin: str
     """Where it came from, for reports: a file name, "image 3 (embedded)"."""
     category: str | None = None

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb, srgb8_to_linear_table
-from ntc.config import WrapMode
+from ntc.codec.color import linear_to_srgb, srgb8_to_linear_table
+from ntc.codec.config import WrapMode
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.textures import SourceTexture
 from viewer.scene.images import map_in_threads, reduced_size
 from viewer.scene.model import Scene
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from viewer.commands.chords import parse_chord
-from viewer.picture_request import PictureRequest
 from viewer.script import inputs
 from viewer.script.expectations import PROPERTIES, expect
 from viewer.script.stage import Stage
+from viewer.state.picture_request import PictureRequest
 
 Play = Callable[[Stage], Iterator[None]]
 """What a line does: yields once for each frame that is to be drawn before it goes on. Raises InputError."""

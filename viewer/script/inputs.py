@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from imgui_bundle import imgui
 
 from ntc.errors import InputError
+from viewer.app.frontend import SETTLING_FRAMES
 from viewer.commands.chords import Chord
-from viewer.frontend import SETTLING_FRAMES
 from viewer.script.stage import Stage
 from viewer.ui.keyboard import imgui_key
 

@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from viewer.frontend import Frontend
-from viewer.session import Session
+from viewer.app.frontend import Frontend
+from viewer.state.session import Session
 
 
 class Stage(Protocol):

@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ntc.errors import InputError
-from ntc.pack import Pack
-from ntc.pack_changes import changed_textures, same_shape
-from ntc.pack_file import read_pack, write_pack
-from viewer.pack_files import PACK_SUFFIX, same_place
+from ntc.pack.diff import changed_textures, same_shape
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.model import Pack
 from viewer.scene.model import Scene
+from viewer.state.pack_files import PACK_SUFFIX, same_place
 
 Stamp = tuple[int, int, int]
 """Number, time and length of a file."""

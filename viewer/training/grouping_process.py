@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from ntc.config import GroupingConfig
+from ntc.codec.config import GroupingConfig
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.pack import Grouping
-from ntc.shared_arrays import SharedBlock, without_arrays
-from ntc.textures import SourceTexture
-from viewer.folders import features_cache
+from ntc.pack.model import Grouping
+from ntc.worker.shared_arrays import SharedBlock, without_arrays
+from viewer.locations import features_cache
 
 NICENESS = 10
 SECONDS_BETWEEN_QUESTIONS = 0.05
@@ -50,7 +50,7 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     if job.scene is None:
         raise InputError("covisible: the scene comes from no file that could be looked at; choose another grouping")
     from viewer.scene.load import load_scene
-    from viewer.scene_views import ViewSource, scene_views
+    from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     scene = load_scene(job.scene)
     hashes = {texture.pixel_hash for texture in scene.textures}

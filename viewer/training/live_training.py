@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ntc.errors import InputError
-from ntc.pack import Pack
-from ntc.snapshot import GroupSnapshot, apply_snapshot
-from ntc.worker import TrainingWorker, starting_pack
-from ntc.worker_messages import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
-from viewer.actions import Side
+from ntc.pack.model import Pack
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot
+from ntc.worker.client import TrainingWorker, starting_pack
+from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
+from viewer.jobs.task import Task
 from viewer.scene.model import Scene
+from viewer.state.actions import Side
+from viewer.state.view_state import REFERENCE
 from viewer.training.accepting import Stamp, checked_path, default_path, save_pack, stamp_of
 from viewer.training.preparation import EncodeScene, Wish, prepare, settings_text
 from viewer.training.run_log import RunLog
 from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db
 from viewer.training.settings import TrainingSettings
-from viewer.training.task import Task
 from viewer.training.work import State, Work, put_away
-from viewer.view_state import REFERENCE
 
 if TYPE_CHECKING:
-    from viewer.session import Session
+    from viewer.state.session import Session
 
 SECONDS_BETWEEN_TICKS = 0.1
 """A window that otherwise rests looks so often what the training says."""

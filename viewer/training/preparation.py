@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ntc.config import GroupingConfig
+from ntc.codec.config import GroupingConfig
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack import Grouping, Pack
-from ntc.snapshot import moved_texture, unchanged_groups
-from ntc.textures import SourceTexture
-from ntc.training_config import recipe_codec, recipe_config
-from ntc.worker_messages import TrainingRequest
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import recipe_codec, recipe_config
+from ntc.training.snapshot import moved_texture, unchanged_groups
+from ntc.worker.protocol import TrainingRequest
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 from viewer.training.grouping_process import GroupingJob, StoppedError, find_grouping

@@ -8,7 +8,7 @@ from viewer.training.runs import Run
 from viewer.training.work import Before, put_away
 
 if TYPE_CHECKING:
-    from viewer.session import Session
+    from viewer.state.session import Session
 
 MOST_RUNS = 100
 MOST_PACKS = 8

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.metrics import psnr_of_mse
-from ntc.pack import Pack
-from ntc.worker_messages import WorkerProgress
+from ntc.metrics.metrics import psnr_of_mse
+from ntc.pack.model import Pack
+from ntc.worker.protocol import WorkerProgress
 
 MOST_POINTS = 400
 """Of a curve; then every second one goes, so that a long run costs no more than a short one."""

@@ -4,9 +4,9 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from ntc.config import GroupingName, RecipeName
+from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
-from ntc.worker_messages import Budget, QualityBudget, StepBudget, TimeBudget
+from ntc.worker.protocol import Budget, QualityBudget, StepBudget, TimeBudget
 
 BudgetUnit = Literal["steps", "s", "dB"]
 MOST_SECONDS = 7 * 24 * 3600.0

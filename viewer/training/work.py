@@ -4,16 +4,16 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from ntc.pack import Pack
-from ntc.snapshot import ended_pack
-from ntc.worker_messages import TrainingRequest, WorkerProgress
+from ntc.pack.model import Pack
+from ntc.training.snapshot import ended_pack
+from ntc.worker.protocol import TrainingRequest, WorkerProgress
 from viewer.scene.model import Scene
+from viewer.state.view_state import REFERENCE, CompareMode, Slot
 from viewer.training.preparation import Wish
 from viewer.training.runs import Curves, run_name
-from viewer.view_state import REFERENCE, CompareMode, Slot
 
 if TYPE_CHECKING:
-    from viewer.session import Session
+    from viewer.state.session import Session
 
 State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.placement import WIPES, shown_at, shown_sides, split_of
-from viewer.session import Session, Toast
+from viewer.state.compare_layout import WIPES, shown_at, shown_sides, split_of
+from viewer.state.session import Session, Toast
+from viewer.state.view_state import REFERENCE, Slot, ViewState
 from viewer.ui.area import Area
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import counted
-from viewer.view_state import REFERENCE, Slot, ViewState
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)

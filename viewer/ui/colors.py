@@ -3,7 +3,7 @@
 import numpy as np
 from imgui_bundle import imgui
 
-from viewer.palettes import PaletteName, palette_colors, share_of_most
+from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 
 SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
 """Blue for A and orange for B: told apart by every kind of colour vision."""

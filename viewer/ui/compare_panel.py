@@ -5,9 +5,9 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from ntc.divergence import cut_percent
-from ntc.precision import PrecisionChoice
-from viewer.actions import (
+from ntc.codec.precision import PrecisionChoice
+from ntc.metrics.divergence import cut_percent
+from viewer.state.actions import (
     RunCommand,
     SetAnisotropy,
     SetCoarseWhileMoving,
@@ -17,13 +17,13 @@ from viewer.actions import (
     SetSlot,
     Side,
 )
-from viewer.session import Session
-from viewer.settings import ANISOTROPIES
+from viewer.state.session import Session
+from viewer.state.settings import ANISOTROPIES
+from viewer.state.view_state import REFERENCE, CompareMode, PathChoice, Slot
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.live_figures_section import draw_difference, draw_flicker, draw_live_figures
 from viewer.ui.widgets import combo
-from viewer.view_state import REFERENCE, CompareMode, PathChoice, Slot
 
 MODES: tuple[tuple[CompareMode, str], ...] = (
     ("a", "A"),

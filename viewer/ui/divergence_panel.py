@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
-from ntc.divergence import DivergenceStatistics, cut_percent
-from viewer.actions import InspectBlock, SetOverlay
-from viewer.block_content import BlockContent
-from viewer.palettes import PALETTES
-from viewer.session import Session
+from ntc.metrics.divergence import DivergenceStatistics, cut_percent
+from viewer.inspect.block_content import BlockContent
+from viewer.state.actions import InspectBlock, SetOverlay
+from viewer.state.palettes import PALETTES
+from viewer.state.session import Session
+from viewer.state.view_state import BLOCKS, REFERENCE
 from viewer.ui.colors import SLOT_COLORS, heat, packed
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import combo, counted
-from viewer.view_state import BLOCKS, REFERENCE
 
 BAR_HEIGHT = 14.0
 MOST_TICKS = 16

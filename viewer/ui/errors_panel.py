@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand, SetOverlay
-from viewer.comparing_panels import ErrorColumn, worst_is_largest
-from viewer.comparison import ErrorRow
-from viewer.session import Session
+from viewer.inspect.comparison import ErrorRow
+from viewer.state.actions import RunCommand, SetOverlay
+from viewer.state.comparing_panels import ErrorColumn, worst_is_largest
+from viewer.state.session import Session
+from viewer.state.view_state import OverlayKind
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.live_figures_section import decibels, figures_state
-from viewer.view_state import OverlayKind
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (

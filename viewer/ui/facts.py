@@ -7,15 +7,15 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from ntc.divergence import DivergenceStatistics
-from ntc.pack_match import PackMatch
-from viewer.actions import Action
-from viewer.block_content import BlockContent
-from viewer.explore.frame_history import FrameHistory
-from viewer.live_figures import LiveFigures
-from viewer.pixel_content import PixelContent
-from viewer.tile_cache import TileCounts
-from viewer.view_state import PathChoice, Slot
+from ntc.metrics.divergence import DivergenceStatistics
+from ntc.pack.match import PackMatch
+from viewer.inspect.block_content import BlockContent
+from viewer.inspect.live_figures import LiveFigures
+from viewer.inspect.pixel_content import PixelContent
+from viewer.render.frame_history import FrameHistory
+from viewer.render.tile_cache.budget import TileCounts
+from viewer.state.actions import Action
+from viewer.state.view_state import PathChoice, Slot
 
 Emit = Callable[[Action], None]
 """How the UI asks for something."""

@@ -8,16 +8,16 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.actions import RunCommand
-from viewer.explore.background import Background, Finished, Job, JobReport
-from viewer.explore.flat_texture import FlatTexture, decode_flat, original_flat
-from viewer.explore.visible_part import VisiblePart, visible_part
-from viewer.session import Session
+from viewer.inspect.flat_texture import FlatTexture, decode_flat, original_flat
+from viewer.inspect.visible_part import VisiblePart, visible_part
+from viewer.jobs.background import Background, Finished, Job, JobReport
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE
 from viewer.ui.colors import SLOT_COLORS, packed
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import combo
-from viewer.view_state import REFERENCE
 
 Arrangement = Literal["side by side", "wipe"]
 ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")

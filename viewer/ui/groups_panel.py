@@ -4,16 +4,16 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.pack import Pack
-from viewer.actions import RunCommand
+from ntc.pack.model import Pack
 from viewer.commands import COMMANDS
-from viewer.explore.background import Background, JobReport
-from viewer.explore.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
-from viewer.session import Session
+from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
+from viewer.jobs.background import Background, JobReport
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import counted
-from viewer.view_state import REFERENCE
 
 RETRAIN = "training.retrain"
 THUMBNAIL_LINES = 1.6

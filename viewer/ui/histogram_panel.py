@@ -4,7 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from viewer.comparison import Comparison
+from viewer.inspect.comparison import Comparison
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
 

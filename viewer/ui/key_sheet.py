@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings, key_table
-from viewer.session import Session
+from viewer.state.session import Session
 from viewer.ui.items import ItemPlaces
 
 WIDTH = 640.0

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.bindings import Bindings
 from viewer.commands.chords import Chord
-from viewer.session import Session
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
 from viewer.ui.facts import Emit
 
 _IMGUI_NAMES = {

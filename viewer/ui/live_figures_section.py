@@ -5,14 +5,14 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand
-from viewer.live_figures import LiveFigures
-from viewer.session import Session
-from viewer.settings import FLICKER_RANGE
+from viewer.inspect.live_figures import LiveFigures
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
+from viewer.state.settings import FLICKER_RANGE
+from viewer.state.view_state import DifferenceKind
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import combo
-from viewer.view_state import DifferenceKind
 
 GAINS = (1.0, 64.0)
 """Ends of the slider."""

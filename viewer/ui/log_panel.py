@@ -2,8 +2,8 @@
 
 from imgui_bundle import imgui
 
-from viewer.message_log import LogEntry
-from viewer.session import Session
+from viewer.state.message_log import LogEntry
+from viewer.state.session import Session
 from viewer.ui.items import ItemPlaces
 
 ERROR_DARK = (1.0, 0.45, 0.4, 1.0)

@@ -2,12 +2,12 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.explore.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
-from viewer.session import Session
+from viewer.inspect.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE, Slot
 from viewer.ui.colors import SLOT_COLORS, packed
 from viewer.ui.facts import FrameFacts
 from viewer.ui.items import ItemPlaces
-from viewer.view_state import REFERENCE, Slot
 
 SCENE_COLOR = (0.55, 0.57, 0.6, 1.0)
 

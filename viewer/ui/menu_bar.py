@@ -5,11 +5,11 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.bindings import Bindings
 from viewer.commands.command import Command, Menu
-from viewer.session import Session
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, imgui
 
 from ntc.errors import InputError
-from viewer.actions import RunCommand
 from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
-from viewer.session import Session
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.search import best_first, score

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from viewer.explore.background import Background
-from viewer.session import Session
+from viewer.jobs.background import Background
+from viewer.state.session import Session
 from viewer.ui.compare_panel import draw_compare_panel
 from viewer.ui.divergence_panel import draw_divergence_panel
 from viewer.ui.dock_layout import Place

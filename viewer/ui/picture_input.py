@@ -4,11 +4,11 @@ import math
 
 from imgui_bundle import imgui
 
-from viewer import navigation
-from viewer.actions import InspectBlock, KeepPixel, MoveDivider, SetCamera, SetZoom
 from viewer.commands import HOLD_KEY
-from viewer.placement import WIPES, seen_at
-from viewer.session import Session
+from viewer.state import navigation
+from viewer.state.actions import InspectBlock, KeepPixel, MoveDivider, SetCamera, SetZoom
+from viewer.state.compare_layout import WIPES, seen_at
+from viewer.state.session import Session
 from viewer.ui.area import Area
 from viewer.ui.facts import Emit
 from viewer.ui.keyboard import Keyboard, imgui_key

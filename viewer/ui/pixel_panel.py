@@ -2,13 +2,13 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.actions import KeepPixel
-from viewer.pixel_content import REACH, PixelContent, PixelPatch
-from viewer.session import Session
+from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
+from viewer.state.actions import KeepPixel
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE, Slot
 from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
-from viewer.view_state import REFERENCE, Slot
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 12.0

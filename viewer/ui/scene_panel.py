@@ -5,10 +5,10 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from viewer.actions import OpenFile, RunCommand, SetCamera
 from viewer.scene.model import LoadReport, Scene
 from viewer.scene.report import report_lines
-from viewer.session import Session
+from viewer.state.actions import OpenFile, RunCommand, SetCamera
+from viewer.state.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.scene_tree_list import SceneLists

@@ -2,10 +2,10 @@
 
 from imgui_bundle import imgui
 
-from viewer.actions import RunCommand
-from viewer.explore.scene_tree import SceneTree
+from viewer.inspect.scene_tree import SceneTree
 from viewer.scene.model import Material, Scene
-from viewer.session import Session
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 

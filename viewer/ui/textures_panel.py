@@ -2,12 +2,12 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.actions import RunCommand
-from viewer.explore.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
-from viewer.session import Session
+from viewer.inspect.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.items import ItemPlaces
-from viewer.view_state import REFERENCE
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail, in lines of text."""

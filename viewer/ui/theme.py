@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.settings import Theme
+from viewer.state.settings import Theme
 
 DARK_ACCENT = (0.26, 0.52, 0.86)
 LIGHT_ACCENT = (0.16, 0.42, 0.78)

@@ -4,7 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from viewer.explore.frame_history import FrameHistory
+from viewer.render.frame_history import FrameHistory
 from viewer.ui.items import ItemPlaces
 
 PLOT_LINES = 9

@@ -4,10 +4,10 @@ from typing import get_args
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.config import GroupingName, RecipeName
+from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
-from ntc.pack import Pack
-from viewer.actions import RunCommand
+from ntc.pack.model import Pack
+from viewer.state.actions import RunCommand
 from viewer.training.runs import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
 from viewer.ui.facts import Emit

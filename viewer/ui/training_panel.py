@@ -2,8 +2,9 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.actions import RunCommand
-from viewer.session import Session
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
 from viewer.training.runs import Run
 from viewer.training.settings import TrainingSettings
@@ -14,7 +15,6 @@ from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces
 from viewer.ui.training_curves import TrainingCurves
 from viewer.ui.training_forms import TrainingForms
-from viewer.view_state import REFERENCE
 
 STATES = {
     "preparing": "preparing textures and groups",

@@ -2,9 +2,9 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.actions import RunCommand
-from viewer.explore.background import Background
-from viewer.session import Session
+from viewer.jobs.background import Background
+from viewer.state.actions import RunCommand
+from viewer.state.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.area import Area
 from viewer.ui.dock_layout import Docked, DockLayout

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ntc.divergence import BLOCK
 from ntc.grouping.seen_blocks import seen_blocks
-from viewer.camera import clip_distances
+from ntc.metrics.divergence import BLOCK
 from viewer.scene.model import Camera, Scene
+from viewer.state.camera import clip_distances
 from viewer.viewpoints.candidates import Candidate
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ import OpenImageIO
 import pytest
 from numpy.typing import NDArray
 
-from ntc.block_compression import BlockFormat, compress
 from ntc.errors import InputError
-from ntc.metrics import psnr_db
+from ntc.metrics.block_compression import BlockFormat, compress
+from ntc.metrics.metrics import psnr_db
 
 pytest.importorskip("quicktex")
 pytest.importorskip("etcpak")

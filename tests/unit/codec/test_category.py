@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping.category import UNKNOWN, category_grouping, guessed_category
 from ntc.grouping.labels import read_labels
-from ntc.textures import SourceTexture
 
 
 def texture(name: str, category: str | None = None) -> SourceTexture:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lab.studies.cluster_plot import cluster_figure
+from lab.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping.seen_blocks import seen_blocks
-from ntc.studies.cluster_plot import cluster_figure
-from ntc.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
-from ntc.textures import SourceTexture
 
 TEXTURES = 12
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
 
 
 @pytest.mark.parametrize(

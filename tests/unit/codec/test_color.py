@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ntc.color import linear_to_srgb, linear_to_srgb8, srgb8_to_linear_table, srgb_to_linear
+from ntc.codec.color import linear_to_srgb, linear_to_srgb8, srgb8_to_linear_table, srgb_to_linear
 
 
 def test_every_8_bit_value_survives_the_round_trip() -> None:

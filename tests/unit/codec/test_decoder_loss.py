@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from ntc import decoder_loss
-from ntc.config import CodecConfig
-from ntc.decoder import AdapterStack, DecoderStack
-from ntc.decoder_loss import squared_error
+from ntc.codec.config import CodecConfig
+from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.training import loss as decoder_loss
+from ntc.training.loss import squared_error
 
 CONFIG = CodecConfig(hidden_width=16, adapters=True, adapter_output=True)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.divergence import DivergenceStatistics, cut_percent, divergence_map
+from ntc.metrics.divergence import DivergenceStatistics, cut_percent, divergence_map
 
 
 def brute_map(ids: NDArray[np.int32], block: tuple[int, int]) -> NDArray[np.uint16]:

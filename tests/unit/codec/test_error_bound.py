@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
-from ntc.error_bound import pack_bounds, texture_bounds
-from ntc.half_reference import decode_texels_in_half
-from ntc.latents import latent_levels
-from ntc.pack import Decoder, Pack
-from ntc.precision import Precision
-from ntc.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
-from ntc.reference import decode_texels, decoder_inputs, run_decoder
-from ntc.rescale import Exponents, exponents, rescaled_pack, stored_pack
-from ntc.running_error import running_bounds
+from ntc.accuracy.error_bound import pack_bounds, texture_bounds
+from ntc.accuracy.half_reference import decode_texels_in_half
+from ntc.accuracy.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
+from ntc.accuracy.running_error import running_bounds
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_levels
+from ntc.codec.precision import Precision
+from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
+from ntc.codec.rescale import Exponents, exponents, rescaled_pack, stored_pack
+from ntc.pack.model import Decoder, Pack
 from tests.support.packs import random_pack
 
 TEXELS = 100_000
@@ -193,7 +193,7 @@ def test_rescaling_prevents_overflow(precision: Precision) -> None:
 def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     pack, halves = CASES["adapted"], ("fp32", "fp16-accumulate")
     for share, chosen in ((0.3, "fp16-accumulate"), (0.5, "fp32")):
-        monkeypatch.setattr("ntc.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
+        monkeypatch.setattr("ntc.accuracy.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
         assert chosen_precision(pack, halves).precision == chosen
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
@@ -22,7 +23,6 @@ from ntc.features.spectral import (
     radial_spectrum,
     spectral_features,
 )
-from ntc.textures import SourceTexture, hash_pixels
 
 ODD_SHAPES = [(1, 1, 1), (1, 1, 3), (1, 7, 3), (7, 1, 2), (2, 2, 4), (5, 3, 1), (16, 16, 2), (300, 2, 3), (33, 290, 4)]
 HAS_EFFICIENTNET = all(
@@ -164,7 +164,7 @@ def test_an_unknown_name_is_refused() -> None:
 
 def test_no_network_is_imported_for_plain_features() -> None:
     code = (
-        "import sys, numpy, ntc.features as f; from ntc.textures import SourceTexture as T;"
+        "import sys, numpy, ntc.features as f; from ntc.codec.textures import SourceTexture as T;"
         "t = T('a', numpy.zeros((2, 2, 3), numpy.uint8), 'h'); f.feature_matrix('spectral', [t]);"
         "f.feature_matrix('low_level', [t]); assert not {'torch', 'sklearn', 'scipy'} & set(sys.modules)"
     )

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.features import FeatureOptions, feature_matrix, spectral
 from ntc.features.cache import cache_path, read_features, write_features
 from ntc.features.spectral import spectral_extractor
-from ntc.textures import SourceTexture, hash_pixels
 
 LENGTH = spectral.LENGTH
 

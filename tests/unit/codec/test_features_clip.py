@@ -14,10 +14,10 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.features.clip import LENGTH, MODEL
-from ntc.textures import SourceTexture, hash_pixels
 
 
 class Encoder(nn.Module):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.config import GroupingConfig
+from ntc.codec.config import GroupingConfig
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import feature_matrix
 from ntc.features.low_level import low_level_features
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.textures import SourceTexture, hash_pixels
 
 
 def texture(pixels: NDArray[np.uint8], name: str = "t") -> SourceTexture:

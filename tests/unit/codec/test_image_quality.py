@@ -10,17 +10,17 @@ import OpenImageIO
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec import TorchCodec
-from ntc.color import srgb_to_linear
-from ntc.config import CodecConfig
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
-from ntc.image_quality import flip, ssim
-from ntc.latents import latent_levels
-from ntc.level_quality import level_psnr
-from ntc.metrics import psnr_db, worst_share_db
-from ntc.mips import mip_chain
-from ntc.pack import Pack
-from ntc.textures import SourceTexture
+from ntc.metrics.image_quality import flip, ssim
+from ntc.metrics.level_quality import level_psnr
+from ntc.metrics.metrics import psnr_db, worst_share_db
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 
 Image = NDArray[np.uint8]

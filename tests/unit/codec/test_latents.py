@@ -2,8 +2,8 @@
 
 import pytest
 
-from ntc.config import CodecConfig
-from ntc.latents import latent_cell_count, latent_levels
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_cell_count, latent_levels
 
 SIZES = [(1024, 1024), (1024, 256), (17, 33), (200, 3), (1, 1), (2, 5000), (16, 16), (20, 20)]
 

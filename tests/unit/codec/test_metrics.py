@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntc.metrics import PsnrSummary, mean_square_error, psnr_db, psnr_table
+from ntc.metrics.metrics import PsnrSummary, mean_square_error, psnr_db, psnr_table
 from tests.support.packs import random_pack
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.color import linear_to_srgb, srgb_to_linear
-from ntc.config import ColorSpace
-from ntc.mips import mip_chain, resize_to
+from ntc.codec.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.config import ColorSpace
+from ntc.codec.mips import mip_chain, resize_to
 
 SIZES = [(64, 64), (17, 33), (1, 7), (5, 1), (1, 1), (31, 2), (3, 3)]
 

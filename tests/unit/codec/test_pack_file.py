@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
-from ntc.pack import Adapter, Decoder, EncodedTexture, Grouping, Pack
-from ntc.pack_file import expected_tensors, read_pack, write_pack
-from ntc.pack_metadata import metadata_json, parse_metadata
+from ntc.pack.file import expected_tensors, read_pack, write_pack
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs import random_pack
 

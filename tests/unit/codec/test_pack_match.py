@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ntc.errors import InputError
-from ntc.pack_match import match_pack, require_match
+from ntc.pack.match import match_pack, require_match
 from tests.support.packs import random_pack
 
 PACK = random_pack(sizes=((4, 4), (8, 8)), groups=(0, 0), hashes=("aa", "bb"))

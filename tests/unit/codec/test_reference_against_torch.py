@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec import TorchCodec
-from ntc.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
-from ntc.latents import latent_levels
-from ntc.pack import Pack
-from ntc.reference import decode_image, decode_texels, decoder_inputs, run_decoder, texel_centres
+from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.codec.latents import latent_levels
+from ntc.codec.reference import decode_image, decode_texels, decoder_inputs, run_decoder, texel_centres
+from ntc.codec.torch_codec import TorchCodec
+from ntc.pack.model import Pack
 from tests.support.packs import random_pack
 
 TOLERANCE = 1e-4

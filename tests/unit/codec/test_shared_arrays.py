@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.shared_arrays import PREFIX, ArrayPlace, SharedBlock, without_arrays
+from ntc.worker.shared_arrays import PREFIX, ArrayPlace, SharedBlock, without_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def test_without_shared_memory_it_says_so(monkeypatch: pytest.MonkeyPatch) -> No
     def refuse(*_arguments: object, **_options: object) -> None:
         raise OSError(38, "Function not implemented")
 
-    monkeypatch.setattr("ntc.shared_arrays.SharedMemory", refuse)
+    monkeypatch.setattr("ntc.worker.shared_arrays.SharedMemory", refuse)
     with pytest.raises(InputError, match="Function not implemented"):
         SharedBlock.create(10)
     assert shared_memory.SharedMemory is not refuse

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.pack import Grouping, Pack
-from ntc.reference import decode_image
-from ntc.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, moved_texture, unchanged_groups
-from ntc.train import train
-from ntc.training_config import TrainingConfig
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import TrainingConfig
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, moved_texture, unchanged_groups
+from ntc.training.trainer import train
 from tests.unit.codec.test_train import texture
 
 CODECS = [

@@ -3,7 +3,7 @@
 import csv
 import io
 
-from ntc.studies.table import Column, Table
+from viewer.cli.table import Column, Table
 
 TABLE = Table(
     (Column("name", "name"), Column("excess", "excess"), Column("cut", "cut %", 1)),

@@ -11,19 +11,19 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from ntc.config import CodecConfig, ColorSpace, WrapMode
-from ntc.decoder import AdapterStack, DecoderStack
+from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.reference import decode_image
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.latents import latent_levels
-from ntc.metrics import psnr_db
-from ntc.mips import mip_chain
-from ntc.pack import Grouping, Pack
-from ntc.pack_file import read_pack, write_pack
-from ntc.reference import decode_image
-from ntc.textures import SourceTexture, hash_pixels
-from ntc.train import choose_device, train
-from ntc.training_config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
-from ntc.training_progress import TrainingCancelledError, TrainingProgress
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
+from ntc.training.progress import TrainingCancelledError, TrainingProgress
+from ntc.training.trainer import choose_device, train
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
 SMALL = CodecConfig(hidden_width=16)

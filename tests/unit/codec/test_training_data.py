@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec import codec_features
-from ntc.color import linear_to_srgb, srgb_to_linear
-from ntc.config import CodecConfig
-from ntc.latents import latent_levels
-from ntc.mips import mip_chain
-from ntc.sampling import PyramidTable, weighted_rows
-from ntc.textures import SourceTexture, hash_pixels
-from ntc.training_data import TrainingData
+from ntc.codec.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture, hash_pixels
+from ntc.codec.torch_codec import codec_features
+from ntc.codec.torch_sampling import PyramidTable, weighted_rows
+from ntc.training.data import TrainingData
 
 
 def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from ntc import training_cohort
-from ntc.config import CodecConfig
-from ntc.pack import Grouping
-from ntc.train import train
-from ntc.training_config import TrainingConfig
-from ntc.training_guard import TrainingFailedError
-from ntc.training_progress import TrainingProgress
+from ntc.codec.config import CodecConfig
+from ntc.pack.model import Grouping
+from ntc.training import batch as training_cohort
+from ntc.training.config import TrainingConfig
+from ntc.training.guard import TrainingFailedError
+from ntc.training.progress import TrainingProgress
+from ntc.training.trainer import train
 from tests.unit.codec.test_train import arrays, same, texture
 
 SHORT = TrainingConfig(steps=120, texels_per_texture=32, device="cpu")

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
-from ntc.pack import Grouping
-from ntc.train import train
-from ntc.training_config import TrainingConfig
-from ntc.training_progress import TrainingCancelledError
+from ntc.pack.model import Grouping
+from ntc.training.config import TrainingConfig
+from ntc.training.progress import TrainingCancelledError
+from ntc.training.trainer import train
 from tests.unit.codec.test_train import same, texture
 
 SHORT = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
@@ -106,8 +106,8 @@ def test_a_full_disk_now_and_then_ends_no_training(tmp_path: Path, monkeypatch: 
         refused.append(True)
         raise InputError("a.state: cannot be written (No space left on device)")
 
-    monkeypatch.setattr("ntc.train.SECONDS_BETWEEN_SAVES", 0.0)
-    monkeypatch.setattr("ntc.train.save_state", full)
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_SAVES", 0.0)
+    monkeypatch.setattr("ntc.training.trainer.save_state", full)
     pack = train(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
     assert len(refused) > 1
     assert any("could not be kept, it goes on (a.state: cannot be written" in note for note in notes)
@@ -120,6 +120,6 @@ def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkey
     def changed(_path: Path) -> bytes:
         raise OSError(errno.EAGAIN, "it changed while it was read")
 
-    monkeypatch.setattr("ntc.training_state.read_file", changed)
+    monkeypatch.setattr("ntc.training.checkpoint.read_file", changed)
     with pytest.raises(InputError, match="it changed while it was read"):
         train(TEXTURES, GROUPS, FULL, SHORT, state=path)

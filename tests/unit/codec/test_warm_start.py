@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.config import CodecConfig
-from ntc.latents import latent_cell_count, latent_levels
-from ntc.textures import SourceTexture
-from ntc.warm_start import IMAGE_DEVIATION, LATENT_SPREAD, chance_latents, image_latents
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_cell_count, latent_levels
+from ntc.codec.textures import SourceTexture
+from ntc.training.warm_start import IMAGE_DEVIATION, LATENT_SPREAD, chance_latents, image_latents
 
 
 def generator() -> torch.Generator:

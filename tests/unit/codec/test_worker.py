@@ -14,19 +14,18 @@ import numpy as np
 import pytest
 import torch
 
-from ntc import shared_arrays
-from ntc.config import CodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.metrics import psnr_db
-from ntc.pack import Grouping, Pack
-from ntc.pack_file import read_pack, write_pack
-from ntc.reference import decode_image
-from ntc.shared_arrays import PREFIX
-from ntc.snapshot import GroupSnapshot, apply_snapshot, moved_texture
-from ntc.train import train
-from ntc.training_config import TrainingConfig
-from ntc.worker import TrainingWorker, starting_pack
-from ntc.worker_messages import (
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import TrainingConfig
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
+from ntc.training.trainer import train
+from ntc.worker import shared_arrays
+from ntc.worker.client import TrainingWorker, starting_pack
+from ntc.worker.protocol import (
     Failed,
     Finished,
     Paused,
@@ -38,6 +37,7 @@ from ntc.worker_messages import (
     TrainingRequest,
     WorkerProgress,
 )
+from ntc.worker.shared_arrays import PREFIX
 from tests.unit.codec.test_train import same, texture
 
 CODEC = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
@@ -365,7 +365,7 @@ def test_without_shared_memory_it_says_so(shared: TrainingWorker, monkeypatch: p
             raise OSError(28, "No space left on device")
         return real(*arguments, **options)
 
-    monkeypatch.setattr("ntc.shared_arrays.SharedMemory", scarce)
+    monkeypatch.setattr("ntc.worker.shared_arrays.SharedMemory", scarce)
     for _ in range(2):
         with pytest.raises(InputError, match=r"shared memory: .* cannot be had \(No space left on device\)"):
             shared.start(FROM_NOTHING)

@@ -11,7 +11,7 @@ from tests.unit.codec.test_worker import blocks, lives
 
 
 def test_the_handle_needs_no_torch() -> None:
-    code = "import sys, ntc.worker; sys.exit(int('torch' in sys.modules))"
+    code = "import sys, ntc.worker.client; sys.exit(int('torch' in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -23,12 +23,12 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
         f"""
 import sys, time
 import numpy as np
-from ntc.config import CodecConfig
-from ntc.pack import Grouping
-from ntc.textures import SourceTexture
-from ntc.training_config import TrainingConfig
-from ntc.worker import TrainingWorker
-from ntc.worker_messages import TrainingRequest, WorkerProgress
+from ntc.codec.config import CodecConfig
+from ntc.pack.model import Grouping
+from ntc.codec.textures import SourceTexture
+from ntc.training.config import TrainingConfig
+from ntc.worker.client import TrainingWorker
+from ntc.worker.protocol import TrainingRequest, WorkerProgress
 
 def main():
     texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")

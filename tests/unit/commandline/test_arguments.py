@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from viewer import cli
-from viewer.commandline.arguments import parse_arguments
-from viewer.commandline.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
+from viewer.cli.arguments import parse_arguments
+from viewer.cli.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
 
 
 def test_no_arguments_open_the_built_in_scene() -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from ntc.config import CodecConfig
-from ntc.pack_file import read_pack, write_pack
+from ntc.codec.config import CodecConfig
+from ntc.pack.file import read_pack, write_pack
 from tests.support.packs import random_pack
-from viewer.commandline.info import pack_json, pack_lines
-from viewer.commandline.precision import resolve_precision
+from viewer.cli.info import pack_json, pack_lines
+from viewer.cli.precision import resolve_precision
 
 HALVES = CodecConfig(hidden_width=16, weight_bits=16)
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from ntc.pack_file import write_pack
+from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.packs import random_pack
 from viewer import cli
-from viewer.commandline import info_all
+from viewer.cli import info_all
 
 
 @pytest.fixture

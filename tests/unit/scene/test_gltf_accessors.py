@@ -5,9 +5,9 @@ import pytest
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, GltfBuilder
-from viewer.scene.gltf_accessors import Accessors
-from viewer.scene.gltf_buffers import Buffers
-from viewer.scene.gltf_container import parse_gltf
+from viewer.scene.gltf.accessors import Accessors
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.container import parse_gltf
 
 
 def accessors(builder: GltfBuilder) -> Accessors:

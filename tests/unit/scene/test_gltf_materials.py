@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ntc.color import srgb_to_linear
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
-from ntc.textures import hash_pixels
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
 from viewer.scene.load import load_scene

@@ -16,14 +16,16 @@ import pytest
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, GltfBuilder, noise, png
-from viewer.folders import SCENE_ROOTS_VARIABLE
-from viewer.scene import bounds, gltf_geometry, gltf_images, images
+from viewer.locations import SCENE_ROOTS_VARIABLE
+from viewer.scene import bounds, images
 from viewer.scene.cameras_file import read_cameras
-from viewer.scene.gltf_container import parse_gltf
+from viewer.scene.gltf import geometry as gltf_geometry
+from viewer.scene.gltf import images as gltf_images
+from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.images import decode_image
 from viewer.scene.load import build_scene, load_scene
 from viewer.scene.model import Scene
-from viewer.settings import SETTINGS_FILE, load_settings
+from viewer.state.settings import SETTINGS_FILE, load_settings
 
 MEGABYTE = 1 << 20
 

@@ -7,9 +7,9 @@ import numpy as np
 import OpenImageIO
 import pytest
 
-from ntc.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.textures import SourceTexture, hash_pixels
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
 from viewer.scene.images import decode_image, folder_textures, read_image, write_png

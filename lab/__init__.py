@@ -1,0 +1,1 @@
+"""The research harness: benchmarks and studies of the codec and the viewer."""

@@ -1,0 +1,78 @@
+"""Table and curves of `ntc-viewer study filtering`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lab.bench.filtering_sweeps import FilteringRow
+from viewer.cli.table import Cell, Column, Table
+
+COLUMNS = (
+    Column("way", "way"),
+    Column("magnified", "magnified, dB"),
+    Column("minified", "minified, dB"),
+    Column("straight", "straight on, dB"),
+    Column("grazing", "most tilted, dB"),
+    Column("moving", "moving, dB"),
+    Column("flicker", "flicker, 8-bit steps", 3),
+)
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+def filtering_table(rows: Sequence[FilteringRow]) -> Table:
+    """A row for each way: means over parts of the sweeps."""
+    table: list[dict[str, Cell]] = []
+    for way in dict.fromkeys(row.way for row in rows):
+        own = [row for row in rows if row.way == way]
+        shrinking = [row for row in own if row.sweep == "shrinking"]
+        tilting = sorted((row for row in own if row.sweep == "tilting"), key=lambda row: row.value)
+        moving = [row for row in own if row.sweep == "moving"]
+        table.append(
+            {
+                "way": way,
+                "magnified": _mean([row.psnr_db for row in shrinking if row.value < 1.0]),
+                "minified": _mean([row.psnr_db for row in shrinking if row.value > 1.0]),
+                "straight": tilting[0].psnr_db if tilting else None,
+                "grazing": tilting[-1].psnr_db if tilting else None,
+                "moving": _mean([row.psnr_db for row in moving]),
+                "flicker": _mean([row.flicker for row in moving if row.flicker is not None]),
+            }
+        )
+    return Table(COLUMNS, table)
+
+
+def filtering_figure(rows: Sequence[FilteringRow], title: str) -> Figure:
+    """Four curves: shrinking, tilting, moving, flicker."""
+    figure = Figure(figsize=(11, 7.5), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    axes = figure.subplots(2, 2).ravel()
+    panels = (
+        ("shrinking", "texels a pixel, straight on", "PSNR, dB", lambda row: row.psnr_db),
+        ("tilting", "degrees between normal and view", "PSNR, dB", lambda row: row.psnr_db),
+        ("moving", "frame of a turning camera", "PSNR, dB", lambda row: row.psnr_db),
+        ("moving", "frame of a turning camera", "flicker, 8-bit steps", lambda row: row.flicker),
+    )
+    names = list(dict.fromkeys(row.way for row in rows))
+    for axis, (sweep, across, upward, value) in zip(axes, panels, strict=True):
+        for number, way in enumerate(names):
+            points = [(row.value, value(row)) for row in rows if row.way == way and row.sweep == sweep]
+            points = [point for point in points if point[1] is not None]
+            axis.plot(
+                [x for x, _ in points],
+                [y for _, y in points],
+                marker=".",
+                color=f"C{number}",
+                linestyle="--" if "reference" in way else "-",
+                label=way,
+            )
+        axis.set_xlabel(across)
+        axis.set_ylabel(upward)
+        axis.grid(alpha=0.3)
+        if sweep == "shrinking":
+            axis.set_xscale("log", base=2)
+    axes[0].legend(fontsize=8)
+    return figure

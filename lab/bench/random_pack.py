@@ -1,0 +1,83 @@
+"""Packs of random content: what they show means nothing, but it decodes and costs as any other does."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.latents import latent_cell_count
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+
+
+def _random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:
+    """Scales around 1 and biases around 0, exact in half precision."""
+    shape = (2, config.hidden_width)
+    scales, biases = random.uniform(0.5, 1.5, shape), random.normal(0.0, 0.2, shape)
+    parts = [scales, biases]
+    if config.adapter_output:
+        outputs, inputs = config.layer_shapes[-1]
+        parts += [random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), random.normal(0.5, 0.1, outputs)]
+    return Adapter(*(part.astype(np.float16).astype(np.float32) for part in parts))
+
+
+def _stored(values: NDArray[np.float64], config: CodecConfig) -> NDArray[np.float32]:
+    return values.astype(np.float16 if config.weight_bits == 16 else np.float32).astype(np.float32)
+
+
+def random_pack(
+    sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
+    groups: Sequence[int] = (0, 1, 0),
+    config: CodecConfig | None = None,
+    hashes: Sequence[str] | None = None,
+    wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
+    seed: int = 0,
+) -> Pack:
+    """A pack of textures with these (width, height), whose decoders give values across [0, 1] and beyond."""
+    config = config or CodecConfig()
+    random = np.random.default_rng(seed)
+    textures = tuple(
+        EncodedTexture(
+            name=f"texture {index}",
+            pixel_hash=hashes[index] if hashes else f"{index:032x}",
+            width=width,
+            height=height,
+            channels=config.output_channels,
+            color_space="srgb",
+            wrap=wrap,
+            category=None,
+            group=groups[index],
+            latents=random.integers(
+                0,
+                config.largest_stored + 1,
+                (latent_cell_count(width, height, config), config.latent_channels),
+                np.uint8,
+            ),
+            scale=(random.uniform(1.0, 3.0, config.latent_channels) / config.largest_stored).astype(np.float32),
+            offset=random.uniform(-1.5, -0.5, config.latent_channels).astype(np.float32),
+            adapter=_random_adapter(config, random) if config.adapters else None,
+        )
+        for index, (width, height) in enumerate(sizes)
+    )
+    decoders = tuple(
+        Decoder(
+            weights=tuple(
+                _stored(random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), config)
+                for outputs, inputs in config.layer_shapes
+            ),
+            biases=tuple(
+                _stored(random.normal(0.0, 0.1, outputs) + (0.5 if layer == 2 else 0.0), config)
+                for layer, (outputs, _) in enumerate(config.layer_shapes)
+            ),
+        )
+        for _ in range(max(groups) + 1)
+    )
+    return Pack(config, Grouping("random", tuple(groups), {"seed": seed}), textures, decoders)
+
+
+def square_pack(textures: int, decoders: int, side: int, config: CodecConfig, seed: int = 0) -> Pack:
+    """`textures` random textures of `side` x `side` texels; texture i has decoder i modulo `decoders`.
+
+    `decoders` is at most `textures`.
+    """
+    return random_pack([(side, side)] * textures, [index % decoders for index in range(textures)], config, seed=seed)

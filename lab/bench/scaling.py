@@ -1,0 +1,188 @@
+"""How the time of a decode pass grows with the picture, the textures, the decoders and the size of a decoder."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from lab.bench.decode_stand import (
+    BINNED_BYTES,
+    PICTURE_BYTES,
+    TEXTURE_SIDE,
+    DecodePrograms,
+    DecodeStand,
+    LoadedPack,
+    StandPath,
+    block_words,
+    scattered_words,
+)
+from lab.bench.random_pack import square_pack
+from lab.bench.tiles import PictureLimits, Tiling, tiling
+from lab.bench.turns import Progress, take_turns
+from ntc.codec.config import CodecConfig
+from viewer.gl.context import GraphicsContext
+
+SweepName = Literal["resolution", "textures", "decoders", "decoder size"]
+Layout = Literal["blocks", "interleaved"]
+"""Blocks of 8x8 pixels with one texture each, or every pixel another one."""
+PATHS: tuple[StandPath, ...] = ("deferred", "binned")
+LAYOUTS: tuple[Layout, ...] = ("blocks", "interleaved")
+
+
+@dataclass(frozen=True)
+class ScalingConfig:
+    """What is timed. A sweep changes one number; the others stay at `size`, `fixed_textures`, `fixed_decoders` and `codec`."""
+
+    size: tuple[int, int] = (512, 512)
+    sizes: tuple[tuple[int, int], ...] = ((256, 256), (512, 512), (1024, 1024))
+    textures: tuple[int, ...] = (1, 10, 100, 500, 2000)
+    decoders: tuple[int, ...] = (1, 10, 100, 500, 2000)
+    """In the sweep of decoders there are as many textures as its largest number, so that only decoders change."""
+    widths: tuple[int, ...] = (16, 32, 64, 128)
+    """Neurons of each hidden layer."""
+    fixed_textures: int = 20
+    fixed_decoders: int = 5
+    repeats: int = 5
+    codec: CodecConfig = field(default_factory=CodecConfig)
+
+
+@dataclass(frozen=True)
+class ScalingRow:
+    """One point of one curve, in fp32."""
+
+    sweep: SweepName
+    value: int
+    """The number that the sweep changes: pixels, textures, decoders, or neurons of a hidden layer."""
+    layout: Layout
+    path: StandPath
+    width: int
+    height: int
+    tiles: int
+    textures: int
+    decoders: int
+    hidden_width: int
+    median_ms: float
+    least_ms: float
+    most_ms: float
+    nanoseconds_per_pixel: float
+    """Median over all pixels."""
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """What is decoded, without the path."""
+
+    sweep: SweepName
+    value: int
+    layout: Layout
+    size: tuple[int, int]
+    textures: int
+    decoders: int
+    codec: CodecConfig
+
+
+def _setups(config: ScalingConfig) -> Iterator[list[_Setup]]:
+    """Each sweep's setups."""
+    textures, decoders = config.fixed_textures, min(config.fixed_decoders, config.fixed_textures)
+    most = max(config.decoders)
+    yield [
+        _Setup("resolution", size[0] * size[1], "blocks", size, textures, decoders, config.codec)
+        for size in config.sizes
+    ]
+    yield [
+        _Setup("textures", count, layout, config.size, count, 1, config.codec)
+        for count in config.textures
+        for layout in LAYOUTS
+    ]
+    yield [
+        _Setup("decoders", count, layout, config.size, most, count, config.codec)
+        for count in config.decoders
+        for layout in LAYOUTS
+    ]
+    yield [
+        _Setup(
+            "decoder size", width, "blocks", config.size, textures, decoders, replace(config.codec, hidden_width=width)
+        )
+        for width in config.widths
+    ]
+
+
+def scaling(
+    context: GraphicsContext,
+    config: ScalingConfig,
+    limits: PictureLimits,
+    progress: Progress = lambda done, of: None,
+) -> tuple[ScalingRow, ...]:
+    """Times of all sweeps; the points of one sweep take turns, so that drift bends no curve.
+
+    Raises InputError where `limits` leave no room for a tile, before anything is allocated.
+    """
+    sweeps = list(_setups(config))
+    tilings = [_tilings(sweep, limits) for sweep in sweeps]
+    programs = DecodePrograms(context)
+    rows: list[ScalingRow] = []
+    for number, (sweep, cut) in enumerate(zip(sweeps, tilings, strict=True)):
+
+        def of_all(done: int, of: int, number: int = number) -> None:
+            progress(number * of + done, len(sweeps) * of)
+
+        rows += _swept(context, config, sweep, cut, programs, of_all)
+    programs.release()
+    return tuple(rows)
+
+
+def _tilings(sweep: Sequence[_Setup], limits: PictureLimits) -> dict[tuple[int, int], Tiling]:
+    """How each size of a sweep is cut, so that the pictures of all its points fit at once."""
+    stands = {(setup.size, setup.layout, setup.textures) for setup in sweep}
+    packs = {(setup.textures, setup.decoders, setup.codec) for setup in sweep}
+    pixel_bytes = len(stands) * PICTURE_BYTES + len(packs) * BINNED_BYTES
+    return {size: tiling(size, pixel_bytes, limits) for size in dict.fromkeys(setup.size for setup in sweep)}
+
+
+def _stand(context: GraphicsContext, setup: _Setup, tiles: Tiling) -> DecodeStand:
+    words = block_words if setup.layout == "blocks" else scattered_words
+    return DecodeStand(context, tiles, words(tiles.tile, setup.textures))
+
+
+def _swept(
+    context: GraphicsContext,
+    config: ScalingConfig,
+    sweep: list[_Setup],
+    tilings: dict[tuple[int, int], Tiling],
+    programs: DecodePrograms,
+    progress: Progress,
+) -> list[ScalingRow]:
+    stands: dict[tuple[tuple[int, int], Layout, int], DecodeStand] = {}
+    packs: dict[tuple[int, int, CodecConfig], LoadedPack] = {}
+    candidates = []
+    for setup in sweep:
+        seen = (setup.size, setup.layout, setup.textures)
+        if seen not in stands:
+            stands[seen] = _stand(context, setup, tilings[setup.size])
+        content = (setup.textures, setup.decoders, setup.codec)
+        if content not in packs:
+            packs[content] = LoadedPack(context, programs, square_pack(*content[:2], TEXTURE_SIDE, setup.codec), "fp32")
+        candidates += [(setup, path, packs[content].decode(path, stands[seen])) for path in PATHS]
+    spreads = take_turns(context, [run for _, _, run in candidates], config.repeats, progress)
+    for stand in stands.values():
+        stand.release()
+    for pack in packs.values():
+        pack.release()
+    return [
+        ScalingRow(
+            sweep=setup.sweep,
+            value=setup.value,
+            layout=setup.layout,
+            path=path,
+            width=setup.size[0],
+            height=setup.size[1],
+            tiles=tilings[setup.size].count,
+            textures=setup.textures,
+            decoders=setup.decoders,
+            hidden_width=setup.codec.hidden_width,
+            median_ms=spread.median_ms,
+            least_ms=spread.least_ms,
+            most_ms=spread.most_ms,
+            nanoseconds_per_pixel=spread.median_ms * 1e6 / tilings[setup.size].pixels,
+        )
+        for (setup, path, _), spread in zip(candidates, spreads, strict=True)
+    ]

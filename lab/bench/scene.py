@@ -1,0 +1,197 @@
+"""Time against error in a scene: every pack by every path and precision, over the scene's cameras."""
+
+import math
+import statistics
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.bench.float64_error import Float64Pixels, float64_pixels
+from lab.bench.turns import Progress, spread_of, warm_up_rounds
+from ntc.codec.color import linear_to_srgb8
+from ntc.metrics.image_quality import flip
+from ntc.metrics.metrics import finite_or_none, psnr_db
+from ntc.pack.model import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.render.renderer import Renderer
+from viewer.render.resources.precision import EVERYWHERE
+from viewer.scene.model import Camera, Scene
+from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState
+
+NUDGE = 1e-4
+"""A camera moves by this share of its distance to the target from frame to frame, so that no pass is skipped."""
+PLACES = 7
+"""Different places of a moved camera."""
+PICTURE_BYTES = 16 + 4 + 4 + 4 + 8 + 2 * 16 + 4
+"""Of a pixel, at most: visibility words, colour and depth, composite, the reference's albedo, those of two slots, the binned list."""
+
+
+@dataclass(frozen=True)
+class SceneBenchConfig:
+    """What is timed."""
+
+    size: tuple[int, int] = (640, 360)
+    paths: tuple[DecodePath, ...] = get_args(DecodePath)
+    precisions: tuple[Precision, ...] = EVERYWHERE
+    repeats: int = 5
+
+
+@dataclass(frozen=True)
+class SceneBenchRow:
+    """A camera by a slot."""
+
+    camera: str
+    source: str
+    path: str
+    precision: str
+    decode_ms: float
+    """Median of the pass that gives albedo."""
+    least_ms: float
+    most_ms: float
+    frame_ms: float
+    """Median of all passes together."""
+    passes_ms: Mapping[str, float]
+    """Medians by pass."""
+    decoded_pixels: int
+    excess: int
+    psnr_db: float | None
+    """Against the reference picture: covered pixels, 8-bit sRGB; None where equal and for the reference."""
+    flip: float | None
+    """Mean FLIP against the reference picture."""
+    reference_step: int | None
+    """Most 8-bit steps that a channel of a covered pixel is away from the reference picture; None for the reference."""
+    float64_max: float | None
+    """Largest distance of a decoded value, in [0, 1] before 8 bits, from the float64 decode of sampled pixels."""
+    float64_psnr_db: float | None
+    """Of the same values; None where equal."""
+    float64_step: int | None
+    """Most 8-bit steps of the picture from the float64 decode."""
+    float64_pixels: int
+    """Sampled pixels."""
+    largest_step: int | None
+    """Most 8-bit steps that a channel of a pixel is away from the same pack's first slot: `deferred` in fp32, where timed."""
+
+
+def nudged(camera: Camera, frame: int) -> Camera:
+    """`camera` moved sideways a little, differently for each of PLACES frames in a row."""
+    x, y, z = camera.eye
+    tx, _, tz = camera.target
+    step = NUDGE * (frame % PLACES + 1)
+    return replace(camera, eye=(x + step * (tz - z), y, z - step * (tx - x)))
+
+
+def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, ...]:
+    """The reference, then every pack by every path in every precision; `deferred` in fp32 comes before its like."""
+    paths = sorted(config.paths, key=lambda path: path != "deferred")
+    precisions = sorted(config.precisions, key=lambda precision: precision != "fp32")
+    decoded = [Slot(pack, path, precision) for pack in packs for path in paths for precision in precisions]
+    return (Slot(REFERENCE), *decoded)
+
+
+def in_turn(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
+    """(round, slot, camera) of every frame in order: each slot once a round.
+
+    No two frames in a row, nor two of one slot in a row, are seen from the same place: either would skip passes.
+    """
+    stride = len(slots) + (len(slots) % PLACES == 0)
+    return [
+        (number, slot, nudged(camera, number * stride + turn))
+        for number in range(rounds)
+        for turn, slot in enumerate(slots)
+    ]
+
+
+def bench_scene(
+    context: GraphicsContext,
+    scene: Scene,
+    packs: Mapping[str, Pack],
+    cameras: Sequence[Camera],
+    config: SceneBenchConfig,
+    progress: Progress = lambda done, of: None,
+) -> tuple[SceneBenchRow, ...]:
+    """A row for each camera and slot. Slots take turns frame by frame, so that drift hits all alike; the first rounds warm up."""
+    renderer = Renderer(context, scene)
+    renderer.set_packs(packs)
+    slots = bench_slots(list(packs), config)
+    warm_up = warm_up_rounds(context)
+    rows: list[SceneBenchRow] = []
+    rounds = warm_up + config.repeats
+    for number, camera in enumerate(cameras):
+        times: dict[Slot, list[Mapping[str, float]]] = defaultdict(list)
+        for turn, slot, moved in in_turn(slots, camera, rounds):
+            timings = renderer.render(ViewState(moved, config.size, slot)).timings_ms
+            if turn >= warm_up:
+                times[slot].append(timings)
+            if slot == slots[-1]:
+                progress(number * rounds + turn + 1, len(cameras) * rounds)
+        rows += _measured(renderer, packs, camera, slots, times, config)
+    renderer.release()
+    return tuple(rows)
+
+
+def _measured(
+    renderer: Renderer,
+    packs: Mapping[str, Pack],
+    camera: Camera,
+    slots: Sequence[Slot],
+    times: Mapping[Slot, Sequence[Mapping[str, float]]],
+    config: SceneBenchConfig,
+) -> list[SceneBenchRow]:
+    renderer.render(ViewState(camera, config.size, Slot(REFERENCE)))
+    truth, covered, textures = (linear_to_srgb8(renderer.albedo(Slot())), renderer.covered(), renderer.texture_ids())
+    twins: dict[tuple[str, bool], Float64Pixels] = {}
+    first: dict[str, NDArray[np.uint8]] = {}
+    rows = []
+    for slot in slots:
+        result = renderer.render(ViewState(camera, config.size, slot, overlay=Overlay("divergence")))
+        albedo = renderer.albedo(slot)
+        shown = linear_to_srgb8(albedo)
+        is_reference = slot.source == REFERENCE
+        twin = None
+        if not is_reference:
+            key = (slot.source, slot.path == "cached")
+            if key not in twins:
+                pack, match = packs[slot.source], renderer.matches[slot.source]
+                twins[key] = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path)
+            twin = twins[key].compare(albedo)
+        name = "reference" if is_reference else f"decode_{slot.path}"
+        decode = spread_of([entry.get(name, 0.0) for entry in times[slot]])
+        decoders = np.array([*renderer.decoders(slot.source), -1])[textures]
+        first.setdefault(slot.source, shown)
+        step = _steps(shown, first[slot.source])
+        quality = psnr_db(shown[covered], truth[covered]) if covered.any() and not is_reference else math.inf
+        rows.append(
+            SceneBenchRow(
+                camera=camera.name,
+                source=slot.source,
+                path="" if is_reference else slot.path,
+                precision="" if is_reference else slot.precision,
+                decode_ms=decode.median_ms,
+                least_ms=decode.least_ms,
+                most_ms=decode.most_ms,
+                frame_ms=statistics.median(sum(entry.values()) for entry in times[slot]),
+                passes_ms={
+                    key: statistics.median(entry.get(key, 0.0) for entry in times[slot]) for key in times[slot][0]
+                },
+                decoded_pixels=int((decoders >= 0).sum()),
+                excess=result.divergence[slot.source].excess if slot.source in result.divergence else 0,
+                psnr_db=finite_or_none(quality),
+                flip=None if is_reference else flip(truth, shown),
+                reference_step=None if is_reference else _steps(shown[covered], truth[covered]),
+                float64_max=None if twin is None else twin.largest,
+                float64_psnr_db=None if twin is None else twin.psnr_db,
+                float64_step=None if twin is None else twin.largest_step,
+                float64_pixels=0 if twin is None else twin.pixels,
+                largest_step=None if is_reference else step,
+            )
+        )
+    return rows
+
+
+def _steps(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
+    """Largest difference of two arrays of one shape; 0 for none."""
+    return int(np.abs(a.astype(int) - b.astype(int)).max(initial=0))

@@ -1,0 +1,209 @@
+"""Decode paths and precisions against float64 and against certified bounds, case by case."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.bench.decode_stand import DecodePrograms, DecodeStand, LoadedPack, StandPath
+from lab.bench.stability_cases import Requests, StabilityCase, as_single
+from lab.bench.tiles import Tiling
+from ntc.accuracy.running_error import running_bounds
+from ntc.codec.precision import Precision
+from ntc.codec.reference import decode_texels
+from ntc.codec.rescale import stored_pack
+from ntc.metrics.metrics import finite_or_none
+from ntc.pack.model import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.resources.layout import MATERIAL_SHIFT
+from viewer.render.resources.precision import supported_precisions
+
+Array = NDArray[np.float64]
+STAND_SIDE = 64
+"""Pixels a side of the pictures of paths that decode pictures: at most so many texels squared of a case are drawn."""
+LOGARITHM_ERROR = 2.0**-14
+"""Of log2 in a shader, for the sizes of footprint that there are."""
+ULP_FLOOR = 1.0 / 255.0
+"""Values below this are counted in units of the last place of this: what is near 0 has as many as one likes."""
+
+
+@dataclass(frozen=True)
+class StabilityRow:
+    """One case by one path in one precision."""
+
+    case: str
+    path: str
+    precision: Precision
+    texels: int
+    largest: float | None
+    """Error against float64, in [0, 1] of the texture's colour space; None where only numbers were looked for."""
+    rms: float | None
+    psnr_db: float | None
+    """Of the error, peak 1; None for no error."""
+    ulps: float | None
+    """Largest error in units of the last place of the exact value in fp32; for fp32 only."""
+    not_finite: int
+    """Values that are no numbers; there must be none."""
+    bound: float | None = None
+    """Largest bound of the texels' own; None for paths that filter or convert what they decoded."""
+    holds: bool | None = None
+    """Whether every texel's error is within its own bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    exact: Array
+    bound: Array
+
+
+def _row(case: str, path: str, precision: Precision, found: NDArray[np.float32], expected: _Expected) -> StabilityRow:
+    error = np.abs(found.astype(np.float64) - expected.exact)
+    finite = np.isfinite(error)
+    square = float(np.mean(error[finite] ** 2)) if finite.any() else 0.0
+    units = np.spacing(np.maximum(np.abs(expected.exact), ULP_FLOOR).astype(np.float32)).astype(np.float64)
+    return StabilityRow(
+        case=case,
+        path=path,
+        precision=precision,
+        texels=len(found),
+        largest=float(error[finite].max(initial=0.0)),
+        rms=math.sqrt(square),
+        psnr_db=finite_or_none(-10.0 * math.log10(square) if square > 0.0 else math.inf),
+        ulps=float((error / units)[finite].max(initial=0.0)) if precision == "fp32" else None,
+        not_finite=int((~np.isfinite(found)).sum()),
+        bound=float(expected.bound.max(initial=0.0)),
+        holds=bool((error <= expected.bound).all()),
+    )
+
+
+def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0) -> _Expected:
+    stored = stored_pack(case.pack, precision) if case.rescale else case.pack
+    exact, bound = [], []
+    for part in case.requests:
+        values = decode_texels(case.pack, part.texture, part.uv, part.lod)
+        own = running_bounds(stored, part.texture, part.uv, part.lod, precision, lod_error)
+        # Textures of fewer channels than the widest: what is missing is exact.
+        exact.append(_padded(values))
+        bound.append(_padded(own))
+    return _Expected(np.concatenate(exact), np.concatenate(bound))
+
+
+def _padded(values: NDArray[np.floating]) -> Array:
+    """[N, 3] of [N, 1 to 4]: missing channels are 0, and a fourth is of no effect."""
+    wide = np.zeros((len(values), 3))
+    wide[:, : min(3, values.shape[1])] = values[:, :3]
+    return wide
+
+
+class StabilityBench:
+    """Decodes cases on one context. Programs are compiled once for each codec and precision."""
+
+    def __init__(self, context: GraphicsContext) -> None:
+        self._context = context
+        self._programs = DecodePrograms(context)
+
+    def _emulated(self, precision: Precision) -> bool:
+        return precision not in supported_precisions(self._context)
+
+    def texel_decoder(self, pack: Pack, precision: Precision, rescale: bool = True) -> GlTexelDecoder:
+        """Decodes texels of `pack`; the caller releases it."""
+        emulated = self._emulated(precision)
+        return GlTexelDecoder(self._context, pack, precision, emulated, self._programs.of(pack), rescale)
+
+    def texels(self, case: StabilityCase, precision: Precision) -> StabilityRow:
+        """`case` by the texel decoder, which `ntc-viewer decode` uses."""
+        decoder = self.texel_decoder(case.pack, precision, case.rescale)
+        found = [_padded(decoder.decode_texels(part.texture, part.uv, part.lod)) for part in case.requests]
+        decoder.release()
+        return _row(
+            case.name, "texels", precision, np.concatenate(found).astype(np.float32), _expected(case, precision)
+        )
+
+    def pictures(self, case: StabilityCase, precision: Precision, paths: Sequence[StandPath]) -> Iterator[StabilityRow]:
+        """`case` as a picture whose pixels see its texels, by every one of `paths`: as many texels as the picture has pixels."""
+        seen = _as_seen(case)
+        expected = _expected(seen, precision, LOGARITHM_ERROR)
+        stand = DecodeStand(self._context, Tiling((STAND_SIDE, STAND_SIDE), 1), _words(seen))
+        loaded = LoadedPack(self._context, self._programs, seen.pack, precision, self._emulated(precision))
+        for path in paths:
+            loaded.decode(path, stand)()
+            # The target's rows come back with row 0 on top, and words were written with row 0 at the bottom.
+            albedo = stand.target.read()[::-1].reshape(-1, 3)[: len(expected.exact)]
+            self._context.reset.check()
+            yield _row(case.name, path, precision, albedo, expected)
+        loaded.release()
+        stand.release()
+
+    def release(self) -> None:
+        """Free all programs."""
+        self._programs.release()
+
+
+def stand_paths(case: StabilityCase) -> tuple[StandPath, ...]:
+    """Those of a stand's paths that can decode `case`."""
+    if not case.rescale:
+        return ()
+    return ("deferred", "deferred, shared", "binned") if len(case.pack.decoders) == 1 else ("deferred", "binned")
+
+
+def _as_seen(case: StabilityCase) -> StabilityCase:
+    """`case` as a stand shows it: repeated, not converted from sRGB, some of its texels, lods as footprints give them."""
+    pack: Pack = replace(
+        case.pack,
+        textures=tuple(replace(t, color_space="linear", wrap=("repeat", "repeat")) for t in case.pack.textures),
+    )
+    left = STAND_SIDE * STAND_SIDE
+    each = max(1, left // len(case.requests))
+    requests = []
+    for part in case.requests:
+        count = min(each, left, len(part.lod))
+        width = pack.textures[part.texture].width
+        footprint = _footprint(part.lod[:count], width)
+        with np.errstate(invalid="ignore", over="ignore"):
+            texels = np.maximum(as_single(footprint * width), 1e-10)
+        # What is no number is smaller than nothing: GLSL leaves it open, and drivers take the other operand.
+        texels = np.where(np.isnan(footprint), 1e-10, texels)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            requests.append(Requests(part.texture, part.uv[:count], np.log2(texels)))
+        left -= count
+    return replace(case, pack=pack, requests=[part for part in requests if len(part.lod)])
+
+
+def _footprint(lod: Array, width: int) -> Array:
+    with np.errstate(invalid="ignore", over="ignore"):
+        return as_single(np.exp2(lod) / width)
+
+
+def _words(seen: StabilityCase) -> NDArray[np.uint32]:
+    """[STAND_SIDE, STAND_SIDE, 4] visibility words of the case's texels, pixel by pixel; the rest is background."""
+    words = np.zeros((STAND_SIDE * STAND_SIDE, 4), np.uint32)
+    first = 0
+    for part in seen.requests:
+        rows = slice(first, first + len(part.lod))
+        width = seen.pack.textures[part.texture].width
+        with np.errstate(over="ignore", invalid="ignore"):
+            footprint = (np.exp2(part.lod) / width).astype(np.float32)
+        words[rows, 0] = (part.texture + 1) | (1 << MATERIAL_SHIFT)
+        words[rows, 1:3] = part.uv.astype(np.float32).view(np.uint32)
+        words[rows, 3] = footprint.view(np.uint32)
+        first += len(part.lod)
+    return words.reshape(STAND_SIDE, STAND_SIDE, 4)
+
+
+Progress = Callable[[str], None]
+
+
+def stability_rows(
+    bench: StabilityBench, cases: Sequence[StabilityCase], precisions: Sequence[Precision], progress: Progress
+) -> list[StabilityRow]:
+    """All `cases` by the texel decoder and by the paths of a stand, in all `precisions`."""
+    rows = []
+    for case in cases:
+        progress(case.name)
+        for precision in precisions:
+            rows.append(bench.texels(case, precision))
+            rows += bench.pictures(case, precision, stand_paths(case))
+    return rows

@@ -1,0 +1,179 @@
+"""The worst case for a wave, as the paper times it: all decoders meet in every block of 8x8 pixels (paper, Sec. 4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.bench.decode_stand import (
+    BINNED_BYTES,
+    PICTURE_BYTES,
+    TEXTURE_SIDE,
+    DecodePrograms,
+    DecodeStand,
+    LoadedPack,
+    StandPath,
+    interleaved_words,
+)
+from lab.bench.random_pack import square_pack
+from lab.bench.tiles import PictureLimits, Tiling, tiling
+from lab.bench.turns import Progress, Spread, take_turns
+from ntc.codec.config import CodecConfig
+from viewer.gl.context import GraphicsContext
+from viewer.render.resources.layout import GROUP_SIDE
+from viewer.render.resources.precision import EVERYWHERE
+from viewer.state.view_state import Precision
+
+SHARED = 1
+BLOCK_PIXELS = GROUP_SIDE * GROUP_SIDE
+"""Of a block; it sees a texture for each, so that rows differ in decoders and in nothing else."""
+
+
+@dataclass(frozen=True)
+class WorstCaseConfig:
+    """What is timed."""
+
+    sizes: tuple[tuple[int, int], ...] = ((512, 512),)
+    """(width, height) in pixels, one after the other."""
+    decoders: tuple[int, ...] = (1, 5, 10, 20)
+    """1 to BLOCK_PIXELS each."""
+    precisions: tuple[Precision, ...] = EVERYWHERE
+    repeats: int = 7
+    codec: CodecConfig = field(default_factory=CodecConfig)
+
+
+@dataclass(frozen=True)
+class WorstCaseRow:
+    """One way to decode one size."""
+
+    width: int
+    height: int
+    tile_width: int
+    tile_height: int
+    tiles: int
+    """More than 1: the picture is beyond a texture or the memory allowed, and was decoded as so many tiles, one after the other."""
+    decoders: int
+    """In every block."""
+    path: StandPath
+    precision: Precision
+    median_ms: float
+    least_ms: float
+    most_ms: float
+    to_shared: float | None
+    """Median, as a multiple of the one shared decoder's by `deferred, shared` in the same precision; None if that was not timed."""
+    to_one: float | None
+    """Median, as a multiple of the same path's with one decoder in the same precision; None if that was not timed."""
+    gigaflops: float
+    """Multiplications and additions of the decoders' layers, 10^9 a second."""
+    largest_difference: float
+    """Of the albedo of a tile, to the path `deferred` with a decoder index; linear, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    decoders: int
+    path: StandPath
+    precision: Precision
+
+
+def _candidates(config: WorstCaseConfig) -> list[_Candidate]:
+    found = []
+    for decoders in config.decoders:
+        paths: tuple[StandPath, ...] = ("deferred", "deferred, shared", "binned")
+        for precision in config.precisions:
+            own = [path for path in paths if decoders == SHARED or path != "deferred, shared"]
+            found += [_Candidate(decoders, path, precision) for path in own]
+    return found
+
+
+def worst_case(
+    context: GraphicsContext,
+    config: WorstCaseConfig,
+    limits: PictureLimits,
+    progress: Progress = lambda done, of: None,
+) -> tuple[WorstCaseRow, ...]:
+    """Times of every size, path, number of decoders and precision; the candidates of a size take turns.
+
+    Raises InputError where `limits` leave no room for a tile, before anything is allocated.
+    """
+    candidates = _candidates(config)
+    bytes_each = PICTURE_BYTES + BINNED_BYTES * sum(candidate.path == "binned" for candidate in candidates)
+    tilings = [tiling(size, bytes_each, limits) for size in config.sizes]
+    programs = DecodePrograms(context)
+    rows: list[WorstCaseRow] = []
+    for number, (size, tiles) in enumerate(zip(config.sizes, tilings, strict=True)):
+
+        def of_all(done: int, of: int, number: int = number) -> None:
+            progress(number * of + done, len(config.sizes) * of)
+
+        rows += _of_size(context, config, size, tiles, programs, of_all)
+    programs.release()
+    return tuple(rows)
+
+
+def _of_size(
+    context: GraphicsContext,
+    config: WorstCaseConfig,
+    size: tuple[int, int],
+    tiles: Tiling,
+    programs: DecodePrograms,
+    progress: Progress,
+) -> list[WorstCaseRow]:
+    stand = DecodeStand(context, tiles, interleaved_words(tiles.tile, BLOCK_PIXELS))
+    loaded: dict[tuple[int, Precision], LoadedPack] = {}
+    for decoders in config.decoders:
+        pack = square_pack(BLOCK_PIXELS, decoders, TEXTURE_SIDE, config.codec)
+        for precision in config.precisions:
+            loaded[decoders, precision] = LoadedPack(context, programs, pack, precision)
+    candidates = _candidates(config)
+    runs = [loaded[each.decoders, each.precision].decode(each.path, stand) for each in candidates]
+    differences = []
+    truth: NDArray[np.float32] = np.zeros(0, np.float32)
+    for candidate, run in zip(candidates, runs, strict=True):
+        run()
+        albedo = stand.target.read()
+        truth = albedo if candidate.path == "deferred" else truth
+        differences.append(float(np.abs(albedo - truth).max()))
+    spreads = take_turns(context, runs, config.repeats, progress)
+    for pack_on_gpu in loaded.values():
+        pack_on_gpu.release()
+    stand.release()
+    return _rows(config, size, tiles, candidates, spreads, differences)
+
+
+def _rows(
+    config: WorstCaseConfig,
+    size: tuple[int, int],
+    tiles: Tiling,
+    candidates: Sequence[_Candidate],
+    spreads: Sequence[Spread],
+    differences: Sequence[float],
+) -> list[WorstCaseRow]:
+    medians = {candidate: spread.median_ms for candidate, spread in zip(candidates, spreads, strict=True)}
+
+    def multiple(candidate: _Candidate, path: StandPath) -> float | None:
+        base = medians.get(_Candidate(SHARED, path, candidate.precision))
+        return medians[candidate] / base if base else None
+
+    work = 2.0 * config.codec.multiply_adds * tiles.pixels
+    return [
+        WorstCaseRow(
+            width=size[0],
+            height=size[1],
+            tile_width=tiles.tile[0],
+            tile_height=tiles.tile[1],
+            tiles=tiles.count,
+            decoders=candidate.decoders,
+            path=candidate.path,
+            precision=candidate.precision,
+            median_ms=spread.median_ms,
+            least_ms=spread.least_ms,
+            most_ms=spread.most_ms,
+            to_shared=multiple(candidate, "deferred, shared"),
+            to_one=multiple(candidate, candidate.path),
+            gigaflops=work / max(spread.median_ms, 1e-6) / 1e6,
+            largest_difference=difference,
+        )
+        for candidate, spread, difference in zip(candidates, spreads, differences, strict=True)
+    ]

@@ -1,0 +1,121 @@
+"""Read and draw every scene below a folder, each in a process of its own with a time limit, and write a table.
+
+    python -m lab.benchmarks.conformance DIR --out docs/conformance.md --json lab/benchmarks/results/conformance_llvmpipe.json
+
+A scene that is refused with one line is no failure; one that ends a process in any other way is.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from ntc.io import write_text
+from viewer.cli.info_all import KINDS, files_below
+from viewer.cli.table import Column, Table
+
+SIZE = "320x180"
+BAD_INPUT = 2
+COLUMNS = (
+    Column("file", "file"),
+    Column("result", "result"),
+    Column("render", "render"),
+    Column("triangles", "triangles"),
+    Column("textures", "textures"),
+    Column("seconds", "load and draw, s", 1),
+    Column("honoured", "honoured"),
+    Column("ignored", "ignored"),
+    Column("missing", "missing"),
+)
+
+
+def _command(arguments: list[str], limit: float) -> tuple[int | None, str, str]:
+    """(exit status or None when time was over, stdout, last line of stderr)."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "viewer", *arguments],
+            capture_output=True,
+            text=True,
+            timeout=limit,
+            errors="replace",
+        )
+    except subprocess.TimeoutExpired:
+        return None, "", f"longer than {limit:g} s"
+    lines = done.stderr.strip().splitlines()
+    return done.returncode, done.stdout, lines[-1] if lines else ""
+
+
+def _outcome(status: int | None, line: str, done: str, path: Path) -> str:
+    if status == 0:
+        return done
+    if status == BAD_INPUT:
+        return "refused: " + line.removeprefix("error: ").removeprefix(f"{path}: ")
+    return f"failed: {line}" if status is None else f"crashed (exit {status}): {line}"
+
+
+def examine(path: Path, folder: Path, limit: float) -> dict[str, Any]:
+    """Read the scene at `path`, draw it on the reference path, and say what happened."""
+    row: dict[str, Any] = {"file": path.relative_to(folder).as_posix(), "render": "-"}
+    status, text, line = _command(["info", str(path), "--json"], limit)
+    row["result"] = _outcome(status, line, "read", path)
+    if status != 0:
+        return row
+    information = json.loads(text)
+    row |= {key: information["used"][key] for key in ("triangles", "textures")}
+    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing")}
+    with tempfile.TemporaryDirectory() as out:
+        started = time.monotonic()
+        arguments = ["render", str(path), "--grouping", "reference", "--size", SIZE, "--out", out]
+        status, _, line = _command(arguments, limit)
+        row["seconds"] = time.monotonic() - started
+        row["render"] = _outcome(status, line, "ok", path)
+        if status == 0:
+            stats = json.loads((Path(out) / "stats.json").read_text())
+            row["renderer"] = stats["renderer"]
+            row["covered"] = stats["pixels"]["covered"]
+            if row["covered"] == 0:
+                row["render"] = "ok, the first camera sees nothing"
+    return row
+
+
+def main() -> None:
+    """Run and report."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--out", type=Path, help="write the table to this Markdown file")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds for each process")
+    options = parser.parse_args()
+    rows = []
+    for path in files_below(options.folder):
+        if KINDS[path.suffix.lower()] == "pack":
+            continue
+        rows.append(examine(path, options.folder, options.limit))
+        print(rows[-1]["file"], rows[-1]["result"], rows[-1]["render"], flush=True)
+    table = Table(COLUMNS, rows)
+    read = sum(row["result"] == "read" for row in rows)
+    refused = sum(row["result"].startswith("refused") for row in rows)
+    drawn = sum(row["render"].startswith("ok") for row in rows)
+    renderer = next((row["renderer"] for row in rows if "renderer" in row), "-")
+    summary = (
+        f"{len(rows)} scenes: {read} read, {refused} refused with one line, {len(rows) - read - refused} crashed;"
+        f" {drawn} of {read} drawn at {SIZE} on the reference path ({renderer})."
+    )
+    text = (
+        f"# Conformance\n\n{summary}\nMade by `python -m lab.benchmarks.conformance DIR --out F.md`. Time is that of one"
+        " `ntc-viewer render`, start of the program included.\nWhat the columns honoured and ignored mean: gltf.md.\n\n"
+    )
+    if options.out is not None:
+        write_text(options.out, text + table.markdown())
+    else:
+        print(table.markdown())
+    if options.json is not None:
+        write_text(options.json, json.dumps({"summary": summary, "rows": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Feed the readers mutated files until so many were read or so much time is over, and record what broke.
+
+Every reader runs in a process of its own under libFuzzer, guided by the coverage of the readers' Python code
+(needs `pip install atheris`). A finding is an exception other than InputError, a crash, more than 5 seconds or more
+than 1 GiB for one file; its input is kept in the folder of findings, and the run goes on without it.
+
+    python -m lab.benchmarks.fuzz_readers --runs 200000 --seconds 600 --json lab/benchmarks/results/fuzz_readers.json
+"""
+
+import argparse
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lab.benchmarks.fuzzing import seeds
+from ntc.io import write_text
+
+LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
+LARGEST_INPUT = 1 << 14
+MEMORY = Path("/dev/shm")
+MOST_FINDINGS = 20
+"""Of one reader: then it is left alone."""
+
+
+@dataclass
+class Tally:
+    """What became of one reader."""
+
+    reader: str
+    seeds: int = 0
+    executions: int = 0
+    seconds: float = 0.0
+    coverage: int = 0
+    """Edges of the watched Python code that were reached."""
+    corpus: int = 0
+    peak_rss_mb: int = 0
+    slowest_seconds: int = 0
+    findings: list[str] = field(default_factory=list)
+
+
+def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
+    """What fuzzing of `reader` starts from."""
+    made: dict[str, Iterable[bytes]] = {
+        "scene": [*seeds.scenes(), *seeds.real(folder, (".gltf", ".glb"))],
+        "pack": [*seeds.packs(), *seeds.real(folder, (".ntc",))],
+        "image": [*seeds.images(), *seeds.real(folder, seeds.IMAGE_SUFFIXES)],
+        "cameras": [*seeds.cameras()],
+        "settings": [*seeds.settings()],
+        "worker messages": [*seeds.messages()],
+        "script": [*seeds.scripts()],
+        "view": [*seeds.views()],
+    }
+    return list(made[reader])
+
+
+def _numbers(pattern: str, text: str) -> list[int]:
+    return [int(number) for number in re.findall(pattern, text)]
+
+
+def _cause(log: str) -> str:
+    """The line of libFuzzer's log that says best what happened."""
+    lines = [line.strip() for line in log.splitlines()]
+    for number, line in enumerate(lines):
+        if "Uncaught Python exception" in line:
+            return next((text for text in lines[number + 1 :] if text), line)[:300]
+    return next((line for line in lines if "ERROR: libFuzzer" in line or "AddressSanitizer" in line), "ended")[:300]
+
+
+def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) -> None:
+    """One process; it ends at a finding, or when all is done."""
+    prefix = findings / f"{tally.reader.replace(' ', '-')}-"
+    known = set(findings.iterdir())
+    arguments = [
+        *(sys.executable, "-m", "lab.benchmarks.fuzzing.targets", tally.reader),
+        *(f"-runs={runs}", f"-max_total_time={max(1, int(seconds))}", f"-max_len={LARGEST_INPUT}"),
+        *(f"-timeout={LIMIT_SECONDS}", f"-rss_limit_mb={LIMIT_MEGABYTES}", f"-artifact_prefix={prefix}"),
+        *("-print_final_stats=1", str(corpus)),
+    ]
+    started = time.monotonic()
+    # libFuzzer ends the process without further ado: what it leaves is removed here. Files in memory keep off the disk.
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as scratch:
+        done = subprocess.run(
+            arguments,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env={**os.environ, "TMPDIR": scratch},
+        )
+    log = done.stdout
+    tally.seconds += time.monotonic() - started
+    counted = _numbers(r"stat::number_of_executed_units: (\d+)", log) or _numbers(r"^#(\d+)\s", log) or [0]
+    tally.executions += counted[-1]
+    tally.coverage = max([tally.coverage, *_numbers(r"cov: (\d+)", log)])
+    tally.corpus = max([tally.corpus, *_numbers(r"corp: (\d+)/", log)])
+    tally.peak_rss_mb = max([tally.peak_rss_mb, *_numbers(r"(?:peak_rss_mb:|rss:) *(\d+)", log)])
+    tally.slowest_seconds = max([tally.slowest_seconds, *_numbers(r"slowest_unit_time_sec: +(\d+)", log)])
+    if done.returncode != 0:
+        new = sorted(path.name for path in set(findings.iterdir()) - known)
+        tally.findings.append(f"{_cause(log)} [{', '.join(new) or f'exit {done.returncode}'}]")
+        (findings / f"{tally.reader}-{len(tally.findings)}.log").write_text(log[-20000:])
+
+
+def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: Path) -> Tally:
+    """Fuzz `reader` until `runs` files were read, `seconds` are over or too much was found."""
+    tally = Tally(reader)
+    with tempfile.TemporaryDirectory() as name:
+        corpus = Path(name)
+        for data in reader_seeds(reader, folder):
+            (corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
+            tally.seeds += 1
+        while tally.executions < runs and tally.seconds < seconds and len(tally.findings) < MOST_FINDINGS:
+            before = tally.executions
+            _run(tally, runs - tally.executions, seconds - tally.seconds, corpus, findings)
+            if tally.executions == before:
+                break
+    tally.seconds = round(tally.seconds, 1)
+    return tally
+
+
+def main() -> None:
+    """Run and report."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    names = ["scene", "pack", "image", "cameras", "settings", "worker messages", "script", "view"]
+    parser.add_argument("--reader", action="append", choices=names, help="may be given again; default all")
+    parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
+    parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")
+    parser.add_argument("--seeds", type=Path, help="folder of real files; the small ones are used too")
+    parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"), help="where inputs that broke are kept")
+    parser.add_argument("--more", action="store_true", help="add to the figures that --json names already")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    options = parser.parse_args()
+    if importlib.util.find_spec("atheris") is None:
+        sys.exit("error: atheris is not installed; pip install '.[fuzz]'")
+    options.findings.mkdir(parents=True, exist_ok=True)
+    earlier = json.loads(options.json.read_text())["readers"] if options.more else []
+    tallies: list[dict[str, Any]] = list(earlier)
+    for reader in options.reader or names:
+        tally = fuzz(reader, options.runs, options.seconds, options.seeds, options.findings)
+        tallies.append(asdict(tally))
+        print(
+            f"{reader}: {tally.executions:,} files in {tally.seconds:.0f} s, {len(tally.findings)} findings,"
+            f" peak {tally.peak_rss_mb} MB, slowest {tally.slowest_seconds} s"
+        )
+        for finding in tally.findings:
+            print(f"  {finding}")
+        if options.json is not None:
+            total = sum(row["executions"] for row in tallies)
+            limits = {"seconds": LIMIT_SECONDS, "megabytes": LIMIT_MEGABYTES, "largest_input_bytes": LARGEST_INPUT}
+            content = {"executions": total, "limits": limits, "readers": tallies}
+            write_text(options.json, json.dumps(content, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

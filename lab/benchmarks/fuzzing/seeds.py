@@ -1,0 +1,129 @@
+"""Small well-formed files that fuzzing starts from: built here, and real ones that are small enough."""
+
+import io
+import json
+import math
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from ntc.codec.config import CodecConfig
+from ntc.pack.file import write_pack
+from tests.support.gltf_builder import GltfBuilder, noise, png
+from tests.support.packs import random_pack
+from viewer.state.settings import ViewerSettings
+
+LARGEST_REAL = 1 << 13
+"""Bytes: larger files of a folder of samples are left out, for speed."""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".dds")
+
+
+def scenes() -> Iterator[bytes]:
+    """glTF files that together use all that is read."""
+    from tests.fuzz.test_scene_fuzz import rich_builder
+
+    rich = rich_builder()
+    yield rich.glb()
+    with tempfile.TemporaryDirectory() as folder:
+        yield rich_builder().write(Path(folder) / "rich.gltf").read_bytes()
+    plain = GltfBuilder()
+    yield plain.drawn(plain.triangle()).glb()
+    chain = GltfBuilder()
+    mesh = chain.mesh(chain.triangle(chain.material(chain.image(png(noise(3, 5))))))
+    for number in range(12):
+        chain.add("nodes", mesh=mesh, children=[number + 1] if number < 11 else [], rotation=[0, math.sin(0.1), 0, 1])
+    yield chain.glb()
+    yield from _draco_scenes()
+
+
+def _draco_scenes() -> Iterator[bytes]:
+    try:
+        import DracoPy
+    except ImportError:
+        return
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
+    for level in (1, 10):
+        data = DracoPy.encode(points, faces, compression_level=level)
+        builder = GltfBuilder()
+        primitive = builder.triangle()
+        primitive["attributes"] = {"POSITION": primitive["attributes"]["POSITION"]}
+        extension = {"bufferView": builder.view(data), "attributes": {"POSITION": 0}}
+        primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
+        builder.json["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+        yield builder.drawn(primitive).glb()
+
+
+def packs() -> Iterator[bytes]:
+    """Packs of different codecs."""
+    configs = (
+        CodecConfig(hidden_width=4),
+        CodecConfig(hidden_width=4, levels=1),
+        CodecConfig(hidden_width=4, adapters=True),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for number, config in enumerate(configs):
+            path = Path(folder) / f"{number}.ntc"
+            write_pack(path, random_pack(sizes=((8, 8), (5, 7)), config=config))
+            yield path.read_bytes()
+
+
+def images() -> Iterator[bytes]:
+    """Images of the formats that scenes hold."""
+    yield png(noise(8, 8))
+    yield png(noise(5, 7, 4))
+    yield png(noise(4, 4, 1).astype(np.uint16) * 257)
+    try:
+        from PIL import Image
+    except ImportError:
+        return
+    picture = Image.fromarray(noise(16, 16))
+    for kind in ("JPEG", "WEBP", "DDS", "BMP", "TGA", "TIFF", "GIF", "PPM"):
+        buffer = io.BytesIO()
+        picture.save(buffer, kind)
+        yield buffer.getvalue()
+
+
+def cameras() -> Iterator[bytes]:
+    """Camera files."""
+    entry = {"name": "front", "eye": [0, 1, 4], "target": [0, 1, 0], "fov": 50}
+    yield json.dumps([entry, {**entry, "name": "side", "eye": [4.5, 1, 0]}]).encode()
+
+
+def settings() -> Iterator[bytes]:
+    """Settings files."""
+    yield json.dumps(asdict(ViewerSettings())).encode()
+
+
+def messages() -> Iterator[bytes]:
+    """Messages between the window and its training process."""
+    from lab.benchmarks.fuzzing.messages import talks
+
+    yield from talks()
+
+
+def scripts() -> Iterator[bytes]:
+    """Scripts."""
+    from lab.benchmarks.fuzzing.scripts import script_seed
+
+    yield script_seed()
+    yield b"camera.frame-all\ncompare.mode wipe\n# a comment\nslot.path a cached\nwait settled\nexpect path cached\n"
+
+
+def views() -> Iterator[bytes]:
+    """Saved views."""
+    from lab.benchmarks.fuzzing.scripts import view_seed
+
+    yield view_seed()
+
+
+def real(folder: Path | None, suffixes: tuple[str, ...]) -> Iterator[bytes]:
+    """The small files with one of `suffixes` below `folder`, sorted by path."""
+    if folder is None:
+        return
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() in suffixes and path.is_file() and 0 < path.stat().st_size <= LARGEST_REAL:
+            yield path.read_bytes()

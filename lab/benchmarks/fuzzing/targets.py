@@ -1,0 +1,156 @@
+"""One reader in a process of its own under libFuzzer (through atheris): `python -m lab.benchmarks.fuzzing.targets READER ...`.
+
+Whatever is neither read nor refused with InputError ends the process, and libFuzzer writes the input to a file.
+"""
+
+import contextlib
+import random
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import atheris
+
+from lab.benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutate_json, mutate_pack
+from ntc.errors import InputError
+
+WATCHED = [
+    "viewer.scene",
+    "viewer.state.settings",
+    "ntc.pack.file",
+    "ntc.pack.schema",
+    "ntc.pack.model",
+    "ntc.codec.quantize",
+]
+WATCHED_SCRIPTS = [
+    "viewer.commands",
+    "viewer.script",
+    "viewer.state.view_file",
+    "viewer.state.json_fields",
+    "viewer.state.session",
+]
+WATCHED_MESSAGES = [
+    *(
+        "ntc.worker.client",
+        "ntc.worker.wire",
+        "ntc.worker.pipe",
+        "ntc.worker.process",
+        "ntc.worker.report_checks",
+        "ntc.pack.validate",
+    ),
+    *("ntc.worker.shared_arrays", "ntc.training.snapshot", "ntc.training.checks"),
+]
+
+with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_SCRIPTS], enable_loader_override=False):
+    from lab.benchmarks.fuzzing.messages import MessageReader, mutate_messages
+    from lab.benchmarks.fuzzing.scripts import ScriptReader, mutate_script
+    from ntc.pack.file import read_pack
+    from viewer.scene.cameras_file import read_cameras
+    from viewer.scene.gltf.container import parse_gltf
+    from viewer.scene.images import decode_image
+    from viewer.scene.load import build_scene
+    from viewer.scene.report import report_json, report_lines
+    from viewer.state.settings import parse_settings
+
+Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
+PLAIN_SHARE = 0.3
+"""Of the mutations that are libFuzzer's alone."""
+LONGEST_MESSAGE = 2000
+
+
+class Readers:
+    """The readers by name; those that need a path get a file in `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.by_name: dict[str, tuple[Callable[[bytes], None], Mutator]] = {
+            "scene": (self.scene, mutate_gltf),
+            "pack": (self.pack, mutate_pack),
+            "image": (self.image, mutate_image),
+            "cameras": (self.cameras, mutate_json),
+            "settings": (self.settings, mutate_json),
+            "worker messages": (self.messages, mutate_messages),
+            "script": (self.script, mutate_script),
+            "view": (self.view, mutate_json),
+        }
+        self._messages: MessageReader | None = None
+        self._scripts: ScriptReader | None = None
+
+    def scene(self, data: bytes) -> None:
+        """Read `data` as a scene, with a folder of its own in which nothing else lies."""
+        scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
+        report_json(scene)
+        "\n".join(report_lines(scene)).encode()
+
+    def pack(self, data: bytes) -> None:
+        """Read `data` as a pack."""
+        read_pack(self._file(data))
+
+    def image(self, data: bytes) -> None:
+        """Read `data` as an image."""
+        decode_image(data, "fuzz")
+
+    def cameras(self, data: bytes) -> None:
+        """Read `data` as a camera file."""
+        read_cameras(self._file(data))
+
+    def settings(self, data: bytes) -> None:
+        """Read `data` as settings, the way a file is turned into text."""
+        with contextlib.suppress(UnicodeDecodeError):
+            parse_settings(data.decode(), "fuzz")
+
+    def messages(self, data: bytes) -> None:
+        """Take `data` as messages of background training."""
+        if self._messages is None:
+            self._messages = MessageReader()
+        self._messages.read(data)
+
+    def script(self, data: bytes) -> None:
+        """Take `data` as a script, and run it."""
+        self._script_reader().script(data)
+
+    def view(self, data: bytes) -> None:
+        """Take `data` as a saved view."""
+        self._script_reader().view(data)
+
+    def _script_reader(self) -> ScriptReader:
+        if self._scripts is None:
+            self._scripts = ScriptReader()
+        return self._scripts
+
+    def _file(self, data: bytes) -> Path:
+        path = self._folder / "fuzz.bin"
+        path.write_bytes(data)
+        return path
+
+
+def main() -> None:
+    """Fuzz the reader named first; the rest are libFuzzer's arguments."""
+    reader = sys.argv.pop(1)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        # decode_image writes its input to a temporary file: keep that off the disk too.
+        tempfile.tempdir = name
+        read, mutator = Readers(folder).by_name[reader]
+
+        def one_input(data: bytes) -> None:
+            try:
+                read(data)
+            except InputError as error:
+                line = str(error)
+                if "\n" in line or len(line) > LONGEST_MESSAGE or not line.isprintable():
+                    raise AssertionError(f"not one printable line: {line[:200]!r}") from error
+
+        def mutate(data: bytes, limit: int, seed: int) -> bytes:
+            source = random.Random(seed)
+            if source.random() < PLAIN_SHARE:
+                return atheris.Mutate(data, limit)
+            return mutator(data, limit, source, atheris.Mutate)[:limit]
+
+        atheris.Setup(sys.argv, one_input, custom_mutator=mutate)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

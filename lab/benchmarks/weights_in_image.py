@@ -1,0 +1,69 @@
+"""What it is worth to keep weights in an image on a software renderer, and to decode several pixels with one decoder.
+
+    python -m lab.benchmarks.weights_in_image [--json FILE]
+
+512x512 pixels, every decoder in every block, codec of recipe best, fp32; all ways in one run, taking turns.
+"""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from lab.bench.decode_stand import DecodePrograms, DecodeStand, interleaved_words
+from lab.bench.random_pack import square_pack
+from lab.bench.tiles import Tiling
+from lab.bench.turns import take_turns
+from lab.benchmarks.measuring import report
+from ntc.training.config import recipe_codec
+from viewer.gl.context import create_headless_context
+from viewer.render.passes.decode_binned import DecodeBinnedPass
+from viewer.render.passes.decode_deferred import DecodeDeferredPass
+from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.pack_buffers import PackBuffers
+
+SIZE = (512, 512)
+TEXTURES = 64
+
+
+def main() -> None:
+    """Print and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--repeats", type=int, default=7)
+    options = parser.parse_args()
+    context = create_headless_context()
+    programs = DecodePrograms(context)
+    stand = DecodeStand(context, Tiling(SIZE, 1), interleaved_words(SIZE, TEXTURES))
+    names: list[tuple[str, str, int]] = []
+    runs: list[Callable[[], None]] = []
+    for decoders in (1, 5, 10, 20):
+        pack = square_pack(TEXTURES, decoders, 256, recipe_codec("best", 3, None))
+        for place, in_image in (("buffer", False), ("image", True)):
+            buffers = PackBuffers(context, pack, range(TEXTURES), "fp32", weights_in_image=in_image)
+            ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
+            indexed = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, None)
+            names.append(("deferred, index by pixel", place, decoders))
+            runs.append(lambda run=indexed: run.run(stand.visibility, stand.material, stand.target))  # type: ignore[misc]
+            if decoders == 1:
+                shared = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, 0)
+                names.append(("deferred, shared", place, decoders))
+                runs.append(lambda run=shared: run.run(stand.visibility, stand.material, stand.target))  # type: ignore[misc]
+            binned = DecodeBinnedPass(context, programs.of(pack), buffers, ranges, pack, False)
+            names.append(("binned", place, decoders))
+            runs.append(
+                lambda run=binned, count=decoders: run.run(  # type: ignore[misc]
+                    stand.visibility, stand.material, stand.target, range(count)
+                )
+            )
+    spreads = take_turns(context, runs, options.repeats)
+    shared_ms = spreads[names.index(("deferred, shared", "image", 1))].median_ms
+    rows = [
+        {"path": path, "weights in": place, "decoders": decoders, "ms": spread.median_ms, "least ms": spread.least_ms}
+        | {"times shared": spread.median_ms / shared_ms}
+        for (path, place, decoders), spread in zip(names, spreads, strict=True)
+    ]
+    report("weights in an image", rows, {"renderer": context.info.renderer, "repeats": options.repeats}, options.json)
+
+
+if __name__ == "__main__":
+    main()

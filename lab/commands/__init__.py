@@ -1,0 +1,1 @@
+"""`ntc-viewer bench` and `ntc-viewer study NAME`."""

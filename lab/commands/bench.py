@@ -1,0 +1,213 @@
+"""`ntc-viewer bench`: the worst case for a wave, time against error in a scene, and how time grows."""
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import get_args
+
+from rich.console import Console
+from rich.progress import Progress, TimeRemainingColumn
+
+from lab.bench.figures import scaling_figure, time_error_figure
+from lab.bench.record import BenchRecord, machine
+from lab.bench.scaling import ScalingConfig, scaling
+from lab.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
+from lab.bench.tables import scaling_table, scene_table, worst_case_table
+from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
+from lab.bench.turns import Progress as Report
+from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
+from lab.commands.bench_options import BenchOptions
+from ntc.codec.config import CodecConfig
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from ntc.training.config import recipe_codec
+from viewer.cli.sources import open_scene, packs_for
+from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.render.resources.precision import supported_precisions
+from viewer.scene.model import Camera, Scene
+from viewer.state.camera import frame_all
+from viewer.state.view_state import Precision
+from viewer.viewpoints.scene_views import ViewSource, cameras_of
+
+MOST = 2000
+"""Textures, and decoders, of the scaling."""
+LEAST_MEMORY_MB = 16
+
+
+def _check_counts(option: str, counts: tuple[int, ...], most: int, why: str = "") -> None:
+    if not counts:
+        raise InputError(f"{option}: name at least one number")
+    for count in counts:
+        if not 1 <= count <= most:
+            raise InputError(f"{option} {count}: must be 1 to {most}{why}")
+
+
+def _check(options: BenchOptions) -> None:
+    if options.json.suffix != ".json":
+        raise InputError(f"--json {options.json}: a record's name ends in .json")
+    if options.repeats < 1:
+        raise InputError(f"--repeats {options.repeats}: must be at least 1")
+    if options.memory_mb < LEAST_MEMORY_MB:
+        raise InputError(f"--memory-mb {options.memory_mb}: must be at least {LEAST_MEMORY_MB}")
+    for option, names in (("--paths", options.paths), ("--precisions", options.precisions)):
+        if not names:
+            raise InputError(f"{option}: name at least one")
+    for option, sizes in (("--worst-sizes", options.worst_sizes), ("--scaling-sizes", options.scaling_sizes)):
+        if sizes is not None and not sizes:
+            raise InputError(f"{option}: name at least one size")
+    _check_counts("--decoders", options.decoders, BLOCK_PIXELS, ", the pixels of a block")
+    _check_counts("--scaling-textures", options.scaling_textures, MOST)
+    _check_counts("--scaling-decoders", options.scaling_decoders, MOST)
+    _codec(options)
+    for width in options.scaling_widths:
+        _with_width(_codec(options), "--scaling-widths", width)
+
+
+def _with_width(codec: CodecConfig, option: str, width: int) -> CodecConfig:
+    try:
+        return replace(codec, hidden_width=width)
+    except ValueError as error:
+        raise InputError(f"{option} {width}: must be a multiple of 4 from 4 to 256") from error
+
+
+def _codec(options: BenchOptions) -> CodecConfig:
+    codec = recipe_codec(options.codec, 3, None)
+    return codec if options.hidden_width is None else _with_width(codec, "--hidden-width", options.hidden_width)
+
+
+def _squares(least: int, most: int) -> tuple[tuple[int, int], ...]:
+    """Squares from `least` to `most` pixels a side, each twice as wide as the one before."""
+    sides = [least]
+    while sides[-1] < most:
+        sides.append(sides[-1] * 2)
+    return tuple((side, side) for side in sides)
+
+
+@dataclass(frozen=True, eq=False)
+class _SceneToBench:
+    scene: Scene
+    packs: Mapping[str, Pack]
+    cameras: tuple[Camera, ...]
+
+
+def _open(options: BenchOptions) -> _SceneToBench:
+    """Everything that the scene's part reads. Raises InputError."""
+    scene = open_scene(options.scene)
+    packs = packs_for(scene, options.pack)
+    if not packs:
+        raise InputError(f"{scene.name}: has no packs beside it; name some with --pack, or make one with encode")
+    cameras = cameras_of(scene, ViewSource(options.views)) or (frame_all(scene.bounds),)
+    return _SceneToBench(scene, packs, cameras)
+
+
+def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precision, ...]:
+    """The wanted precisions; those that this driver has where all are wanted. Raises InputError for one that it has not."""
+    supported = supported_precisions(context)
+    if set(options.precisions) == set(get_args(Precision)):
+        return supported
+    for precision in options.precisions:
+        if precision not in supported:
+            raise InputError(
+                f"--precisions {precision}: {context.info.renderer} has no half arithmetic in shaders; name fp32 or fp16"
+            )
+    return options.precisions
+
+
+def bench(options: BenchOptions) -> int:
+    """Run `ntc-viewer bench`. Raises InputError for bad input, before anything is timed."""
+    _check(options)
+    context = create_headless_context()
+    options = replace(options, precisions=_precisions(options, context))
+    limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
+    wanted = ("worst-case", "scene", "scaling") if options.what == "all" else (options.what,)
+    opened = None
+    if "scene" in wanted:
+        require_memory("--size", options.size, PICTURE_BYTES, limits)
+        opened = _open(options)
+    record = BenchRecord(options.json, machine(context))
+    console = Console(stderr=True, soft_wrap=True)
+    progress = Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True)
+    with context.reset.watched(), progress as bar:
+
+        def report(name: str) -> Report:
+            task = bar.add_task(name, total=None)
+            return lambda done, of: bar.update(task, completed=done, total=of)
+
+        if "worst-case" in wanted:
+            bar.print(_bench_worst_case(options, context, limits, record, report))
+        if opened is not None:
+            bar.print(_bench_scene(options, context, opened, record, report))
+        if "scaling" in wanted:
+            bar.print(_bench_scaling(options, context, limits, record, report))
+    sys.stdout.write(f"wrote {options.json}\n")
+    return 0
+
+
+MakeReport = Callable[[str], Report]
+
+
+def _bench_worst_case(
+    options: BenchOptions,
+    context: GraphicsContext,
+    limits: PictureLimits,
+    record: BenchRecord,
+    report: MakeReport,
+) -> str:
+    sizes = options.worst_sizes or _squares(512, 512 if context.info.is_software else 8192)
+    config = WorstCaseConfig(sizes, options.decoders, options.precisions, options.repeats, _codec(options))
+    rows = worst_case(context, config, limits, report("worst case"))
+    table = worst_case_table(rows)
+    title = f"Every decoder in every block, codec of recipe {options.codec}, {context.info.renderer}"
+    content = {"settings": asdict(config), "rows": [asdict(row) for row in rows]}
+    record.add("worst_case", content, ".worst-case", title, table)
+    return f"{title}\n{table.text()}"
+
+
+def _bench_scene(
+    options: BenchOptions,
+    context: GraphicsContext,
+    opened: _SceneToBench,
+    record: BenchRecord,
+    report: MakeReport,
+) -> str:
+    config = SceneBenchConfig(options.size, options.paths, options.precisions, options.repeats)
+    name = opened.scene.name
+    rows = bench_scene(context, opened.scene, opened.packs, opened.cameras, config, report(name))
+    table = scene_table(rows)
+    width, height = config.size
+    title = f"{name}: {len(opened.cameras)} cameras, {width}x{height}, {context.info.renderer}"
+    content = {
+        "name": name,
+        "settings": asdict(config),
+        "table": [dict(row) for row in table.rows],
+        "rows": [asdict(row) for row in rows],
+    }
+    record.plot("", time_error_figure(table, title))
+    record.add("scene", content, "", title, table)
+    return f"{title}\n{table.text()}"
+
+
+def _bench_scaling(
+    options: BenchOptions,
+    context: GraphicsContext,
+    limits: PictureLimits,
+    record: BenchRecord,
+    report: MakeReport,
+) -> str:
+    sizes = options.scaling_sizes or _squares(256, 1024 if context.info.is_software else 4096)
+    config = ScalingConfig(
+        size=sizes[len(sizes) // 2],
+        sizes=sizes,
+        textures=options.scaling_textures,
+        decoders=options.scaling_decoders,
+        widths=options.scaling_widths,
+        repeats=options.repeats,
+        codec=_codec(options),
+    )
+    rows = scaling(context, config, limits, report("scaling"))
+    table = scaling_table(rows)
+    width, height = config.size
+    title = f"How decoding scales: codec of recipe {options.codec}, {width}x{height} where not swept, {context.info.renderer}"
+    record.plot(".scaling", scaling_figure(rows, title))
+    record.add("scaling", {"settings": asdict(config), "rows": [asdict(row) for row in rows]}, ".scaling", title, table)
+    return f"{title}\n{table.text()}"

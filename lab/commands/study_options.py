@@ -1,0 +1,169 @@
+"""Options of `ntc-viewer study NAME`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+import tyro
+
+from lab.studies.settings import ScaleName, StudySettings
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
+from ntc.codec.precision import Precision
+from ntc.errors import InputError
+from viewer.cli.options import OptionalScene, Packs, Size
+
+
+@dataclass(frozen=True)
+class ClusterStudyOptions:
+    """How divergence and likeness depend on the number of decoders, for every grouping: table, CSV, JSON and plot."""
+
+    out: Path
+    """Folder for clusters.md, clusters.csv, clusters.json and clusters.png."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
+    clusters: tuple[int, ...] = (1, 2, 5, 10, 20)
+    """Numbers of groups to try; one group for each texture is added."""
+    features: tuple[FeatureName, ...] = ("low_level", "spectral")
+    """What textures are compared by: each in turn."""
+    clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
+    """Weights of --features clip: a file, or "download" to fetch them."""
+    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of cameras; every other one is held out. None: the scene's own cameras."""
+    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    spread_weight: float = GroupingConfig.spread_weight
+    """covisible: how much it counts that textures of a group are alike, against divergence."""
+    largest_share: float = GroupingConfig.largest_share
+    """covisible: no group holds more than this share of the textures."""
+    texture_size: int = 256
+    """Textures are reduced to at most this many texels a side before they are compared."""
+    seed: int = 0
+    """Seed of groupings and sampled places."""
+
+
+@dataclass(frozen=True)
+class FilteringStudyOptions:
+    """How well each path filters: against the supersampled originals, over distance, tilt and motion."""
+
+    out: Path
+    """Folder for filtering.md, filtering.csv, filtering.json and filtering.png."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """Grouping of the pack to look at. None: clustered, else the first pack."""
+    size: Size = (128, 96)
+    """Pixels of the pictures; the truth has 16 samples in each."""
+    frames: int = 10
+    """Of the moving camera, at least 2."""
+
+
+@dataclass(frozen=True)
+class StabilityStudyOptions:
+    """Every decode path in every precision against float64 and certified bounds, on ordinary and hostile cases."""
+
+    out: Path
+    """Folder for stability.md, stability.csv, stability.json and stability.png."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
+    grouping: tuple[str, ...] = ("clustered", "single")
+    """Packs of the scene that are measured, by grouping."""
+    texels: int = 2000
+    """Texels of each case."""
+    bound_texels: int = 100_000
+    """Random texels at which certified bounds are checked, in all."""
+    size: Size = (96, 54)
+    """Pixels of the pictures of the scene."""
+    precisions: tuple[Precision, ...] = get_args(Precision)
+    """Precisions; what the driver cannot compute is emulated."""
+    seed: int = 0
+    """Seed of random weights and places."""
+
+
+@dataclass(frozen=True)
+class TrainingStudyOptions:
+    """What studies that train have in common."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """glTF scene, or a folder of images."""
+    out: Path
+    """Folder for tables (.md, .csv), figures as JSON, plots (.png), and for the finished runs: stopped, a study goes on."""
+    clusters: int | None = None
+    """Decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    scale: ScaleName = StudySettings.scale
+    """small: minutes on two cores. paper: 350 epochs at 1024 texels, for a GPU."""
+    steps: int = StudySettings.steps
+    """Optimisation steps of each run at the small scale."""
+    texels_per_texture: int = StudySettings.texels_per_texture
+    """Samples of each texture in a step at the small scale."""
+    texture_size: int | None = None
+    """Textures are reduced to at most this many texels a side. None: 256 at the small scale, else 1024."""
+    levels: int | None = StudySettings.levels
+    """Latent levels; 1: mip 0 alone as in the paper, None: all mips."""
+    seeds: tuple[int, ...] = StudySettings.seeds
+    """Seeds; figures are means over them."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train."""
+
+    def settings(self) -> StudySettings:
+        """What the options say about the trainings. Raises InputError for what cannot be."""
+        if self.texture_size is not None and self.texture_size < 1:
+            raise InputError(f"--texture-size {self.texture_size}: must be positive")
+        return StudySettings(self.scale, self.steps, self.texels_per_texture, self.seeds, self.levels, self.device)
+
+    def side(self) -> int:
+        """Texels a side at most."""
+        return self.texture_size or (256 if self.scale == "small" else 1024)
+
+
+@dataclass(frozen=True)
+class AblationStudyOptions(TrainingStudyOptions):
+    """What each part of the recipe is worth, at equal samples."""
+
+
+@dataclass(frozen=True)
+class FreezingStudyOptions(TrainingStudyOptions):
+    """Whether freezing the decoder helps, when, and gradually or at once."""
+
+
+@dataclass(frozen=True)
+class MlpSizeStudyOptions(TrainingStudyOptions):
+    """How wide the decoder must be, shared and not."""
+
+
+@dataclass(frozen=True)
+class MipStudyOptions(TrainingStudyOptions):
+    """Each mip level against a codec that is trained on that level alone."""
+
+
+RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions | MipStudyOptions
+Blocks = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class PaperStudyOptions(TrainingStudyOptions):
+    """The paper's Table 2 again: PSNR of textures by grouping, for its recipe and for best, beside BC1 and BC7."""
+
+    groupings: tuple[GroupingName, ...] = ()
+    """Which groupings. None named: those of the paper."""
+    blocks: Blocks = False
+    """Compress the same images as BC1 and BC7 too (needs the extra `blocks`)."""
+
+
+@dataclass(frozen=True)
+class PaperScenesOptions(PaperStudyOptions):
+    """The paper's Tables 3 and 4 again: textures of a scene, rendered pictures and divergence by grouping."""
+
+    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of cameras. None: the scene's own."""
+    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    more_clusters: tuple[int, ...] = ()
+    """Further numbers of decoders for clustered and covisible under best."""
+    size: Size = (640, 360)
+    """Pixels of the rendered pictures."""

@@ -1,0 +1,78 @@
+"""`ntc-viewer study freezing|mlp-size|mips|ablation`: what parts of recipe and codec are worth."""
+
+import time
+from dataclasses import replace
+
+from lab.commands.study_files import check_output
+from lab.commands.study_options import (
+    AblationStudyOptions,
+    FreezingStudyOptions,
+    MipStudyOptions,
+    MlpSizeStudyOptions,
+    RecipeStudyOptions,
+)
+from lab.commands.study_training import StudyPage, describe, do_steps, training_steps, write_pages
+from lab.studies.ablation import ablation_runs, ablation_table
+from lab.studies.freezing import freezing_figure, freezing_runs
+from lab.studies.mips import mip_figure, mip_runs, mip_table
+from lab.studies.mlp_size import mlp_size_figure, mlp_size_runs
+from lab.studies.quality_table import quality_figure, quality_table
+from lab.studies.runs import Run, RunResult
+from lab.studies.settings import StudySettings
+from ntc.codec.config import GroupingConfig
+from ntc.codec.textures import SourceTexture
+from ntc.features import FeatureOptions
+from ntc.grouping import GroupingInputs, make_grouping
+from ntc.pack.model import Grouping
+from viewer.cli.encode import read_source
+from viewer.locations import features_cache
+
+
+def _runs(
+    options: RecipeStudyOptions,
+    textures: tuple[SourceTexture, ...],
+    clustered: Grouping,
+    baseline: Grouping,
+    settings: StudySettings,
+) -> tuple[Run, ...]:
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    match options:
+        case AblationStudyOptions():
+            return ablation_runs(clustered, channels, settings)
+        case FreezingStudyOptions():
+            return freezing_runs(clustered, channels, settings)
+        case MlpSizeStudyOptions():
+            return mlp_size_runs((baseline, clustered), channels, settings)
+        case MipStudyOptions():
+            return mip_runs(textures, clustered, channels, settings)
+
+
+def _page(options: RecipeStudyOptions, results: list[RunResult], side: int, title: str) -> StudyPage:
+    match options:
+        case AblationStudyOptions():
+            table = ablation_table(results)
+            return StudyPage("ablation", table, quality_figure(table, title))
+        case FreezingStudyOptions():
+            return StudyPage("freezing", quality_table(results), freezing_figure(results, title))
+        case MlpSizeStudyOptions():
+            return StudyPage("mlp-size", quality_table(results), mlp_size_figure(results, title))
+        case MipStudyOptions():
+            table = mip_table(results, side)
+            return StudyPage("mips", table, mip_figure(table, title))
+
+
+def study_recipe(options: RecipeStudyOptions) -> int:
+    """Run one of these studies. Raises InputError for bad input."""
+    settings = options.settings()
+    check_output(options.out)
+    began = time.monotonic()
+    textures = read_source(options.source, options.side()).textures
+    inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    clustered = make_grouping(GroupingConfig("clustered", options.clusters), textures, inputs)
+    baseline = make_grouping(GroupingConfig("baseline"), textures, inputs)
+    results = do_steps(training_steps(_runs(options, textures, clustered, baseline, settings), textures, options.out))
+    shown = replace(settings, levels=None) if isinstance(options, MipStudyOptions) else settings
+    title = describe(options.source, textures, shown, f"{clustered.group_count} clusters")
+    side = max(max(texture.size) for texture in textures)
+    write_pages(options.out, title, settings, [_page(options, results, side, title)], results, began)
+    return 0

@@ -1,0 +1,205 @@
+"""`ntc-viewer study stability`: every decode path and precision against float64 and certified bounds."""
+
+import platform
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from lab.bench.stability import StabilityBench, StabilityRow, stability_rows
+from lab.bench.stability_cases import stability_cases, trained_case
+from lab.bench.stability_scene import scene_rows
+from lab.bench.trained_loss import TrainedLoss, trained_loss
+from lab.commands.study_files import check_output, write_study
+from lab.commands.study_options import StabilityStudyOptions
+from lab.studies.bound_check import BoundCheck, check_bounds
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from viewer.cli.sources import open_scene, packs_for
+from viewer.cli.table import Cell, Column, Table
+from viewer.gl.context import create_headless_context
+from viewer.scene.source_textures import source_textures
+from viewer.state.camera import frame_all
+
+TRAINED_SHARE = 16
+"""Of the texels at which bounds are checked one in so many is of a trained pack, whose networks are larger."""
+COLUMNS = (
+    Column("case", "case"),
+    Column("path", "path"),
+    Column("precision", "precision"),
+    Column("texels", "texels"),
+    Column("largest", "max error"),
+    Column("rms", "RMS error"),
+    Column("ulps", "max ulps", 0),
+    Column("not_finite", "NaN, Inf"),
+    Column("bound", "bound"),
+    Column("holds", "holds"),
+)
+
+
+def _short(value: float | None) -> str | None:
+    return None if value is None else f"{value:.1e}"
+
+
+def stability_table(rows: Sequence[StabilityRow]) -> Table:
+    """All rows of a study."""
+    cells: list[dict[str, Cell]] = [
+        {
+            **{
+                key: value
+                for key, value in asdict(row).items()
+                if key in ("case", "path", "precision", "texels", "ulps")
+            },
+            "largest": _short(row.largest),
+            "rms": _short(row.rms),
+            "not_finite": row.not_finite,
+            "bound": _short(row.bound),
+            "holds": None if row.holds is None else ("yes" if row.holds else "NO"),
+        }
+        for row in rows
+    ]
+    return Table(COLUMNS, cells)
+
+
+def worst_table(rows: Sequence[StabilityRow]) -> Table:
+    """The worst of each path and precision over cases, apart from those whose numbers leave their range."""
+    columns = (
+        *COLUMNS[1:3],
+        Column("cases", "cases"),
+        *COLUMNS[4:5],
+        Column("worst", "in"),
+        *COLUMNS[7:8],
+        *COLUMNS[9:],
+    )
+    cells: list[dict[str, Cell]] = []
+    for path, precision in dict.fromkeys((row.path, row.precision) for row in rows):
+        own = [row for row in rows if (row.path, row.precision) == (path, precision)]
+        certain = [
+            row
+            for row in own
+            if row.largest is not None and not (row.bound is not None and row.bound >= 1.0 and row.largest > 0.05)
+        ]
+        worst = max(certain, key=lambda row: row.largest or 0.0, default=None)
+        cells.append(
+            {
+                "path": path,
+                "precision": precision,
+                "cases": len(own),
+                "largest": _short(worst.largest) if worst else None,
+                "worst": worst.case if worst else None,
+                "not_finite": sum(row.not_finite for row in own),
+                "holds": "yes" if all(row.holds is not False for row in own) else "NO",
+            }
+        )
+    return Table(columns, cells)
+
+
+def stability_figure(rows: Sequence[StabilityRow], title: str) -> Figure:
+    """Largest error and bound of the texel decoder by case, a panel for each precision."""
+    precisions = list(dict.fromkeys(row.precision for row in rows))
+    figure = Figure(figsize=(4.6 * len(precisions), 7.0), layout="constrained")
+    figure.suptitle(title)
+    panels = figure.subplots(1, len(precisions), sharey=True, squeeze=False)[0]
+    for panel, precision in zip(panels, precisions, strict=True):
+        own = [row for row in rows if row.precision == precision and row.path == "texels"]
+        places = list(range(len(own)))
+        panel.plot([max(row.largest or 0.0, 1e-9) for row in own], places, "o", label="largest error")
+        panel.plot([row.bound or 1.0 for row in own], places, "x", color="#d95f02", label="certified bound")
+        panel.axvline(0.5 / 255.0, color="#888888", linewidth=0.8, label="half an 8-bit step")
+        panel.set(xscale="log", xlabel="error in [0, 1]", title=precision)
+        panel.set_yticks(places, [row.case for row in own])
+    panels[0].legend(loc="lower left", fontsize=8)
+    return figure
+
+
+def _checks(options: StabilityStudyOptions, packs: dict[str, Pack], console: Console) -> list[BoundCheck]:
+    cases = {
+        case.name: case.pack
+        for case in stability_cases(1, options.seed)
+        if case.rescale and "decoders" not in case.name
+    }
+    cheap = options.bound_texels - options.bound_texels // TRAINED_SHARE
+    shares = [(name, pack, cheap // len(cases)) for name, pack in cases.items()]
+    shares += [(f"trained: {name}", pack, (options.bound_texels - cheap) // len(packs)) for name, pack in packs.items()]
+    found = []
+    for name, pack, texels in shares:
+        for precision in options.precisions:
+            console.print(f"bounds: {name}, {precision}")
+            found.append(check_bounds(name, pack, precision, texels // len(options.precisions), options.seed))
+    return found
+
+
+def _summary(checks: Sequence[BoundCheck], losses: Sequence[TrainedLoss]) -> str:
+    lines = [
+        f"certified bounds: {sum(check.texels for check in checks):,} texels, {sum(check.beyond for check in checks)} values beyond; "
+        f"an error takes at most {max((check.largest_share for check in checks), default=0.0):.0%} of its bound"
+    ]
+    lines += [
+        f"{loss.pack}, {loss.precision}: {loss.psnr_db:.2f} dB, loses {loss.mean_loss_db:.4f} dB, "
+        f"at most {loss.largest_loss_db:.4f} dB (error {loss.largest_error:.1e})"
+        for loss in losses
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def study_stability(options: StabilityStudyOptions) -> int:
+    """Run `ntc-viewer study stability`. Raises InputError for bad input."""
+    check_output(options.out)
+    if options.texels < 1:
+        raise InputError(f"--texels {options.texels}: must be at least 1")
+    if options.bound_texels < 0:
+        raise InputError(f"--bound-texels {options.bound_texels}: must not be negative")
+    if not options.precisions:
+        raise InputError("--precisions: name at least one")
+    console = Console(stderr=True, soft_wrap=True)
+    began = time.perf_counter()
+    scene = open_scene(options.scene)
+    named = packs_for(scene, options.pack)
+    packs = {
+        name: pack
+        for name, pack in named.items()
+        if pack.path in options.pack or pack.grouping.name in options.grouping
+    }
+    if not packs:
+        raise InputError(
+            f"--grouping {' '.join(options.grouping)}: {scene.name} has no such pack; name one with --pack"
+        )
+    context = create_headless_context()
+    with context.reset.watched():
+        bench = StabilityBench(context)
+        cases = [*stability_cases(options.texels, options.seed)]
+        cases += [trained_case(name, pack, options.texels, options.seed) for name, pack in packs.items()]
+        rows = stability_rows(bench, cases, options.precisions, console.print)
+        images = source_textures(scene, None)
+        losses = [
+            loss
+            for name, pack in packs.items()
+            for precision in options.precisions
+            if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
+        ]
+        bench.release()
+        camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, 60.0)
+        first = dict(list(packs.items())[:1])
+        rows += scene_rows(context, scene, first, camera, options.size, options.precisions, console.print)
+    checks = _checks(options, packs, console) if options.bound_texels else []
+    title = f"Numerical stability: {len(cases)} cases, {scene.name}, {context.info.renderer}"
+    record: dict[str, Any] = {
+        "study": "stability",
+        "scene": scene.name,
+        "what": title,
+        "settings": {"texels": options.texels, "bound_texels": options.bound_texels, "seed": options.seed},
+        "machine": {"renderer": context.info.renderer, "python": platform.python_version()},
+        "seconds": time.perf_counter() - began,
+        "worst": [dict(row) for row in worst_table(rows).rows],
+        "rows": [asdict(row) for row in rows],
+        "trained": [asdict(loss) for loss in losses],
+        "bounds": [asdict(check) for check in checks],
+    }
+    table = stability_table(rows)
+    write_study(options.out, "stability", title, table, stability_figure(rows, title), record)
+    sys.stdout.write(f"{title}\n{worst_table(rows).text()}{_summary(checks, losses)}wrote {options.out}\n")
+    return 0

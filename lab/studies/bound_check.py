@@ -1,0 +1,96 @@
+"""Certified bounds against errors of many random texels, in arithmetic that rounds as shaders do."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.accuracy.error_bound import texture_bounds
+from ntc.accuracy.half_reference import as_stored, run_decoder_in_half
+from ntc.accuracy.running_error import running_bounds
+from ntc.codec.latents import latent_levels
+from ntc.codec.precision import Precision
+from ntc.codec.reference import decoder_inputs, run_decoder
+from ntc.codec.rescale import stored_pack
+from ntc.pack.model import Adapter, Decoder, Pack
+
+TEXELS_AT_ONCE = 1 << 14
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class BoundCheck:
+    """One pack in one precision."""
+
+    pack: str
+    precision: Precision
+    texels: int
+    largest: float
+    """Error."""
+    largest_bound: float
+    """Of single texels."""
+    whole_bound: float
+    """Of all texels that there may be."""
+    largest_share: float
+    """Of a texel's bound that its error takes: at most 1."""
+    beyond: int
+    """Values whose error is beyond their texel's bound, or whose bound is beyond the whole's; there must be none."""
+
+
+def run_decoder_in_single(
+    decoder: Decoder, inputs: Single, leaky_slope: float, adapter: Adapter | None, halves: bool
+) -> Single:
+    """[N, outputs] float32, not clamped: fp32 in whatever order a matrix product sums; weights stored as `halves`."""
+
+    def stored(part: Single) -> Single:
+        return as_stored(part) if halves else part
+
+    values, slope, last = inputs, np.float32(leaky_slope), len(decoder.weights) - 1
+    for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+        if adapter is not None and layer < last:
+            values = values @ stored(weight).T * stored(adapter.scales[layer]) + stored(adapter.biases[layer])
+        elif adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
+            values = values @ stored(adapter.output_weight).T + stored(adapter.output_bias)
+        else:
+            values = values @ stored(weight).T + stored(bias)
+        if layer < last:
+            values = np.maximum(values, slope * values)
+    return values
+
+
+def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision: Precision) -> Single:
+    encoded, slope = stored.textures[texture], stored.config.leaky_slope
+    decoder, single = stored.decoders[encoded.group], inputs.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        if precision in ("fp16-arithmetic", "fp16-accumulate"):
+            accumulate = precision == "fp16-accumulate"
+            values = run_decoder_in_half(decoder, single, slope, encoded.adapter, accumulate)
+        else:
+            values = run_decoder_in_single(decoder, single, slope, encoded.adapter, precision == "fp16")
+    return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, : encoded.channels]
+
+
+def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed: int = 0) -> BoundCheck:
+    """Compare at about `texels` random texels, shared by the textures of `pack`."""
+    random = np.random.default_rng(seed)
+    stored = stored_pack(pack, precision)
+    wholes = [bound.error for bound in texture_bounds(pack, precision)]
+    done = beyond = 0
+    largest = largest_bound = share = 0.0
+    for index, texture in enumerate(pack.textures):
+        levels = len(latent_levels(texture.width, texture.height, pack.config))
+        left = max(1, texels // len(pack.textures))
+        while left > 0:
+            count = min(left, TEXELS_AT_ONCE)
+            uv = random.uniform(-2.0, 2.0, (count, 2)).astype(np.float32).astype(np.float64)
+            lod = random.uniform(-0.5, levels - 0.5, count).astype(np.float32).astype(np.float64)
+            inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
+            slope = pack.config.leaky_slope
+            exact = run_decoder(pack.decoders[texture.group], inputs, slope, texture.adapter)[:, : texture.channels]
+            error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact, 0.0, 1.0))
+            bound = running_bounds(stored, index, uv, lod, precision)
+            beyond += int((error > bound).sum()) + int((bound > wholes[index] * (1.0 + 1e-6)).sum())
+            largest, largest_bound = max(largest, float(error.max())), max(largest_bound, float(bound.max()))
+            share = max(share, float((error / bound).max()))
+            done, left = done + count, left - count
+    return BoundCheck(name, precision, done, largest, largest_bound, max(wholes, default=0.0), share, beyond)

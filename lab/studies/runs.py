@@ -1,0 +1,225 @@
+"""Trainings of a study, each kept in a file of its own, so that a study which was stopped goes on where it was."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_codec import TorchCodec
+from ntc.io import write_text
+from ntc.metrics.block_compression import BlockFormat, compress
+from ntc.metrics.image_quality import flip, ssim
+from ntc.metrics.level_quality import level_psnr
+from ntc.metrics.metrics import finite_or_none, psnr_db, psnr_table
+from ntc.pack.file import write_pack
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import TrainingConfig
+from ntc.training.progress import TrainingProgress
+from ntc.training.trainer import choose_device, train
+
+LARGEST_FILE = 1 << 26
+"""Bytes of a kept run."""
+Report = Callable[[int, int], None]
+"""Called with (steps done, steps in all)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One training that is wanted."""
+
+    name: str
+    """Of the variant."""
+    grouping: Grouping
+    codec: CodecConfig
+    training: TrainingConfig
+    level: int = 0
+    """The textures' mip that is taken for the whole texture."""
+    pictures: bool = False
+    """Whether SSIM and FLIP are measured too, which takes longer than PSNR."""
+    every_level: bool = False
+    """Whether the PSNR of every latent level is measured."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What came of it."""
+
+    name: str
+    grouping: str
+    groups: int
+    seed: int
+    psnr_db: tuple[float | None, ...]
+    """Of each texture, mip 0, 8-bit sRGB; None where it is exact."""
+    bits_per_texel: float
+    """Latents, decoders and adapters, per texel of mip 0."""
+    seconds: float
+    texels: int
+    """Samples in all."""
+    ssim: tuple[float, ...] = ()
+    """Of each texture, or nothing."""
+    flip: tuple[float, ...] = ()
+    """Of each texture, or nothing."""
+    level_psnr_db: tuple[tuple[float | None, ...], ...] = ()
+    """Of each texture and level, or nothing."""
+    curve: tuple[tuple[int, float], ...] = ()
+    """(step, running PSNR of the samples in dB), a few times a second."""
+    latent_bits: int = 8
+    multiply_adds: int = 0
+    """Of one decode."""
+
+
+def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
+    return {
+        "name": run.name,
+        "grouping": {"name": run.grouping.name, "groups": list(run.grouping.groups)},
+        "codec": asdict(run.codec),
+        "training": asdict(run.training),
+        "level": run.level,
+        "pictures": run.pictures,
+        "every_level": run.every_level,
+        "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
+    }
+
+
+def _kept(path: Path, settings: dict[str, Any]) -> RunResult | None:
+    """The result in a file, if it is of just these settings."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            return None
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["settings"] != json.loads(json.dumps(settings)):
+            return None
+        result: dict[str, Any] = {
+            key: tuple(tuple(entry) if isinstance(entry, list) else entry for entry in value)
+            if isinstance(value, list)
+            else value
+            for key, value in content["result"].items()
+        }
+        return RunResult(**result)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _path(folder: Path, settings: dict[str, Any]) -> Path:
+    key = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
+    return folder / f"{key}.json"
+
+
+def _keep(path: Path, settings: dict[str, Any], result: RunResult) -> None:
+    content = {"settings": settings, "result": asdict(result)}
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def _at_level(textures: Sequence[SourceTexture], level: int) -> list[SourceTexture]:
+    if level == 0:
+        return list(textures)
+    chains = [mip_chain(texture.pixels, texture.color_space) for texture in textures]
+    return [
+        replace(texture, pixels=chain[min(level, len(chain) - 1)])
+        for texture, chain in zip(textures, chains, strict=True)
+    ]
+
+
+def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[SourceTexture]) -> RunResult:
+    if not (run.pictures or run.every_level):
+        return result
+    codec = TorchCodec(pack, choose_device(run.training.device))
+    if run.every_level:
+        levels = [level_psnr(pack, index, texture, codec) for index, texture in enumerate(textures)]
+        result = replace(result, level_psnr_db=tuple(tuple(finite_or_none(value) for value in row) for row in levels))
+    if run.pictures:
+        pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]
+        result = replace(result, ssim=tuple(ssim(a, b) for a, b in pairs), flip=tuple(flip(a, b) for a, b in pairs))
+    return result
+
+
+def finished_run(
+    run: Run, textures: Sequence[SourceTexture], folder: Path, report: Report, pack_file: Path | None = None
+) -> RunResult:
+    """The result of a run: from `folder` if it was done before with the same settings, else trained now and kept there.
+
+    With `pack_file` the pack is kept too. Raises InputError where a folder cannot be written.
+    """
+    settings = _settings(run, textures)
+    path = _path(folder, settings)
+    kept = _kept(path, settings)
+    if kept is not None and (pack_file is None or pack_file.exists()):
+        return kept
+    sources = _at_level(textures, run.level)
+    curve: list[tuple[int, float]] = []
+
+    def listen(progress: TrainingProgress) -> None:
+        curve.append((progress.step, progress.psnr_db))
+        report(progress.step, progress.steps)
+
+    state = path.with_suffix(".state")
+    began = time.monotonic()
+    pack = train(sources, run.grouping, run.codec, run.training, listen, state=state)
+    seconds = time.monotonic() - began
+    steps = int(pack.training["steps"])
+    result = RunResult(
+        name=run.name,
+        grouping=run.grouping.name,
+        groups=run.grouping.group_count,
+        seed=run.training.seed,
+        psnr_db=tuple(finite_or_none(texture.psnr_db) for texture in pack.textures),
+        bits_per_texel=psnr_table(pack).bits_per_texel,
+        seconds=seconds,
+        texels=steps * run.training.texels_per_texture * len(textures),
+        curve=tuple(curve),
+        latent_bits=run.codec.latent_bits,
+        multiply_adds=run.codec.multiply_adds,
+    )
+    if pack_file is not None:
+        write_pack(pack_file, pack)
+    measured = _measured(result, run, pack, sources)
+    _keep(path, settings, measured)
+    return measured
+
+
+def block_compressed(
+    block_format: BlockFormat, textures: Sequence[SourceTexture], folder: Path, report: Report
+) -> RunResult:
+    """The textures in a block format of graphics hardware, as a yardstick, kept in `folder` like a run.
+
+    Raises InputError where its encoder is not installed.
+    """
+    settings: dict[str, Any] = {
+        "name": block_format,
+        "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
+    }
+    path = _path(folder, settings)
+    kept = _kept(path, settings)
+    if kept is not None:
+        return kept
+    began = time.monotonic()
+    decibels, similar, differences, bits = [], [], [], 0.0
+    for number, texture in enumerate(textures):
+        compressed = compress(texture.pixels, block_format)
+        channels = min(compressed.decoded.shape[2], texture.pixels.shape[2])
+        truth, decoded = texture.pixels[..., :channels], compressed.decoded[..., :channels]
+        decibels.append(finite_or_none(psnr_db(truth, decoded)))
+        similar.append(ssim(truth, decoded))
+        differences.append(flip(truth, decoded))
+        bits += compressed.bits_per_texel * texture.size[0] * texture.size[1]
+        report(number + 1, len(textures))
+    result = RunResult(
+        name=block_format.upper(),
+        grouping="-",
+        groups=0,
+        seed=0,
+        psnr_db=tuple(decibels),
+        bits_per_texel=bits / sum(texture.size[0] * texture.size[1] for texture in textures),
+        seconds=time.monotonic() - began,
+        texels=0,
+        ssim=tuple(similar),
+        flip=tuple(differences),
+    )
+    _keep(path, settings, result)
+    return result

@@ -1,0 +1,53 @@
+"""How large the trainings of a study are."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from ntc.codec.config import CodecConfig, RecipeName
+from ntc.errors import InputError
+from ntc.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
+
+ScaleName = Literal["small", "paper"]
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What every training of a study has in common."""
+
+    scale: ScaleName = "small"
+    """small: an equal number of steps and samples for all, minutes on two cores. paper: 350 epochs, for a GPU."""
+    steps: int = 1000
+    """Of each training, at the small scale."""
+    texels_per_texture: int = 512
+    """Samples of each texture in a step, at the small scale."""
+    seeds: tuple[int, ...] = (0,)
+    levels: int | None = 1
+    """Latent levels; 1: mip 0 alone, as in the paper."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+
+    def __post_init__(self) -> None:
+        for name, value in (("steps", self.steps), ("texels-per-texture", self.texels_per_texture)):
+            if value < 1:
+                raise InputError(f"--{name} {value}: must be at least 1")
+        if not self.seeds:
+            raise InputError("--seeds: name at least one")
+        if self.levels is not None and not 1 <= self.levels <= 16:
+            raise InputError(f"--levels {self.levels}: must be 1 to 16")
+
+    def training(self, recipe: RecipeName, seed: int) -> TrainingConfig:
+        """A training by `recipe` at this scale."""
+        if self.scale == "paper":
+            length = (
+                recipe_config(recipe)
+                if recipe == "paper"
+                else TrainingConfig(steps=None, epochs=350.0, texels_per_texture=8192)
+            )
+            return replace(length, seed=seed, device=self.device)
+        same = TrainingConfig(
+            steps=self.steps, texels_per_texture=self.texels_per_texture, seed=seed, device=self.device
+        )
+        return in_the_manner_of(recipe, same)
+
+    def codec(self, recipe: RecipeName, output_channels: int) -> CodecConfig:
+        """The codec of `recipe`."""
+        return recipe_codec(recipe, output_channels, self.levels)

@@ -1,0 +1,82 @@
+"""The decoder network in half precision, step by step as shaders/ntc/half.glsl rounds: numpy float32 and float16."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.precision import LARGEST_HALF
+from ntc.codec.reference import decoder_inputs
+from ntc.codec.rescale import stored_pack
+from ntc.pack.model import Adapter, Decoder, Pack
+
+Single = NDArray[np.float32]
+
+
+def to_half(values: Single) -> Single:
+    """`values` rounded to the nearest half, ties to even; infinite beyond the range of halves."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float16).astype(np.float32)
+
+
+def as_stored(weights: Single) -> Single:
+    """`weights` as halves; those beyond the range of halves become the largest one, as on the GPU."""
+    return to_half(np.clip(weights, -LARGEST_HALF, LARGEST_HALF))
+
+
+def run_decoder_in_half(
+    decoder: Decoder, inputs: Single, leaky_slope: float, adapter: Adapter | None = None, accumulate: bool = False
+) -> Single:
+    """[N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
+
+    Products are halves. With `accumulate` sums of hidden layers are, too, two for each neuron: of inputs with even and with odd
+    numbers. Outputs are summed up in single precision, four products at a time.
+    """
+    rounded = to_half if accumulate else (lambda values: values)
+    slope = rounded(np.full(1, leaky_slope, np.float32))
+    values = to_half(inputs)
+    last = len(decoder.weights) - 1
+    for index, (weight, bias) in enumerate(zip(decoder.weights[:-1], decoder.biases[:-1], strict=True)):
+        weight, bias = as_stored(weight), as_stored(bias)
+        adapted = adapter is not None
+        start = np.broadcast_to(np.float32(0.0) if adapted else bias, (len(values), len(weight))).astype(np.float32)
+        halves = [start, np.zeros_like(start)]
+        for column in range(weight.shape[1]):
+            own = column % 2 if accumulate else 0
+            halves[own] = rounded(halves[own] + to_half(values[:, column, None] * weight[:, column]))
+        sums = rounded(halves[0] + halves[1])
+        if adapter is not None:
+            scaled = rounded(as_stored(adapter.scales[index]) * sums)
+            sums = rounded(scaled + as_stored(adapter.biases[index]))
+        sums = np.maximum(sums, rounded(slope * sums))
+        values = to_half(sums)
+    weight, bias = decoder.weights[last], decoder.biases[last]
+    if adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
+        weight, bias = adapter.output_weight, adapter.output_bias
+    weight = as_stored(weight)
+    result = np.broadcast_to(as_stored(bias), (len(values), len(bias))).astype(np.float32)
+    for first in range(0, weight.shape[1], 4):
+        products = to_half(values[:, None, first : first + 4] * weight[:, first : first + 4])
+        pairs = rounded(products[..., 0::2] + products[..., 1::2])
+        result = result + rounded(pairs[..., 0] + pairs[..., 1])
+    return result
+
+
+def decode_texels_in_half(
+    pack: Pack,
+    texture_index: int,
+    uv: NDArray[np.float64],
+    lod: NDArray[np.float64],
+    accumulate: bool,
+    rescale: bool = True,
+) -> Single:
+    """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.codec.reference.decode_texels`, in half precision.
+
+    With `rescale`, as the viewer does, weights are kept such that nothing overflows (`ntc.codec.rescale`); what is no number is 0.
+    """
+    if rescale:
+        pack = stored_pack(pack, "fp16-accumulate" if accumulate else "fp16-arithmetic")
+    texture = pack.textures[texture_index]
+    inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap).astype(np.float32)
+    decoder = pack.decoders[texture.group]
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = run_decoder_in_half(decoder, inputs, pack.config.leaky_slope, texture.adapter, accumulate)
+    return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, : texture.channels]

@@ -1,0 +1,51 @@
+"""Geometry of the latent pyramid: how many levels a texture has and where each lies in its flat latent array."""
+
+from dataclasses import dataclass
+
+from ntc.codec.config import CodecConfig
+
+SMALLEST_TOP_SIDE = 4
+"""The pyramid ends at the first level whose longer side is at most this many cells."""
+
+
+@dataclass(frozen=True)
+class LatentLevel:
+    """One level of a texture's latent pyramid. Cells are stored row by row, the row at v = 0 first."""
+
+    width: int
+    """Cells along u."""
+    height: int
+    """Cells along v."""
+    texel_width: int
+    """Texels along u of the texture mip that this level encodes."""
+    texel_height: int
+    """Texels along v of the texture mip that this level encodes."""
+    first_cell: int
+    """Index of the level's first cell in the texture's flat array of cells."""
+
+    @property
+    def cells(self) -> int:
+        """Cells of the level."""
+        return self.width * self.height
+
+
+def latent_levels(width: int, height: int, config: CodecConfig) -> tuple[LatentLevel, ...]:
+    """Levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
+
+    Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side.
+    """
+    levels: list[LatentLevel] = []
+    first_cell = 0
+    while config.levels is None or len(levels) < config.levels:
+        texel_width, texel_height = max(1, width >> len(levels)), max(1, height >> len(levels))
+        cells_u, cells_v = -(-texel_width // config.downscale), -(-texel_height // config.downscale)
+        levels.append(LatentLevel(cells_u, cells_v, texel_width, texel_height, first_cell))
+        first_cell += cells_u * cells_v
+        if max(cells_u, cells_v) <= SMALLEST_TOP_SIDE:
+            break
+    return tuple(levels)
+
+
+def latent_cell_count(width: int, height: int, config: CodecConfig) -> int:
+    """Cells of all levels together: the rows of a texture's flat latent array."""
+    return sum(level.cells for level in latent_levels(width, height, config))

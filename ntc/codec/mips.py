@@ -1,0 +1,72 @@
+"""The mip chain of a texture: box-filtered in linear light, the truth for every latent level and for the reference path."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import linear_to_srgb8, srgb8_to_linear_table
+from ntc.codec.config import ColorSpace
+
+ALPHA_CHANNEL = 3
+"""The fourth channel is never sRGB-coded."""
+
+
+def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
+    """[H, W, C] float32 linear light in [0, 1] of `pixels` [H, W, C] uint8."""
+    if color_space == "linear":
+        return pixels.astype(np.float32) / np.float32(255.0)
+    linear = srgb8_to_linear_table()[pixels]
+    if pixels.shape[2] > ALPHA_CHANNEL:
+        linear[..., ALPHA_CHANNEL] = pixels[..., ALPHA_CHANNEL] / np.float32(255.0)
+    return linear
+
+
+def _to_8bit(linear: NDArray[np.float32], color_space: ColorSpace) -> NDArray[np.uint8]:
+    if color_space == "linear":
+        return np.rint(np.clip(linear, 0.0, 1.0) * 255.0).astype(np.uint8)
+    coded = linear_to_srgb8(linear)
+    if linear.shape[2] > ALPHA_CHANNEL:
+        coded[..., ALPHA_CHANNEL] = np.rint(np.clip(linear[..., ALPHA_CHANNEL], 0.0, 1.0) * 255.0)
+    return coded
+
+
+def _resample_axis(image: NDArray[np.float32], size: int) -> NDArray[np.float32]:
+    """Area-weighted box filter of axis 0 down to `size` rows; each output row covers an equal share of the input."""
+    rows = image.shape[0]
+    if rows == size:
+        return image
+    if rows == 2 * size:
+        return (image[0::2] + image[1::2]) * np.float32(0.5)
+    step = rows / size
+    result = np.zeros((size, *image.shape[1:]), np.float32)
+    starts = np.arange(size) * step
+    for tap in range(int(np.ceil(step)) + 1):
+        row = np.floor(starts).astype(np.int64) + tap
+        overlap = np.clip(np.minimum(row + 1, starts + step) - np.maximum(row, starts), 0.0, None) / step
+        weights = overlap.astype(np.float32).reshape(-1, *([1] * (image.ndim - 1)))
+        result += image[np.minimum(row, rows - 1)] * weights
+    return result
+
+
+def box_resize(linear: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """[height, width, C] float32: area-weighted reduction of `linear` [H, W, C], numbers in linear light."""
+    narrow = _resample_axis(linear.transpose(1, 0, 2), width).transpose(1, 0, 2)
+    return np.ascontiguousarray(_resample_axis(narrow, height))
+
+
+def mip_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> tuple[NDArray[np.uint8], ...]:
+    """All mips of `pixels` [H, W, C] uint8, down to 1x1 texel: mip l is [max(1, H >> l), max(1, W >> l), C] uint8.
+
+    Filtered in linear light from the unrounded mip above, then coded in `color_space` again.
+    """
+    height, width = pixels.shape[:2]
+    chain = [pixels]
+    linear = to_linear(pixels, color_space)
+    while width >> len(chain) or height >> len(chain):
+        linear = box_resize(linear, max(1, width >> len(chain)), max(1, height >> len(chain)))
+        chain.append(_to_8bit(linear, color_space))
+    return tuple(chain)
+
+
+def resize_to(pixels: NDArray[np.uint8], width: int, height: int, color_space: ColorSpace) -> NDArray[np.uint8]:
+    """[height, width, C] uint8: `pixels` reduced by an area-weighted box filter in linear light."""
+    return _to_8bit(box_resize(to_linear(pixels, color_space), width, height), color_space)

@@ -1,0 +1,134 @@
+"""The slow twin of every decoder: docs/codec.md in numpy float64, written for reading."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import LOD_INPUT_SCALE, WrapMode
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.positional import positional_encoding
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
+
+Array = NDArray[np.float64]
+TexelDecoder = Callable[[int, Array, Array], NDArray[np.floating]]
+"""(texture index, uv [N, 2], lod [N]) -> [N, channels] in [0, 1]."""
+TEXELS_AT_ONCE = 1 << 16
+"""Texels decoded together, to bound memory."""
+
+
+def wrap_coordinate(coordinate: Array, mode: WrapMode) -> Array:
+    """Texture coordinates [N] wrapped into [0, 1]."""
+    if mode == "repeat":
+        return coordinate - np.floor(coordinate)
+    if mode == "clamp":
+        return np.clip(coordinate, 0.0, 1.0)
+    turned = coordinate - 2.0 * np.floor(coordinate / 2.0)
+    return np.where(turned > 1.0, 2.0 - turned, turned)
+
+
+def _neighbour(cell: NDArray[np.int64], cells: int, mode: WrapMode) -> NDArray[np.int64]:
+    return cell % cells if mode == "repeat" else np.clip(cell, 0, cells - 1)
+
+
+def _bilinear_latents(latents: Array, level: LatentLevel, uv: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
+    x, y = uv[:, 0] * level.width - 0.5, uv[:, 1] * level.height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    fraction_x, fraction_y = (x - left)[:, None], (y - top)[:, None]
+
+    def cell(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+        wrapped = _neighbour(row, level.height, wrap[1]) * level.width + _neighbour(column, level.width, wrap[0])
+        return latents[level.first_cell + wrapped]
+
+    upper = cell(left, top) * (1.0 - fraction_x) + cell(left + 1, top) * fraction_x
+    lower = cell(left, top + 1) * (1.0 - fraction_x) + cell(left + 1, top + 1) * fraction_x
+    return upper * (1.0 - fraction_y) + lower * fraction_y
+
+
+def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float, adapter: Adapter | None = None) -> Array:
+    """[N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
+    values = inputs
+    for index, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+        if adapter is not None and index + 1 == len(decoder.weights):
+            weight = weight if adapter.output_weight is None else adapter.output_weight
+            bias = bias if adapter.output_bias is None else adapter.output_bias
+        values = values @ weight.astype(np.float64).T
+        if adapter is not None and index < len(adapter.scales):
+            values = values * adapter.scales[index].astype(np.float64) + adapter.biases[index].astype(np.float64)
+        else:
+            values = values + bias.astype(np.float64)
+        if index + 1 < len(decoder.weights):
+            values = np.where(values > 0.0, values, values * leaky_slope)
+    return values
+
+
+def decoder_inputs(
+    pack: Pack, texture: EncodedTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]
+) -> Array:
+    """[N, decoder_inputs]: what the decoder reads at `uv` [N, 2] and `lod` [N] (docs/codec.md, steps 1 to 4)."""
+    levels = latent_levels(texture.width, texture.height, pack.config)
+    lod = np.clip(np.where(np.isfinite(lod), lod, 0.0), 0.0, len(levels) - 1)
+    uv = np.where(np.isfinite(uv), uv, 0.0)
+    wrapped = np.stack([wrap_coordinate(uv[:, axis], wrap[axis]) for axis in range(2)], axis=-1)
+    values = texture.offset.astype(np.float64) + texture.scale.astype(np.float64) * texture.latents
+    lower = np.floor(lod).astype(np.int64)
+    upper = np.minimum(lower + 1, len(levels) - 1)
+    share = (lod - lower)[:, None]
+    config = pack.config
+    features = np.zeros((len(uv), config.latent_channels + config.positional_inputs))
+    for number, level in enumerate(levels):
+        weight = np.where(lower == number, 1.0 - share[:, 0], 0.0) + np.where(upper == number, share[:, 0], 0.0)
+        used = np.nonzero(weight)[0]
+        if used.size == 0:
+            continue
+        at = wrapped[used]
+        texels = at * np.array([level.texel_width, level.texel_height], np.float64)
+        of_level = np.concatenate(
+            [_bilinear_latents(values, level, at, wrap), positional_encoding(texels, config.positional_octaves)],
+            axis=-1,
+        )
+        features[used] += of_level * weight[used, None]
+    if config.lod_inputs:
+        features = np.concatenate([features, lod[:, None] * LOD_INPUT_SCALE], axis=-1)
+    return features
+
+
+def decode_texels(
+    pack: Pack, texture_index: int, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode] | None = None
+) -> Array:
+    """[N, channels] float64 in [0, 1], in the texture's colour space, at `uv` [N, 2] and `lod` [N].
+
+    `wrap` None takes the texture's own modes.
+    """
+    texture = pack.textures[texture_index]
+    modes = texture.wrap if wrap is None else wrap
+    parts = []
+    for start in range(0, len(uv), TEXELS_AT_ONCE):
+        part = slice(start, start + TEXELS_AT_ONCE)
+        inputs = decoder_inputs(
+            pack, texture, np.asarray(uv[part], np.float64), np.asarray(lod[part], np.float64), modes
+        )
+        parts.append(run_decoder(pack.decoders[texture.group], inputs, pack.config.leaky_slope, texture.adapter))
+    values = np.concatenate(parts) if parts else np.zeros((0, pack.config.output_channels))
+    return np.clip(values, 0.0, 1.0)[:, : texture.channels]
+
+
+def texel_centres(width: int, height: int) -> Array:
+    """[height * width, 2] float64 texture coordinates of all texel centres, row by row."""
+    u, v = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
+    return np.stack([np.tile(u, height), np.repeat(v, width)], axis=-1)
+
+
+def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDecoder) -> NDArray[np.uint8]:
+    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel centres."""
+    texture = pack.textures[texture_index]
+    geometry = latent_levels(texture.width, texture.height, pack.config)[level]
+    uv = texel_centres(geometry.texel_width, geometry.texel_height)
+    values = decode(texture_index, uv, np.full(len(uv), float(level)))
+    return np.rint(values * 255.0).astype(np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
+
+
+def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
+    return image_of_texels(pack, texture_index, level, partial(decode_texels, pack))

@@ -1,0 +1,36 @@
+"""Textures as the codec sees them: 8-bit pixels, identity, colour space, wrap."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import ColorSpace, WrapMode
+
+
+def hash_pixels(pixels: NDArray[np.uint8]) -> str:
+    """Identity of an image: 32 hex digits over the shape and the bytes of `pixels` [H, W, C] uint8."""
+    digest = hashlib.sha256(repr(pixels.shape).encode())
+    digest.update(np.ascontiguousarray(pixels).data)
+    return digest.hexdigest()[:32]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceTexture:
+    """One texture to encode. Row 0 of `pixels` is at v = 0, as in glTF."""
+
+    name: str
+    pixels: NDArray[np.uint8]
+    """[H, W, C] uint8, C from 1 to 4, 0 to 255, in `color_space`."""
+    pixel_hash: str
+    """Identity (`hash_pixels`) of the image at its original size, also when `pixels` is a reduced copy."""
+    color_space: ColorSpace = "srgb"
+    wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat")
+    """Wrap modes along u and v."""
+    category: str | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in texels."""
+        return self.pixels.shape[1], self.pixels.shape[0]

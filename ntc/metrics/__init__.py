@@ -1,0 +1,1 @@
+"""Quality of pictures and textures, divergence, and block compression to compare with."""

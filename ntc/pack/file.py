@@ -1,0 +1,183 @@
+"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md)."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, deserialize
+from safetensors.numpy import save
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_cell_count
+from ntc.codec.quantize import packed_cells, unpacked_cells
+from ntc.errors import InputError
+from ntc.io import write_bytes
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
+from ntc.pack.schema import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
+from ntc.pack.tensor_file import file_metadata
+from ntc.reading import read_file
+
+HIDDEN_LAYERS = 2
+NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
+REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
+
+
+def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, tuple[str, tuple[int, ...]]]:
+    channels = config.latent_channels
+    tensors: dict[str, tuple[str, tuple[int, ...]]] = {
+        f"latents.{index}": ("U8", (cells, config.cell_bytes)),
+        f"latents.{index}.scale": ("F32", (channels,)),
+        f"latents.{index}.offset": ("F32", (channels,)),
+    }
+    if config.adapters:
+        tensors[f"adapter.{index}.scales"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
+        tensors[f"adapter.{index}.biases"] = ("F16", (HIDDEN_LAYERS, config.hidden_width))
+    if config.adapter_output:
+        tensors[f"adapter.{index}.output.weight"] = ("F16", (config.output_channels, config.hidden_width))
+        tensors[f"adapter.{index}.output.bias"] = ("F16", (config.output_channels,))
+    return tensors
+
+
+def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tuple[str, tuple[int, ...]]]]:
+    for layer, (outputs, inputs) in enumerate(config.layer_shapes):
+        kind = f"F{config.weight_bits}"
+        yield f"decoder.{index}.{layer}.weight", (kind, (outputs, inputs))
+        yield f"decoder.{index}.{layer}.bias", (kind, (outputs,))
+
+
+def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
+    expected: dict[str, tuple[str, tuple[int, ...]]] = {}
+    for index, texture in enumerate(metadata.textures):
+        cells = latent_cell_count(texture.width, texture.height, metadata.config)
+        expected.update(_texture_tensors(index, cells, metadata.config))
+    for index in range(metadata.decoders):
+        expected.update(_decoder_tensors(index, metadata.config))
+    return expected
+
+
+def write_pack(path: Path, pack: Pack) -> None:
+    """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
+    tensors: dict[str, NDArray[Any]] = {}
+    for index, texture in enumerate(pack.textures):
+        tensors[f"latents.{index}"] = packed_cells(texture.latents, pack.config.latent_bits)
+        tensors[f"latents.{index}.scale"] = np.ascontiguousarray(texture.scale)
+        tensors[f"latents.{index}.offset"] = np.ascontiguousarray(texture.offset)
+        if texture.adapter is not None:
+            tensors[f"adapter.{index}.scales"] = texture.adapter.scales.astype(np.float16)
+            tensors[f"adapter.{index}.biases"] = texture.adapter.biases.astype(np.float16)
+            if texture.adapter.output_weight is not None and texture.adapter.output_bias is not None:
+                tensors[f"adapter.{index}.output.weight"] = texture.adapter.output_weight.astype(np.float16)
+                tensors[f"adapter.{index}.output.bias"] = texture.adapter.output_bias.astype(np.float16)
+    kind = np.float16 if pack.config.weight_bits == 16 else np.float32
+    for index, decoder in enumerate(pack.decoders):
+        for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+            tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
+            tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias, kind)
+    write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+
+
+@dataclass(frozen=True)
+class _Tensors:
+    """A safetensors file in memory."""
+
+    metadata: Mapping[str, Any]
+    tensors: Mapping[str, Mapping[str, Any]]
+    """By name: "dtype", "shape" and "data", checked against each other and the file's length."""
+
+    @classmethod
+    def of(cls, data: bytes) -> "_Tensors":
+        """Take a file apart. Raises SafetensorError."""
+        tensors = dict(deserialize(data))
+        return cls(file_metadata(data), tensors)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """The tensor called `name`, of one of NUMPY_TYPES."""
+        tensor = self.tensors[name]
+        array: NDArray[Any] = np.frombuffer(tensor["data"], NUMPY_TYPES[tensor["dtype"]])
+        return array.reshape(tensor["shape"])
+
+
+def _check_header(file: _Tensors, metadata: PackMetadata, path: Path) -> None:
+    expected = expected_tensors(metadata)
+    present = set(file.tensors)
+    missing, surplus = sorted(expected.keys() - present), sorted(present - expected.keys())
+    if missing:
+        raise InputError(f"{path}: tensor {missing[0]} is missing ({len(missing)} in all); {REMEDY}")
+    if surplus:
+        raise InputError(f"{path}: tensor {surplus[0]!r} does not belong there ({len(surplus)} in all); {REMEDY}")
+    for name, (kind, shape) in expected.items():
+        part = file.tensors[name]
+        if part["dtype"] != kind or tuple(part["shape"]) != shape:
+            found = f"{part['dtype']} {part['shape']}"
+            raise InputError(f"{path}: tensor {name} is {found}, expected {kind} {list(shape)}; {REMEDY}")
+
+
+def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:
+    array = file.array(name)
+    if array.dtype != np.uint8 and not np.isfinite(array).all():
+        raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
+    return array
+
+
+def _adapter(file: _Tensors, index: int, config: CodecConfig, path: Path) -> Adapter | None:
+    if not config.adapters:
+        return None
+    parts = ("scales", "biases", "output.weight", "output.bias") if config.adapter_output else ("scales", "biases")
+    return Adapter(*(_tensor(file, f"adapter.{index}.{part}", path).astype(np.float32) for part in parts))
+
+
+def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
+    textures = []
+    for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
+        encoded = EncodedTexture(
+            **vars(texture),
+            group=group,
+            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), metadata.config.latent_bits),
+            scale=_tensor(file, f"latents.{index}.scale", path),
+            offset=_tensor(file, f"latents.{index}.offset", path),
+            adapter=_adapter(file, index, metadata.config, path),
+        )
+        textures.append(encoded)
+    layers = range(len(metadata.config.layer_shapes))
+    decoders = tuple(
+        Decoder(
+            weights=tuple(
+                _tensor(file, f"decoder.{index}.{layer}.weight", path).astype(np.float32) for layer in layers
+            ),
+            biases=tuple(_tensor(file, f"decoder.{index}.{layer}.bias", path).astype(np.float32) for layer in layers),
+        )
+        for index in range(metadata.decoders)
+    )
+    return Pack(metadata.config, metadata.grouping, tuple(textures), decoders, metadata.training, path)
+
+
+def read_pack(path: Path) -> Pack:
+    """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
+
+    safetensors compares shapes with the file's length; what memory is taken is in proportion to that.
+    """
+    path = Path(path)
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
+        if path.stat().st_size == 0:
+            raise InputError(f"{path}: the file is empty; {REMEDY}")
+        file = _Tensors.of(read_file(path))
+        text = file.metadata.get(METADATA_KEY)
+        if text is None:
+            raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
+        metadata = parse_metadata(text)
+        _check_header(file, metadata, path)
+        return _read(file, metadata, path)
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
+    except MetadataError as error:
+        raise InputError(f"{path}: {error}; {REMEDY}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the file's permissions") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: takes more memory than there is; encode at a smaller --texture-size") from error

@@ -1,0 +1,99 @@
+"""The pack: encoded textures and decoders of one grouping, and the `.ntc` file that holds them (docs/pack-format.md)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+
+
+@dataclass(frozen=True, eq=False)
+class Adapter:
+    """What specialises a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
+
+    The biases stand in place of the decoder's own, so that they cost nothing to decode. Values are exact in half precision.
+    """
+
+    scales: NDArray[np.float32]
+    """[2, hidden_width] float32."""
+    biases: NDArray[np.float32]
+    """[2, hidden_width] float32."""
+    output_weight: NDArray[np.float32] | None = None
+    """[outputs, hidden_width] float32, in place of the decoder's output layer, where the codec says so."""
+    output_bias: NDArray[np.float32] | None = None
+    """[outputs] float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedTexture:
+    """One texture as its latent grid pyramid."""
+
+    name: str
+    pixel_hash: str
+    """Identity of the original image (`ntc.codec.textures.hash_pixels`): the scene's texture is found by it."""
+    width: int
+    """Encoded width in texels; smaller than the original's when the texture was reduced before encoding."""
+    height: int
+    """Encoded height in texels."""
+    channels: int
+    """Channels that mean something, 1 to 4; the decoder's further outputs are to be ignored."""
+    color_space: ColorSpace
+    """Space of the decoded numbers, in [0, 1]."""
+    wrap: tuple[WrapMode, WrapMode]
+    category: str | None
+    group: int
+    """Index of the decoder that decodes this texture."""
+    latents: NDArray[np.uint8]
+    """[cells, latent_channels] uint8, 0 to `CodecConfig.largest_stored`: the levels of `ntc.codec.latents.latent_levels`, one
+    after the other."""
+    scale: NDArray[np.float32]
+    """[latent_channels] float32: latent value = offset + scale * stored integer."""
+    offset: NDArray[np.float32]
+    """[latent_channels] float32."""
+    adapter: Adapter | None = None
+    """Present exactly when the codec has adapters."""
+    psnr_db: float | None = None
+    """PSNR in dB of mip 0 over 8-bit values in `color_space`, measured after quantisation by the encoder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decoder:
+    """Weights of one decoder: three linear layers, LeakyReLU after the first two, linear output."""
+
+    weights: tuple[NDArray[np.float32], ...]
+    """Per layer [outputs, inputs] float32, the shapes of `CodecConfig.layer_shapes`."""
+    biases: tuple[NDArray[np.float32], ...]
+    """Per layer [outputs] float32."""
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """Which textures share a decoder. Texture i belongs to group `groups[i]`; groups are 0 .. group_count - 1."""
+
+    name: str
+    groups: tuple[int, ...]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """How the groups were found: JSON values only."""
+
+    @property
+    def group_count(self) -> int:
+        """Number of groups, and so of decoders."""
+        return max(self.groups, default=-1) + 1
+
+
+@dataclass(frozen=True, eq=False)
+class Pack:
+    """Everything needed to decode a set of textures; immutable."""
+
+    config: CodecConfig
+    grouping: Grouping
+    textures: tuple[EncodedTexture, ...]
+    decoders: tuple[Decoder, ...]
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Recipe, steps, seed and library versions, for the record: JSON values only."""
+    path: Path | None = None
+    """The file it was read from."""

@@ -1,0 +1,92 @@
+"""Whether a pack, or a part of one, that another process sent is what a codec decodes. Files are checked by `pack_file`."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_cell_count
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_SIDE
+
+
+def check_grouping(grouping: Grouping, textures: int) -> None:
+    """Raises ValueError unless each of so many textures has a group, numbered from 0 without gaps. Takes time and memory
+    for the textures alone, whatever the numbers."""
+    used = set(grouping.groups)
+    if len(grouping.groups) != textures or used != set(range(len(used))):
+        raise ValueError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
+
+
+def check_decibels(psnr_db: float) -> None:
+    """Raises ValueError for a PSNR that nothing has; infinity, of equal pictures, is one."""
+    if not -LARGEST_DECIBELS <= psnr_db <= LARGEST_DECIBELS and psnr_db != math.inf:
+        raise ValueError(f"a PSNR of {psnr_db} dB")
+
+
+def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
+    """Raises ValueError for latents or an adapter that are not those of such a texture. The rest is plain data."""
+    if not (1 <= texture.width <= LARGEST_SIDE and 1 <= texture.height <= LARGEST_SIDE):
+        raise ValueError(f"{texture.name}: is {texture.width} x {texture.height} texels")
+    channels = config.latent_channels
+    _check(texture.latents, (latent_cell_count(texture.width, texture.height, config), channels), np.uint8, "latents")
+    if config.latent_bits < 8 and texture.latents.max(initial=0) > config.largest_stored:
+        raise ValueError(f"latents have values of more than {config.latent_bits} bits")
+    _check(texture.scale, (channels,), np.float32, "scale")
+    _check(texture.offset, (channels,), np.float32, "offset")
+    if texture.psnr_db is not None:
+        check_decibels(texture.psnr_db)
+    if (texture.adapter is not None) != config.adapters:
+        raise ValueError("an adapter is there exactly where the codec has adapters")
+    if texture.adapter is not None:
+        _check_adapter(texture.adapter, config)
+
+
+def _check_adapter(adapter: Adapter, config: CodecConfig) -> None:
+    shapes = config.layer_shapes
+    hidden = (len(shapes) - 1, config.hidden_width)
+    _check(adapter.scales, hidden, np.float32, "adapter.scales")
+    _check(adapter.biases, hidden, np.float32, "adapter.biases")
+    output = (adapter.output_weight, adapter.output_bias)
+    if any((array is not None) != config.adapter_output for array in output):
+        raise ValueError("adapters have an output layer exactly where the codec says so")
+    for array, shape, name in zip(output, (shapes[-1], shapes[-1][:1]), ("output_weight", "output_bias"), strict=True):
+        if array is not None:
+            _check(array, shape, np.float32, f"adapter.{name}")
+
+
+def check_decoder(decoder: Decoder, config: CodecConfig) -> None:
+    """Raises ValueError for weights of other shapes than the codec's, or that are not finite."""
+    shapes = config.layer_shapes
+    _check_all(decoder.weights, shapes, "weights")
+    _check_all(decoder.biases, [shape[:1] for shape in shapes], "biases")
+
+
+def _check_all(arrays: tuple[NDArray[Any], ...], shapes: Iterable[tuple[int, ...]], name: str) -> None:
+    expected = list(shapes)
+    if len(arrays) != len(expected):
+        raise ValueError(f"{name}: {len(arrays)} layers, not {len(expected)}")
+    for array, shape in zip(arrays, expected, strict=True):
+        _check(array, shape, np.float32, name)
+
+
+def _check(array: NDArray[Any], shape: tuple[int, ...], kind: type, name: str) -> None:
+    if array.shape != shape or array.dtype != kind:
+        raise ValueError(f"{name}: {array.dtype} {list(array.shape)}, not {np.dtype(kind)} {list(shape)}")
+    if kind is not np.uint8 and not np.isfinite(array).all():
+        raise ValueError(f"{name}: values are not finite")
+
+
+def check_pack(pack: Pack) -> None:
+    """Raises ValueError for a pack that cannot be decoded. Decoders that nobody uses are no reason."""
+    if len(pack.grouping.groups) != len(pack.textures):
+        raise ValueError(f"{len(pack.grouping.groups)} groups are named for {len(pack.textures)} textures")
+    for texture, group in zip(pack.textures, pack.grouping.groups, strict=True):
+        if texture.group != group or not 0 <= group < len(pack.decoders):
+            raise ValueError(f"{texture.name}: has group {texture.group} and {group} of {len(pack.decoders)}")
+        check_encoded(texture, pack.config)
+    for decoder in pack.decoders:
+        check_decoder(decoder, pack.config)

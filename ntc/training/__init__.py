@@ -1,0 +1,1 @@
+"""Training latents and decoders of groups."""

@@ -1,0 +1,160 @@
+"""Textures on the training device, and random samples of them with their targets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain, to_linear
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_sampling import PyramidTable, positional_encoding, trilinear_corners, with_lod
+from ntc.training.progress import Interruption, no_interruption
+from ntc.training.texel_tables import TexelTables
+
+CENTRE_SHARE = 0.5
+"""Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+LEVEL_FALL = 2.0
+"""A level is sampled this many times less often than the one above it. Each has a quarter of the texels, but a scene seen from
+near and far shows about as much of one as of another."""
+SMALLEST_LEVEL_WEIGHT = 0.02
+"""No level is sampled less often than this, relative to mip 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random places: N samples each of T textures, flattened to [T N], and what decoding there needs besides latents."""
+
+    uv: Tensor
+    """[T N, 2] in [0, 1]."""
+    lod: Tensor
+    """[T N]."""
+    index: Tensor
+    """[T N, 4 or 8] int64: cells to blend."""
+    weights: Tensor
+    """[T N, 4 or 8]: their weights."""
+    known: Tensor
+    """[T N, rest]: inputs of the decoder behind the latents."""
+    targets: Tensor
+    """[T N, output_channels] in the texture's colour space, in [0, 1]."""
+
+
+class TrainingData:
+    """The mip chains of some textures in one flat array, and their latent geometry."""
+
+    def __init__(
+        self,
+        textures: Sequence[SourceTexture],
+        config: CodecConfig,
+        device: torch.device,
+        interruption: Interruption = no_interruption,
+    ) -> None:
+        self.count = len(textures)
+        self._config, self._device = config, device
+        pyramids = [latent_levels(*texture.size, config) for texture in textures]
+        repeats = [(texture.wrap[0] == "repeat", texture.wrap[1] == "repeat") for texture in textures]
+        self._cells = PyramidTable.of(
+            [[(lv.width, lv.height) for lv in levels] for levels in pyramids], repeats, device
+        )
+        self._texels = PyramidTable.of(
+            [[(lv.texel_width, lv.texel_height) for lv in levels] for levels in pyramids], repeats, device
+        )
+        self.cell_counts = [sum(level.cells for level in levels) for levels in pyramids]
+        self.texel_counts = [texture.size[0] * texture.size[1] for texture in textures]
+        first_cells = [sum(self.cell_counts[:number]) for number in range(len(textures))]
+        self._tables = TexelTables(pyramids, [texture.wrap for texture in textures], first_cells, config, device)
+        self._sizes = torch.stack([self._texels.width, self._texels.height], dim=-1)
+        channels = config.output_channels
+        rows, coded_rows = [], []
+        for texture, levels in zip(textures, pyramids, strict=True):
+            interruption()
+            for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
+                missing = ((0, 0), (0, channels - mip.shape[2]))
+                coded_rows.append(np.pad(mip.reshape(-1, mip.shape[2]), missing))
+                if config.levels != 1:
+                    linear = to_linear(mip, texture.color_space).reshape(-1, mip.shape[2])
+                    rows.append(np.pad(linear, missing).astype(np.float16))
+        # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
+        self._linear = torch.from_numpy(np.concatenate(rows)).to(device) if rows else None
+        self._coded = torch.from_numpy(np.concatenate(coded_rows)).to(device)
+        used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
+        self.channel_mask = used.to(device=device, dtype=torch.float32)
+        """[T, output_channels]: 1 for the channels that a texture has."""
+        coded = torch.tensor(
+            [[t.color_space == "srgb" and channel < 3 for channel in range(channels)] for t in textures]
+        )
+        self._srgb_coded = coded.to(device)
+        weights = torch.clamp(
+            LEVEL_FALL ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
+        )
+        available = torch.arange(self._cells.width.shape[1])[None, :] < self._cells.levels.cpu()[:, None]
+        shares = weights[None, :] * available
+        self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
+
+    def sample(self, per_texture: int, generator: torch.Generator, chosen: Tensor) -> tuple[Samples, ...]:
+        """`per_texture` random samples of each texture in `chosen` [T] int64, in one part or two: those at texel centres of
+        whole levels, and those anywhere, between levels too, with targets trilinear in linear light as the hardware filters.
+        """
+        # With one level all are texels of mip 0, as in the paper.
+        centres = per_texture if self._config.levels == 1 else round(CENTRE_SHARE * per_texture)
+        parts = [self._at_centres(centres, generator, chosen)] if centres else []
+        if centres < per_texture:
+            parts.append(self._anywhere(per_texture - centres, generator, chosen))
+        return tuple(parts)
+
+    def _levels(self, random: Tensor, chosen: Tensor) -> Tensor:
+        """[T, N] int64 levels for `random` [T, N] in [0, 1)."""
+        level = torch.searchsorted(self._level_cumulative[chosen], random.contiguous())
+        return torch.minimum(level, (self._cells.levels[chosen] - 1)[:, None])
+
+    def _random(self, count: int, numbers: int, generator: torch.Generator, chosen: Tensor) -> Tensor:
+        return torch.rand(numbers, len(chosen), count, generator=generator).to(self._device)
+
+    def _at_centres(self, count: int, generator: torch.Generator, chosen: Tensor) -> Samples:
+        texture = chosen[:, None].expand(len(chosen), count).reshape(-1)
+        if self._config.levels == 1:
+            u, v = self._random(count, 2, generator, chosen)
+            level = torch.zeros_like(texture)
+        else:
+            u, v, which = self._random(count, 3, generator, chosen)
+            level = self._levels(which, chosen).reshape(-1)
+        size = self._sizes[texture, level]
+        texel = (torch.stack([u.reshape(-1), v.reshape(-1)], dim=-1) * size).long()
+        # A number just below 1 times a large size may round up to it.
+        texel = torch.minimum(texel, size - 1)
+        row = self._texels.first[texture, level] + texel[:, 1] * size[:, 0] + texel[:, 0]
+        found = self._tables.at(texture, level, texel)
+        lod = level.to(u.dtype)
+        return Samples(
+            uv=(texel + 0.5) / size,
+            lod=lod,
+            index=found.index,
+            weights=found.weights,
+            known=with_lod(found.waves, lod, self._config),
+            targets=self._coded.index_select(0, row).float().div_(255.0),
+        )
+
+    def _anywhere(self, count: int, generator: torch.Generator, chosen: Tensor) -> Samples:
+        texture = chosen[:, None].expand(len(chosen), count).reshape(-1)
+        u, v, which, between = self._random(count, 4, generator, chosen)
+        last = (self._cells.levels[chosen] - 1)[:, None].to(u.dtype)
+        lod = torch.minimum(self._levels(which, chosen) + between, last).reshape(-1)
+        uv = torch.stack([u.reshape(-1), v.reshape(-1)], dim=-1)
+        index, weights = trilinear_corners(self._cells, texture, uv, lod)
+        waves = positional_encoding(self._texels, texture, uv, lod, self._config.positional_octaves)
+        targets = self._filtered(texture, uv, lod)
+        return Samples(uv, lod, index, weights, with_lod(waves, lod, self._config), targets)
+
+    def _filtered(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
+        if self._linear is None:
+            raise ValueError("a codec of one level has no texels between levels")
+        index, weights = trilinear_corners(self._texels, texture, uv, lod)
+        texels = self._linear.index_select(0, index.reshape(-1)).float().view(*index.shape, -1)
+        blended = torch.bmm(weights.unsqueeze(1), texels).squeeze(1)
+        srgb = torch.where(
+            blended <= 0.0031308, blended * 12.92, 1.055 * blended.clamp(min=1e-6) ** (1.0 / 2.4) - 0.055
+        )
+        return torch.where(self._srgb_coded[texture], srgb, blended)

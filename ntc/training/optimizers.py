@@ -1,0 +1,83 @@
+"""The optimisers of a training: parameters that are trained alike, and their state as plain tensors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.training.config import TrainingConfig
+from ntc.training.muon import Muon
+
+
+@dataclass(frozen=True, eq=False)
+class OptimizerPart:
+    """Parameters that are trained alike."""
+
+    name: str
+    optimizer: torch.optim.Optimizer
+    rate: float
+    """Learning rate before any schedule."""
+    freezes: bool = False
+    """Whether freezing slows it down: decoders, which the textures of a group share."""
+
+    @property
+    def parameters(self) -> list[Tensor]:
+        """What it trains."""
+        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
+
+    def step(self, scale: float) -> None:
+        """One step at `scale` times the rate; none at 0, where Adam would go on by its momentum."""
+        if scale > 0.0:
+            self.optimizer.param_groups[0]["lr"] = self.rate * scale
+            self.optimizer.step()
+
+    def state(self) -> dict[str, Tensor]:
+        """Parameters and what the optimiser remembers of them, by name; not copies."""
+        found: dict[str, Tensor] = {}
+        for number, parameter in enumerate(self.parameters):
+            found[f"{self.name}.{number}"] = parameter.detach()
+            for key, value in self.optimizer.state.get(parameter, {}).items():
+                found[f"{self.name}.{number}.{key}"] = value
+        return found
+
+    def load(self, state: Mapping[str, Tensor]) -> None:
+        """Take over a state. Raises KeyError for a missing parameter and ValueError for another shape."""
+        self.optimizer.state.clear()
+        for number, parameter in enumerate(self.parameters):
+            name = f"{self.name}.{number}"
+            values = state[name]
+            if values.shape != parameter.shape:
+                raise ValueError(f"{name} is {list(values.shape)}, expected {list(parameter.shape)}")
+            with torch.no_grad():
+                parameter.copy_(values)
+            remembered = {
+                key.removeprefix(f"{name}."): value for key, value in state.items() if key.startswith(f"{name}.")
+            }
+            for key, value in remembered.items():
+                if value.numel() > 1 and value.shape != parameter.shape:
+                    raise ValueError(f"{name}.{key} is {list(value.shape)}, expected {list(parameter.shape)}")
+                self.optimizer.state[parameter][key] = value.clone().to(parameter.device)
+
+
+def optimizer_parts(
+    latents: Tensor, decoders: DecoderStack, adapters: AdapterStack | None, training: TrainingConfig
+) -> tuple[OptimizerPart, ...]:
+    """The optimisers of `training`, that of the latents first."""
+    hidden = list(decoders.weights[:-1]) if training.hidden_optimizer == "muon" else []
+    others = [p for p in decoders.parameters() if not any(p is matrix for matrix in hidden)]
+
+    def adam(parameters: Sequence[Tensor], rate: float) -> torch.optim.Optimizer:
+        return torch.optim.Adam(parameters, lr=rate, fused=True)
+
+    rate = training.decoder_rate
+    parts = [
+        OptimizerPart("latents", adam([latents], training.latent_rate), training.latent_rate),
+        OptimizerPart("decoders", adam(others, rate), rate, freezes=True),
+    ]
+    if hidden:
+        parts.append(OptimizerPart("hidden", Muon(hidden, training.hidden_rate), training.hidden_rate, freezes=True))
+    if adapters is not None:
+        parts.append(OptimizerPart("adapters", adam(list(adapters.parameters()), rate), rate))
+    return tuple(parts)

@@ -1,0 +1,99 @@
+"""Whether what the training process reports can be true of the training that it was asked for. Needs no torch.
+
+The process is this program's own; but a report that a fault has garbled must not end the window.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ntc.errors import InputError
+from ntc.pack.validate import check_decibels, check_decoder, check_encoded
+from ntc.training.snapshot import GroupSnapshot
+from ntc.worker.protocol import Ended, Failed, TrainingRequest, WorkerProgress
+
+LARGEST_SECONDS = 1e12
+"""Of a time; far more than the clock of any machine says."""
+LARGEST_LOSS = 1e40
+"""Beyond single precision."""
+DEEPEST_RECORD = 32
+LONGEST_LINE = 1000
+
+
+def check_progress(progress: WorkerProgress, request: TrainingRequest) -> None:
+    """Raises ValueError for numbers that are none, and for groups and textures that are not trained."""
+    if not 0 <= progress.step <= progress.of:
+        raise ValueError(f"step {progress.step} of {progress.of}")
+    numbers = (progress.eta_seconds, progress.elapsed_seconds, progress.ktexels_per_second, progress.freezing_scale)
+    if not all(0.0 <= number <= LARGEST_SECONDS for number in numbers):
+        raise ValueError(f"progress: {numbers}")
+    if not progress.note.isprintable() or len(progress.note) > LONGEST_LINE:
+        raise ValueError("a note that is not one line")
+    _check_keys(progress.losses, request.dirty or (), "group")
+    _check_keys(progress.psnr_db, range(len(request.textures)), "texture")
+    if not all(0.0 <= loss <= LARGEST_LOSS for loss in progress.losses.values()):
+        raise ValueError("a loss that is none")
+    for decibels in progress.psnr_db.values():
+        check_decibels(decibels)
+
+
+def _check_keys(found: Iterable[int], known: Iterable[int], what: str) -> None:
+    unknown = set(found) - set(known)
+    if unknown:
+        raise ValueError(f"{what} {min(unknown)} is not trained")
+
+
+def check_snapshot(snapshot: GroupSnapshot, request: TrainingRequest) -> None:
+    """Raises ValueError for a group that is not trained, other textures than its own, and what the codec cannot decode."""
+    group, grouping = snapshot.group, request.grouping
+    _check_keys((group,), request.dirty or (), "group")
+    if snapshot.members != tuple(index for index, number in enumerate(grouping.groups) if number == group):
+        raise ValueError(f"group {group} has other textures")
+    if len(snapshot.textures) != len(snapshot.members):
+        raise ValueError(f"group {group} has {len(snapshot.members)} textures, and {len(snapshot.textures)} came")
+    for index, found in zip(snapshot.members, snapshot.textures, strict=True):
+        source = request.textures[index]
+        expected = (source.pixel_hash, *source.size, source.pixels.shape[2], source.color_space, source.wrap, group)
+        own = (found.pixel_hash, found.width, found.height, found.channels, found.color_space, found.wrap, found.group)
+        # A group that stays as it was keeps the names that the pack has.
+        names = [(source.name, source.category)]
+        if request.start is not None:
+            names.append((request.start.textures[index].name, request.start.textures[index].category))
+        if own != expected or (found.name, found.category) not in names:
+            raise ValueError(f"texture {index} is another one")
+        check_encoded(found, request.codec)
+    check_decoder(snapshot.decoder, request.codec)
+
+
+def check_ended(ended: Ended, request: TrainingRequest) -> None:
+    """Raises ValueError for outcomes of groups that are not trained, and a record that is no JSON."""
+    groups = [outcome.group for outcome in ended.outcomes]
+    _check_keys(groups, request.dirty or (), "group")
+    if len(groups) != len(set(groups)):
+        raise ValueError("a group ended twice")
+    for outcome in ended.outcomes:
+        check_decibels(outcome.after_db)
+        if outcome.before_db is not None:
+            check_decibels(outcome.before_db)
+    _check_json(ended.record, DEEPEST_RECORD)
+
+
+def _check_json(value: Any, depth: int) -> None:
+    if depth < 0:
+        raise ValueError("the record is nested too deep")
+    if isinstance(value, Mapping):
+        if not all(isinstance(key, str) for key in value):
+            raise ValueError("the record has a key that is no text")
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for part in value:
+            _check_json(part, depth - 1)
+    elif not (value is None or isinstance(value, str | int | float)) or (
+        isinstance(value, float) and not math.isfinite(value)
+    ):
+        raise ValueError(f"the record holds a {type(value).__name__} that is no JSON")
+
+
+def told(failed: Failed) -> Failed:
+    """A failure whose line is one line, not too long, that a terminal can show."""
+    return Failed(str(InputError(failed.line))[:LONGEST_LINE] or "training: failed", failed.details)

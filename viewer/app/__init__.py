@@ -1,0 +1,1 @@
+"""The window, and its content without a window."""

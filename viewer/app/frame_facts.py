@@ -1,0 +1,112 @@
+"""What panels show of the last frame: gathered from the picture, and read back from it where a panel asks for it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.named_images import NamedImages
+from viewer.inspect.block_content import BlockContent
+from viewer.inspect.block_reading import BlockReader
+from viewer.inspect.live_figures import LiveFigures
+from viewer.inspect.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.inspect.pixel_content import PixelContent
+from viewer.inspect.pixel_reading import PixelReader
+from viewer.render.frame_times import FrameTimes
+from viewer.render.viewport import ShownPicture
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE, Slot
+from viewer.ui.facts import FrameFacts
+
+
+class FactsReader:
+    """Reads a picture for the panels, and no more of it than they show."""
+
+    def __init__(self, context: GraphicsContext, session: Session, picture: ShownPicture, times: FrameTimes) -> None:
+        self._renderer_name = context.info.renderer
+        self._session, self._picture, self._times = session, picture, times
+        self._images = NamedImages(context)
+        self._blocks = BlockReader()
+        self.pixels = PixelReader()
+
+    def read(self, live: LiveFigures) -> FrameFacts:
+        """The facts of the last frame; `live` is what comparing A with B has found."""
+        last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
+        slots = (self._session.view.slot_a, self._session.view.slot_b)
+        parts = {slot: found for slot in slots if renderer and (found := renderer.gpu_parts(slot)) is not None}
+        made = len(thumbnails) if thumbnails is not None else 0
+        return FrameFacts(
+            renderer=self._renderer_name,
+            timer=last.timer if last else "",
+            timings_ms=self._times.medians_ms(),
+            slot_ms=self._times.slot_ms,
+            skipped=last.skipped if last else {},
+            drawn=last.drawn if last else {},
+            divergence=last.divergence if last else {},
+            block=self._block(),
+            thumbnail=self.thumbnail if thumbnails is not None else None,
+            gpu_bytes={slot: sum(of_slot.values()) for slot, of_slot in parts.items()},
+            frames_drawn=self._picture.frames_drawn,
+            live=live,
+            pixel=self._pixel(),
+            paths=last.paths if last else {},
+            tiles=last.tiles if last else {},
+            history=self._times.history,
+            gpu_parts=parts,
+            latent_bytes=renderer.latent_bytes(slots[0]) if renderer is not None else None,
+            matches=renderer.matches if renderer is not None else {},
+            image=self._image,
+            thumbnails_made=made,
+            thumbnails_skipped=len(self._session.scene.textures) - made,
+        )
+
+    def thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
+        """A small picture of a texture of the scene."""
+        assert self._picture.thumbnails is not None
+        return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
+
+    def measurements(self) -> Mapping[str, SlotMeasurement] | None:
+        """Both slots of the present view, measured now; None while there is no picture of it."""
+        renderer, view = self._picture.renderer, self._picture.last_view
+        if renderer is None or view is None:
+            return None
+        reference = renderer.albedo(Slot(REFERENCE))
+        covered, texture_ids = renderer.covered(), renderer.texture_ids()
+        results: dict[str, SlotMeasurement] = {}
+        for side, slot in (("a", view.slot_a), ("b", view.slot_b)):
+            shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
+            seen = SeenPicture(shown, reference, covered, texture_ids)
+            pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
+            results[side] = measure_slot(slot.source, seen, pack, match, renderer.gpu_bytes(slot))
+        return results
+
+    def take_problems(self) -> tuple[str, ...]:
+        """What could not be shown for want of memory since the last call: lines."""
+        thumbnails = self._picture.thumbnails
+        spares = [self._images.spare, *([] if thumbnails is None else [thumbnails.spare])]
+        return tuple(problem for spare in spares if (problem := spare.take_problem()) is not None)
+
+    def release(self) -> None:
+        """Free the images of panels."""
+        self._images.release()
+
+    def _image(self, name: str, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
+        return imgui.ImTextureRef(self._images.get(name, pixels).glo)
+
+    def _pixel(self) -> PixelContent | None:
+        """The pixel to speak of, while its panel is open."""
+        session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
+        at = session.kept_pixel or session.hovered
+        if renderer is None or view is None or at is None or not (session.comparing.pixel and session.show_panels):
+            return None
+        return self.pixels.read(renderer, view, at)
+
+    def _block(self) -> BlockContent | None:
+        """The block to speak of, while the map is shown."""
+        session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
+        at = session.inspected or session.hovered
+        if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
+            return None
+        return self._blocks.read(renderer, session.packs, view, at)

@@ -1,0 +1,77 @@
+"""What to do when the OpenGL context of the window is lost: how often a new window is opened, and what is kept at the end."""
+
+import shlex
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, TypeVar
+
+from ntc.errors import InputError
+from ntc.io import write_text
+from viewer.gl.context_loss import ContextLostError
+from viewer.state.pack_files import packs_beside
+from viewer.state.session import Session
+from viewer.state.view_file import present_view, view_json
+
+RECOVERED: Final = "the graphics driver was reset; everything was uploaded again"
+MOST_LOSSES = 3
+"""Within LOSS_SECONDS; with the last of them the window ends."""
+LOSS_SECONDS = 60.0
+RESET_SECONDS = 2.0
+"""A reset is waited for so long."""
+PAUSES: Final = (0.0, 1.0, 3.0)
+"""Seconds before each attempt to open a new window: a driver that restarts is not there at once."""
+
+Opened = TypeVar("Opened")
+
+
+class LossHistory:
+    """When contexts were lost."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._losses: deque[float] = deque(maxlen=MOST_LOSSES)
+
+    def add(self) -> bool:
+        """Note a loss; whether there were too many of late."""
+        self._losses.append(self._clock())
+        return len(self._losses) == MOST_LOSSES and self._losses[-1] - self._losses[0] <= LOSS_SECONDS
+
+
+def open_again(open_window: Callable[[], Opened], pauses: Sequence[float] = PAUSES) -> Opened:
+    """What `open_window` opens, which is tried after each of `pauses`. Raises the InputError of the last attempt."""
+    for pause in pauses[:-1]:
+        time.sleep(pause)
+        try:
+            return open_window()
+        except InputError:
+            continue
+    time.sleep(pauses[-1])
+    return open_window()
+
+
+def _command(session: Session, view: Path) -> str:
+    """What is typed to see `view` again."""
+    scene, packs = session.scene.path, [pack.path for pack in session.packs.values() if pack.path is not None]
+    beside = {path.resolve() for path in packs_beside(scene)} if scene is not None else set()
+    named = [str(path.resolve()) for path in packs if path.resolve() not in beside]
+    arguments = [
+        "ntc-viewer",
+        "view",
+        *([str(scene.resolve())] if scene is not None else []),
+        *(["--pack", *named] if named else []),
+        "--exec",
+        f"view.load {shlex.quote(str(view))}",
+    ]
+    return shlex.join(arguments)
+
+
+def last_words(session: Session, lost: ContextLostError, why: str) -> InputError:
+    """The error to end with when `why` there is no new window; writes the view as a file that can be opened again."""
+    path = session.dated_file("-view", ".json").resolve()
+    try:
+        write_text(path, view_json(present_view(session)))
+    except InputError as error:
+        return InputError(f"{lost}, {why}; the view could not be kept: {error}")
+    return InputError(f"{lost}, {why}; the view is kept, to see it again: {_command(session, path)}")

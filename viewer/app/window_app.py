@@ -1,0 +1,261 @@
+"""The window: moderngl-window with glfw, ImGui's own backends, and a loop that rests while nothing changes."""
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+# Before glfw: each of the two brings a libglfw, and both must use the same.
+import imgui_bundle  # noqa: F401  # isort: skip
+import glfw
+
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from viewer.app.frontend import SETTLING_FRAMES, Frontend
+from viewer.app.imgui_window import ImguiWindow, Placement
+from viewer.app.loss_recovery import (
+    MOST_LOSSES,
+    RECOVERED,
+    RESET_SECONDS,
+    LossHistory,
+    last_words,
+    open_again,
+)
+from viewer.gl.context_loss import ContextLostError, SimulatedLosses
+from viewer.locations import config_folder
+from viewer.scene.model import Scene
+from viewer.script.parse import Script
+from viewer.script.play import play_script
+from viewer.state.actions import OpenFile
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
+from viewer.ui.theme import Appearance
+
+IDLE_SECONDS = 0.2
+"""Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
+FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
+"""Environment variable for tests: close after this many frames."""
+LARGEST_MONITOR_SCALE = 4.0
+PICTURES = Path("ntc-viewer-pictures")
+
+
+@dataclass(frozen=True, eq=False)
+class WindowContent:
+    """What the window opens with."""
+
+    scene: Scene
+    packs: Mapping[str, Pack]
+    first: FirstLook
+    script: Script = ()
+    """What is played when it has opened; then it stays open, unless the script closes it."""
+    size: tuple[int, int] | None = None
+    """(width, height) in screen units; None: as it was last."""
+    pictures: Path = PICTURES
+    """Folder for pictures, views and paths."""
+
+
+class WindowApp:
+    """A window around a Frontend."""
+
+    def __init__(self, content: WindowContent) -> None:
+        folder = config_folder()
+        settings, problem = load_settings(folder)
+        self._folder: Path | None = folder
+        """Where settings are written; None where that cannot be: they are forgotten."""
+        try:
+            make_config_folder(folder)
+        except InputError as error:
+            self._folder, problem = None, f"{error}; settings are not kept"
+        self._losses, self._lost_before = SimulatedLosses.of_environment(), LossHistory()
+        self._size = content.size or settings.window_size
+        """In screen units, as it was last."""
+        self._awake = SETTLING_FRAMES
+        self._appearance = Appearance()
+        self._window: ImguiWindow | None = None
+        window = self._open(Placement(self._size))
+        self.session = Session(content.scene, content.packs, settings, content.first)
+        self.frontend = Frontend(window.context, self.session, content.pictures)
+        self._playing: Iterator[None] | None = play_script(content.script, self) if content.script else None
+        if problem is not None:
+            self.session.say(problem, "error")
+
+    def _open(self, placement: Placement, layout: str = "") -> ImguiWindow:
+        layout_file = self._folder / LAYOUT_FILE if self._folder is not None else None
+        self._window = ImguiWindow(placement, layout_file, layout, self._listen, self._losses)
+        self._handle: Any = self._window.handle
+        self._appearance = Appearance()
+        return self._window
+
+    def _wake(self, *_event: object) -> None:
+        self._awake = SETTLING_FRAMES
+
+    def _listen(self, handle: Any) -> None:
+        for listen in (
+            glfw.set_cursor_pos_callback,
+            glfw.set_mouse_button_callback,
+            glfw.set_scroll_callback,
+            glfw.set_key_callback,
+            glfw.set_char_callback,
+            glfw.set_window_refresh_callback,
+            glfw.set_cursor_enter_callback,
+        ):
+            listen(handle, self._wake)
+        listen_to_drops: Any = glfw.set_drop_callback
+        listen_to_drops(handle, self._dropped)
+
+    def _dropped(self, _window: object, paths: Any, *_rest: object) -> None:
+        for path in paths:
+            self.session.apply(OpenFile(Path(path)))
+        self._wake()
+
+    def _monitor_scale(self) -> float:
+        """Window units per unit of normal scale. Where a window has more pixels than units, ImGui draws finer by itself."""
+        width, _ = glfw.get_window_size(self._handle)
+        pixels, _ = glfw.get_framebuffer_size(self._handle)
+        asked = glfw.get_window_content_scale(self._handle)[0]
+        return min(max(asked * width / max(pixels, 1), 1.0), LARGEST_MONITOR_SCALE)
+
+    def _frame(self, window: ImguiWindow, size: tuple[int, int]) -> None:
+        settings = self.session.settings
+        self._appearance.apply(settings.theme, settings.ui_scale, self._monitor_scale())
+        window.new_frame()
+        draw_data = self.frontend.build(size)
+        screen = window.context.gl.screen
+        screen.viewport = (0, 0, *size)
+        self.frontend.paint(screen, draw_data)
+        glfw.swap_buffers(self._handle)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the content in pixels."""
+        width, height = glfw.get_framebuffer_size(self._handle)
+        return width, height
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Ask the window system for this size of the content."""
+        framebuffer, window = self.size, glfw.get_window_size(self._handle)
+        # Screen units may be larger than pixels.
+        width, height = (
+            max(1, round(side * window[axis] / max(framebuffer[axis], 1))) for axis, side in enumerate(size)
+        )
+        glfw.set_window_size(self._handle, width, height)
+
+    def _play_on(self) -> None:
+        """Let the script go on to where it needs the next frame; a line that cannot be carried out ends it."""
+        if self._playing is None:
+            return
+        try:
+            next(self._playing)
+        except StopIteration:
+            self._playing = None
+        except InputError as error:
+            self._playing = None
+            self.session.say(f"{error}; the script ends here", "error")
+        self._wake()
+
+    def run(self, frames: int | None = None) -> None:
+        """Draw until the window is closed, or `frames` frames have been drawn.
+
+        Goes on in a new window where the OpenGL context is lost. Raises InputError where that cannot be, or not any more.
+        """
+        drawn = 0
+        last_size = (0, 0)
+        while self._window is not None and not (
+            glfw.window_should_close(self._handle) or self.session.closing or drawn == frames
+        ):
+            try:
+                with self._window.context.reset.watched():
+                    size = self._next_size()
+                    if size != last_size:
+                        self._wake()
+                    last_size = size
+                    drawn += self._step(self._window, size, started=drawn > 0, always=frames is not None)
+            except ContextLostError as lost:
+                self._recover(self._window, lost)
+
+    def _next_size(self) -> tuple[int, int]:
+        """(width, height) of the content in pixels, after what has happened; 0 while it is minimised."""
+        glfw.poll_events()
+        self._size = glfw.get_window_size(self._handle)
+        return self.size
+
+    def _step(self, window: ImguiWindow, size: tuple[int, int], started: bool, always: bool) -> int:
+        """Draw a frame if there is cause to, else do something for the next one, or rest. The number of frames drawn."""
+        if min(size) <= 0:
+            glfw.wait_events_timeout(IDLE_SECONDS)
+            return 0
+        if self.frontend.needs_frame(size):
+            self._wake()
+        if started:
+            self._play_on()
+        if self._awake > 0 or self._keys_held() or always:
+            self._awake = max(0, self._awake - 1)
+            self._frame(window, size)
+            return 1
+        if not self.frontend.prepare_next():
+            glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
+        return 0
+
+    def _recover(self, window: ImguiWindow, lost: ContextLostError) -> None:
+        """Go on in a new window with what is in memory. Raises InputError, with the view kept as a file, where that fails."""
+        window.leave_frame(lost)
+        placement, layout = window.placement, window.layout()
+        window.context.reset.wait_until_over(RESET_SECONDS)
+        self._close_window()
+        if self._lost_before.add():
+            raise last_words(self.session, lost, f"{MOST_LOSSES} times within a minute") from lost
+        try:
+            window = open_again(lambda: self._open(placement, layout))
+        except InputError as error:
+            raise last_words(self.session, lost, str(error)) from error
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.session.pictures_folder)
+        self.frontend.interface.take_over(earlier.interface)
+        self.session.say(RECOVERED, details=str(lost))
+        self._wake()
+
+    def _close_window(self) -> None:
+        """Free what is on the GPU, and the window. The session stays."""
+        window, self._window = self._window, None
+        if window is not None:
+            with contextlib.suppress(Exception):
+                # What a lost context refuses to free goes with it.
+                self.frontend.release()
+            window.close()
+
+    def _keys_held(self) -> bool:
+        """Whether a held key moves the camera."""
+        return any(glfw.get_key(self._handle, key) == glfw.PRESS for key in map(ord, "WASDQE"))
+
+    def leave(self, error: BaseException) -> None:
+        """To be called before `close` where `error` broke off a frame."""
+        if self._window is not None:
+            self._window.leave_frame(error)
+
+    def close(self) -> None:
+        """Remember settings and layout, and free everything."""
+        width, height = self._size
+        settings = self.session.present_settings()
+        try:
+            if width > 0 and height > 0:
+                settings = replace(settings, window_size=(max(width, 320), max(height, 200)))
+            if self._folder is not None:
+                save_settings(self._folder, settings)
+        finally:
+            self.session.close()
+            self._close_window()
+
+
+def run_window(content: WindowContent) -> int:
+    """Open the window and stay until it is closed. Raises InputError where no window can be opened."""
+    app = WindowApp(content)
+    frames = os.environ.get(FRAMES_VARIABLE, "")
+    try:
+        app.run(int(frames) if frames.isdigit() else None)
+    except BaseException as error:
+        app.leave(error)
+        raise
+    finally:
+        app.close()
+    return 0

@@ -1,0 +1,1 @@
+"""Pictures and camera paths as files."""

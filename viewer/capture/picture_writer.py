@@ -1,0 +1,63 @@
+"""Pictures and recorded paths as files in the session's folder of pictures."""
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.io import write_text
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderError
+from viewer.render.viewport import ShownPicture
+from viewer.scene.cameras_file import cameras_json
+from viewer.scene.images import write_png
+from viewer.scene.model import Camera
+from viewer.state.picture_request import PictureRequest
+from viewer.state.session import Session
+
+
+def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
+    # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
+    viewport = framebuffer.viewport
+    width, height = viewport[2:]
+    pixels = np.frombuffer(framebuffer.read(viewport=viewport, components=3, alignment=1), np.uint8)
+    return np.ascontiguousarray(pixels.reshape(height, width, 3)[::-1])
+
+
+class PictureWriter:
+    """Carries out the session's wishes for files when a frame is on its framebuffer. What fails is a message."""
+
+    def __init__(self, context: GraphicsContext, session: Session, picture: ShownPicture) -> None:
+        self._context, self._session, self._picture = context, session, picture
+
+    def write_wanted(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Write all that is wanted. Raises ContextLostError; what has not been written is still wanted then."""
+        session = self._session
+        for request in session.picture_requests:
+            self._write(request, framebuffer)
+            session.picture_requests = session.picture_requests[1:]
+        if session.recorded_path is not None:
+            self._write_path(session.recorded_path)
+            session.recorded_path = None
+
+    def _write(self, request: PictureRequest, framebuffer: moderngl.Framebuffer) -> None:
+        session, is_window = self._session, request.kind == "window"
+        dated = session.dated_file("" if is_window else f"-{request.kind}", ".png")
+        path = session.pictures_folder / request.file if request.file else dated
+        try:
+            pixels = read_pixels(framebuffer) if is_window else self._picture.alone(request, self._session.picture_size)
+            self._context.reset.check()
+            write_png(path, pixels)
+            if not request.quiet:
+                session.say(f"wrote {path}")
+        except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
+            session.say(" ".join(str(error).split()) or "there is not enough memory for the picture", "error")
+
+    def _write_path(self, cameras: tuple[Camera, ...]) -> None:
+        path = self._session.dated_file("-path", ".json")
+        try:
+            write_text(path, cameras_json(cameras))
+            self._session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")
+        except InputError as error:
+            self._session.say(str(error), "error")

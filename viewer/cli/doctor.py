@@ -1,0 +1,85 @@
+"""`ntc-viewer doctor`: what this machine has for drawing, training and reading."""
+
+import importlib.metadata
+import importlib.util
+import json
+import os
+import platform
+import sys
+from typing import Any
+
+from ntc.errors import InputError
+from viewer.cli.options import DoctorOptions
+from viewer.gl.context import create_headless_context
+
+PACKAGES = (
+    "moderngl",
+    "moderngl-window",
+    "glfw",
+    "imgui-bundle",
+    "numpy",
+    "torch",
+    "OpenImageIO",
+    "trimesh",
+    "safetensors",
+)
+OPTIONAL_MODULES = {"DracoPy": "Draco-compressed meshes: pip install 'ntc-viewer[draco]'"}
+
+
+def has_display() -> bool:
+    """Whether a window can be expected to open: elsewhere than on Linux always, there if a display server is named."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "missing"
+
+
+def examine() -> dict[str, Any]:
+    """Everything the doctor looks at."""
+    findings: dict[str, Any] = {
+        "python": platform.python_version(),
+        "display": has_display(),
+        "packages": {package: _version(package) for package in PACKAGES},
+        "optional": {
+            module: "present" if importlib.util.find_spec(module) else f"absent ({purpose})"
+            for module, purpose in OPTIONAL_MODULES.items()
+        },
+    }
+    try:
+        context = create_headless_context()
+        information = context.info
+        findings["opengl"] = {
+            "renderer": information.renderer,
+            "vendor": information.vendor,
+            "version": information.version,
+            "software": information.is_software,
+            "largest_uniform_block": context.features.uniform_block_bytes,
+            "anisotropy": context.features.anisotropy,
+            "timer_queries": context.features.timer_queries,
+            "weights_in_image": context.features.weights_in_image,
+            "half_arithmetic": context.features.half_arithmetic or "none (--precision fp32 and fp16 only)",
+        }
+    except InputError as error:
+        findings["opengl"] = {"error": str(error)}
+    return findings
+
+
+def _lines(findings: dict[str, Any], indent: str = "") -> list[str]:
+    lines: list[str] = []
+    for key, value in findings.items():
+        if isinstance(value, dict):
+            lines += [f"{indent}{key}:", *_lines(value, indent + "  ")]
+        else:
+            lines.append(f"{indent}{key}: {value}")
+    return lines
+
+
+def doctor(options: DoctorOptions) -> int:
+    """Run `ntc-viewer doctor`: 0 if pictures can be drawn, else 1."""
+    findings = examine()
+    sys.stdout.write((json.dumps(findings, indent=2) if options.json else "\n".join(_lines(findings))) + "\n")
+    return 1 if "error" in findings["opengl"] else 0

@@ -1,0 +1,202 @@
+"""`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
+
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.features import FeatureOptions
+from ntc.grouping import GroupingInputs, make_grouping
+from ntc.grouping.labels import read_labels
+from ntc.metrics.metrics import psnr_table
+from ntc.pack.file import write_pack
+from ntc.pack.model import Pack
+from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
+from ntc.training.progress import TrainingCancelledError, TrainingProgress
+from ntc.training.trainer import peak_memory_bytes, train
+from viewer.cli.interrupts import interrupt_as_question
+from viewer.cli.options import EncodeOptions
+from viewer.locations import features_cache
+from viewer.scene.images import folder_textures
+from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+from viewer.scene.source_textures import reduce_texture, source_textures
+from viewer.state.pack_files import PACK_SUFFIX
+
+LINES_PER_RUN = 20
+"""Progress lines of a whole run where standard error is no terminal."""
+
+
+def _check(options: EncodeOptions) -> None:
+    if options.out.suffix != PACK_SUFFIX:
+        raise InputError(f"--out {options.out}: a pack's name ends in {PACK_SUFFIX}")
+    if options.out.is_dir():
+        raise InputError(f"--out {options.out}: is a folder; name a file")
+    if options.steps is not None and options.epochs is not None:
+        raise InputError("--steps and --epochs exclude each other: give one of them")
+    for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
+        if value is not None and value <= 0:
+            raise InputError(f"--{name} {value}: must be positive")
+    for option, given, grouping in (
+        ("views", options.views, "covisible"),
+        ("sampled-views", options.sampled_views, "covisible"),
+        ("labels", options.labels, "category"),
+    ):
+        if given is not None and options.grouping != grouping:
+            raise InputError(f"--{option} {given}: only --grouping {grouping} takes it")
+    if options.levels is not None and not 1 <= options.levels <= 16:
+        raise InputError(f"--levels {options.levels}: must be 1 to 16")
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is to be encoded."""
+
+    textures: tuple[SourceTexture, ...]
+    scene: Scene | None
+    """None for a folder of images."""
+
+
+def read_source(source: Path, texture_size: int | None) -> Source:
+    """The textures of a scene file or of a folder of images, reduced to `texture_size` texels. Raises InputError."""
+    scene = None
+    if source.is_dir():
+        textures = folder_textures(source)
+        if texture_size is not None:
+            textures = tuple(reduce_texture(texture, texture_size) for texture in textures)
+    else:
+        scene = load_scene(source)
+        textures = source_textures(scene, texture_size)
+    if not textures:
+        raise InputError(f"{source}: holds no texture to encode (constant images are factors and need no encoding)")
+    return Source(textures, scene)
+
+
+def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
+    """What the grouping needs besides the textures. Raises InputError for what cannot be read or seen."""
+    labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
+    features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
+    if options.grouping != "covisible":
+        return GroupingInputs(labels=labels, features=features)
+    if source.scene is None:
+        raise InputError("--grouping covisible: a folder of images cannot be seen from anywhere; encode a scene")
+    # Only this grouping needs OpenGL.
+    from viewer.viewpoints.scene_views import ViewSource, scene_views
+
+    seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
+    views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())
+    seen.renderer.release()
+    return GroupingInputs(views, labels, features)
+
+
+def training_config(options: EncodeOptions) -> TrainingConfig:
+    """The recipe with what the options override."""
+    training = replace(recipe_config(options.recipe), seed=options.seed, device=options.device)
+    if options.steps is not None:
+        return replace(training, steps=options.steps, epochs=None)
+    if options.epochs is not None:
+        return replace(training, steps=None, epochs=options.epochs)
+    return training
+
+
+class _ProgressReport:
+    """Progress with ETA: a live bar on a terminal, else about twenty lines in all."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._last_line = -1
+        self._bar = Progress(
+            TextColumn("encoding"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[status]}"),
+            console=console,
+            transient=True,
+        )
+        self._task = self._bar.add_task("encoding", total=1.0, status="")
+
+    def __enter__(self) -> "_ProgressReport":
+        if self._console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, progress: TrainingProgress) -> None:
+        share = progress.step / max(1, progress.steps)
+        status = (
+            f"step {progress.step}/{progress.steps}  PSNR {progress.psnr_db:.2f} dB  "
+            f"{progress.texels_per_second / 1e6:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
+        )
+        if self._console.is_terminal:
+            self._bar.update(self._task, completed=share, status=status)
+            if progress.note:
+                self._console.print(progress.note, highlight=False)
+        elif progress.note:
+            self._console.print(progress.note, highlight=False)
+        elif int(share * LINES_PER_RUN) > self._last_line:
+            self._last_line = int(share * LINES_PER_RUN)
+            self._console.print(f"{share:4.0%}  {status}", highlight=False)
+
+
+def encode(options: EncodeOptions) -> int:
+    """Run `ntc-viewer encode`. Raises InputError for bad input."""
+    _check(options)
+    console = Console(stderr=True, soft_wrap=True)
+    source = read_source(options.source, options.texture_size)
+    textures = source.textures
+    grouping = make_grouping(options.grouping_config(), textures, grouping_inputs(source, options))
+    codec = recipe_codec(options.recipe, max(texture.pixels.shape[2] for texture in textures), options.levels)
+    console.print(
+        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
+        highlight=False,
+    )
+    with _ProgressReport(console) as report:
+        began = time.monotonic()
+        training = training_config(options)
+        with interrupt_as_question() as interrupted:
+            try:
+                pack = train(
+                    textures, grouping, codec, training, report, interrupted, options.state, _rescue(options.out)
+                )
+            except TrainingCancelledError:
+                # What a shell expects of Ctrl-C.
+                raise KeyboardInterrupt from None
+    seconds = time.monotonic() - began
+    write_or_rescue(options.out, pack)
+    lines = [*psnr_table(pack).lines(), _effort(pack, seconds), f"wrote {options.out}"]
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def write_or_rescue(out: Path, pack: Pack) -> None:
+    """Write `pack`; where that cannot be, write it among the temporary files: it may have taken hours. Raises InputError."""
+    try:
+        write_pack(out, pack)
+    except InputError as error:
+        spare = Path(tempfile.mkdtemp(prefix="ntc-viewer-")) / out.name
+        try:
+            write_pack(spare, pack)
+        except InputError:
+            raise error from None
+        raise InputError(f"{error}; the pack is in {spare} instead") from error
+
+
+def _rescue(out: Path) -> Path:
+    """Where the state of a training goes whose numbers blow up."""
+    return out.with_name(f"{out.name}.state")
+
+
+def _effort(pack: Pack, seconds: float) -> str:
+    device = str(pack.training["device"])
+    peak = peak_memory_bytes(torch.device(device))
+    memory = f", at most {peak / 1e9:.2f} GB of memory" if peak is not None else ""
+    return f"training: {pack.training['steps']} steps in {seconds:.0f} s on {device}{memory}"

@@ -1,0 +1,125 @@
+"""`ntc-viewer info`: what is in a scene or pack."""
+
+import json
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+from ntc.accuracy.error_bound import ErrorBound, pack_bounds
+from ntc.accuracy.precision_choice import sampled_bound
+from ntc.codec.precision import Precision
+from ntc.errors import InputError
+from ntc.metrics.metrics import finite_or_none, psnr_table
+from ntc.pack.file import read_pack
+from ntc.pack.model import Pack
+from viewer.cli.info_all import info_all
+from viewer.cli.options import InfoOptions
+from viewer.cli.table import Column, Table
+from viewer.scene.gltf.container import printable
+from viewer.scene.load import load_scene
+from viewer.scene.report import report_json, report_lines
+from viewer.state.pack_files import PACK_SUFFIX
+
+SAMPLED_TEXELS = 2048
+
+
+@dataclass(frozen=True)
+class PackBound:
+    """What is certified of a pack in one precision."""
+
+    whole: ErrorBound
+    """Of every texel there may be."""
+    sampled: float
+    """Of the worst of SAMPLED_TEXELS texels, each by itself."""
+
+
+def certified(pack: Pack) -> dict[Precision, PackBound]:
+    """Bounds by precision, computed anew from the pack: the same on every machine, and true for every pack that there is."""
+    return {
+        precision: PackBound(bound, sampled_bound(pack, precision, SAMPLED_TEXELS))
+        for precision, bound in pack_bounds(pack).items()
+    }
+
+
+BOUND_COLUMNS = (
+    Column("precision", "precision"),
+    Column("error", "any texel"),
+    Column("sampled", f"at {SAMPLED_TEXELS} texels"),
+    Column("sum", "largest sum"),
+    Column("overflow", "overflow"),
+)
+
+
+def bounds_json(bounds: dict[Precision, PackBound]) -> dict[str, Any]:
+    """Certified bounds by precision, the worst of all textures (docs/accuracy.md). `largest_sum` is null beyond fp32."""
+    return {
+        precision: {
+            "error": bound.whole.error,
+            "sampled_texels_error": bound.sampled,
+            "largest_sum": finite_or_none(max(bound.whole.activations)),
+            "may_overflow": bound.whole.overflows,
+        }
+        for precision, bound in bounds.items()
+    }
+
+
+def bounds_lines(bounds: dict[Precision, PackBound]) -> list[str]:
+    """The same as text."""
+    rows = [
+        {
+            "precision": precision,
+            "error": f"{bound.whole.error:.1e}" if bound.whole.error < 1.0 else "1 (nothing)",
+            "sampled": f"{bound.sampled:.1e}",
+            "sum": f"{max(bound.whole.activations):.1e}",
+            "overflow": "may" if bound.whole.overflows else "never",
+        }
+        for precision, bound in bounds.items()
+    ]
+    title = "certified largest error against exact decoding, in [0, 1] (half an 8-bit step is 2.0e-03):"
+    return [title, *Table(BOUND_COLUMNS, rows).text().splitlines()]
+
+
+def pack_json(pack: Pack) -> dict[str, Any]:
+    """What `info F.ntc --json` prints."""
+    return {
+        "file": str(pack.path),
+        "grouping": pack.grouping.name,
+        "parameters": dict(pack.grouping.parameters),
+        "decoders": len(pack.decoders),
+        "training": dict(pack.training),
+        **psnr_table(pack).json(),
+        "certified_error": bounds_json(certified(pack)),
+    }
+
+
+def pack_lines(pack: Pack) -> list[str]:
+    """What `info F.ntc` prints."""
+    shape = "-".join(
+        str(side) for side in (pack.config.decoder_inputs, *(rows for rows, _ in pack.config.layer_shapes))
+    )
+    training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
+    return [
+        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {printable(pack.grouping.name)}",
+        f"training: {printable(training)}",
+        *psnr_table(pack).lines(),
+        *bounds_lines(certified(pack)),
+    ]
+
+
+def info(options: InfoOptions) -> int:
+    """Run `ntc-viewer info`. Raises InputError for bad input."""
+    if (options.file is None) == (options.all is None):
+        raise InputError("info: name one file, or a folder with --all DIR")
+    if options.all is not None:
+        return info_all(options.all, options.json)
+    assert options.file is not None
+    if options.file.suffix.lower() == PACK_SUFFIX:
+        pack = read_pack(options.file)
+        content: dict[str, Any] = pack_json(pack)
+        lines = pack_lines(pack)
+    else:
+        scene = load_scene(options.file)
+        content = report_json(scene)
+        lines = report_lines(scene)
+    sys.stdout.write(json.dumps(content, indent=2) + "\n" if options.json else "\n".join(lines) + "\n")
+    return 0

@@ -1,0 +1,221 @@
+"""Options of every subcommand as frozen dataclasses; tyro turns them into the command line (see README)."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
+from ntc.codec.precision import PrecisionChoice
+from viewer.state.palettes import PaletteName
+from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision
+
+LARGEST_SIDE = 16384
+"""Pixels: the largest picture side that any option accepts."""
+
+
+def _parse_size(arguments: list[str]) -> tuple[int, int]:
+    width, separator, height = arguments[0].lower().partition("x")
+    if not (separator and width.isdigit() and height.isdigit()):
+        raise ValueError(f"{arguments[0]!r} is not WIDTHxHEIGHT, e.g. 1280x720")
+    size = int(width), int(height)
+    if not all(1 <= side <= LARGEST_SIDE for side in size):
+        raise ValueError(f"{arguments[0]!r}: each side must be 1 to {LARGEST_SIDE} pixels")
+    return size
+
+
+Size = Annotated[
+    tuple[int, int],
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="WIDTHxHEIGHT",
+        instance_from_str=_parse_size,
+        is_instance=lambda value: isinstance(value, tuple) and len(value) == 2,
+        str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
+    ),
+]
+Sizes = tuple[Size, ...]
+OptionalScene = Annotated[Path | None, tyro.conf.arg(metavar="SCENE"), tyro.conf.Positional]
+
+
+def _parse_vector(arguments: list[str]) -> tuple[float, float, float]:
+    x, y, z = (float(argument) for argument in arguments)
+    if not all(math.isfinite(value) for value in (x, y, z)):
+        raise ValueError(f"{' '.join(arguments)!r} is not three finite numbers")
+    return x, y, z
+
+
+Vector = Annotated[
+    tuple[float, float, float] | None,
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=3,
+        metavar="X Y Z",
+        instance_from_str=_parse_vector,
+        is_instance=lambda value: value is None or (isinstance(value, tuple) and len(value) == 3),
+        str_from_instance=lambda value: ["none"] if value is None else [str(number) for number in value],
+    ),
+]
+Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
+Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
+Switch = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """Open a scene in a window. Without a display, pictures are written to a folder instead."""
+
+    scene: OptionalScene = None
+    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to open besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """What slot A shows first: "reference", or the grouping of an open pack."""
+    path: PathChoice = "deferred"
+    """Decode path of slot A; `auto` times all of them first."""
+    precision: PrecisionChoice = "fp32"
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
+    script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Play the commands of this file (docs/scripts.md); then the window stays open."""
+    exec: Lines = ()
+    """Play these commands after the script's; may be repeated."""
+    headless: Switch = False
+    """Open no window: play the script, or write one picture."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("ntc-viewer-pictures")
+    """Folder for pictures, views and recorded paths."""
+    size: Size | None = None
+    """Size of the window's content. None: as it was last; 1280x720 without a window."""
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Draw one picture without a window and write it, ids, divergence and statistics into a folder."""
+
+    out: Path
+    """Folder for color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
+    scene: OptionalScene = None
+    """glTF scene. None: the built-in courtyard."""
+    pack: Packs = ()
+    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
+    grouping: str | None = None
+    """"reference" (original images), or the grouping of a pack. None: clustered, else the first pack, else reference."""
+    path: PathChoice = "deferred"
+    """Decode path; `auto` times all of them first."""
+    precision: PrecisionChoice = "fp32"
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
+    size: Size = (1280, 720)
+    """Picture size in pixels."""
+    cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of named cameras; None: the scene's own."""
+    camera: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Name of the camera to use; None: the first one, or the whole scene framed."""
+    eye: Vector = None
+    """Viewpoint, in scene units, Y up (with --target)."""
+    target: Vector = None
+    """Point to look at."""
+    fov: float = 60.0
+    """Vertical field of view of --eye/--target, degrees."""
+    overlay: Literal["none", "divergence", "error"] = "none"
+    """Also write overlay.png: decoders per block, or error against the reference."""
+    opacity: float = Overlay.opacity
+    """Opacity of the divergence overlay, 0 to 1."""
+    palette: PaletteName = Overlay.palette
+    """Colours of the divergence overlay; viridis is fit for the colour-blind."""
+    block: BlockName = Overlay.block
+    """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
+    anisotropy: Literal[1, 2, 4, 8, 16] = 1
+    """Anisotropic filtering of the reference and of path `cached`; 1 is trilinear, as the other paths filter."""
+    require_gpu: Switch = False
+    """Fail if the renderer is a software rasteriser."""
+
+
+@dataclass(frozen=True)
+class EncodeOptions:
+    """Train latents and decoders for the textures of a scene or of a folder of images, and write a pack."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """glTF scene, or a folder of images (sub-folder names become categories)."""
+    out: Annotated[Path, tyro.conf.arg(metavar="F.ntc")]
+    """The pack to write."""
+    grouping: GroupingName = "clustered"
+    """Which textures share a decoder."""
+    clusters: int | None = None
+    """Number of decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    features: FeatureName = GroupingConfig.features
+    """What clustered compares textures by, and what covisible keeps alike."""
+    clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
+    """Weights of --features clip: a file, or "download" to fetch them."""
+    labels: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
+    """CSV with the columns texture and category, for category. None: labels of the file, else guessed from names."""
+    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """JSON file of cameras, e.g. a recorded path, whose pictures covisible serves. None: the scene's own cameras."""
+    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    spread_weight: float = GroupingConfig.spread_weight
+    """covisible: how much it counts that textures of a group are alike, against divergence."""
+    largest_share: float = GroupingConfig.largest_share
+    """covisible: no group holds more than this share of the textures."""
+    recipe: RecipeName = "best"
+    """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
+    texture_size: int | None = None
+    """Reduce textures to at most this many texels a side before encoding. None: full size."""
+    steps: int | None = None
+    """Optimisation steps; overrides the recipe's length."""
+    epochs: float | None = None
+    """Length in epochs: every texel of every texture once. Not together with --steps."""
+    levels: int | None = None
+    """Latent levels, one per mip; None: the whole pyramid, 1: mip 0 alone as in the paper."""
+    seed: int = 0
+    """Seed of initialisation, sampling and grouping."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train; auto takes CUDA when torch has it."""
+    state: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Keep the training's state here: stopped (Ctrl-C), the same command goes on where it was. Removed at the end."""
+
+    def grouping_config(self) -> GroupingConfig:
+        """What the options say about groups."""
+        return GroupingConfig(
+            name=self.grouping,
+            clusters=self.clusters,
+            features=self.features,
+            spread_weight=self.spread_weight,
+            largest_share=self.largest_share,
+            seed=self.seed,
+        )
+
+
+@dataclass(frozen=True)
+class DecodeOptions:
+    """Decode every texture of a pack to a PNG, named as in the pack."""
+
+    pack: Annotated[Path, tyro.conf.arg(metavar="F.ntc"), tyro.conf.Positional]
+    """The pack."""
+    out: Path
+    """Folder for the images."""
+    backend: Literal["numpy", "torch", "gl"] = "numpy"
+    """numpy: float64 reference. torch: float32. gl: the GLSL decoder."""
+    precision: Precision = "fp32"
+    """Storage of the decoder weights (gl only)."""
+    level: int = 0
+    """Mip level to decode; textures without it are decoded at their last."""
+
+
+@dataclass(frozen=True)
+class InfoOptions:
+    """Say what is in a scene or pack, or in all of a folder, what of it is honoured and what is ignored."""
+
+    file: Annotated[Path | None, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional] = None
+    """The file."""
+    all: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Instead of one file: a table of every .gltf, .glb and .ntc below this folder, those that are refused included."""
+    json: Switch = False
+    """Print JSON instead of text."""
+
+
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Check this machine: OpenGL, display, packages. Exit status 0 if pictures can be drawn."""
+
+    json: Switch = False
+    """Print JSON instead of text."""

@@ -1,0 +1,186 @@
+"""`ntc-viewer render`: one picture without a window, with ids, divergence and statistics."""
+
+import io
+import json
+import math
+import sys
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import linear_to_srgb8
+from ntc.errors import InputError
+from ntc.io import write_bytes, write_text
+from ntc.metrics.divergence import DivergenceStatistics, divergence_map
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.model import Pack
+from viewer.capture.overlay_picture import error_overlay, with_color_bar
+from viewer.cli.options import RenderOptions
+from viewer.cli.precision import resolve_precision
+from viewer.cli.sources import choose_camera, choose_source, open_scene, packs_for
+from viewer.gl.context import create_headless_context
+from viewer.inspect.measurement import decoder_ids
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.renderer import Renderer
+from viewer.scene.images import write_png
+from viewer.state.palettes import PaletteName
+from viewer.state.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState
+
+WARM_UP_SHARE = 16
+"""A frame this many times smaller compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What one rendered frame gives. Row 0 is the top of the picture."""
+
+    color: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB albedo, background black."""
+    reference: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB albedo from the original images."""
+    covered: NDArray[np.bool_]
+    """[H, W] where a surface is seen."""
+    texture_ids: NDArray[np.int32]
+    """[H, W] index into the scene's textures, -1 for none."""
+    decoder_ids: NDArray[np.int32]
+    """[H, W] group of the texture in the pack, -1 where nothing is decoded."""
+    divergence: NDArray[np.uint16]
+    """[ceil(H / block height), ceil(W / block width)] distinct decoders per block."""
+    shown: NDArray[np.uint8]
+    """[H, W, 3] uint8 sRGB: the picture with its overlay."""
+    frame: FrameResult
+
+
+def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture:
+    """Draw slot A of `view` and its reference. Raises ContextLostError."""
+    pack = packs.get(view.slot_a.source)
+    frame = renderer.render(view)
+    # Before what asks whether the context is still there.
+    shown = read_picture(frame.image)
+    color = linear_to_srgb8(renderer.albedo(view.slot_a))
+    reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
+    texture_ids = renderer.texture_ids()
+    match = renderer.matches.get(view.slot_a.source)
+    ids = np.full_like(texture_ids, -1)
+    if pack is not None and match is not None:
+        ids = decoder_ids(texture_ids, pack, match)
+    width, height = BLOCKS[view.overlay.block]
+    return Picture(
+        color=color,
+        reference=reference,
+        covered=renderer.covered(),
+        texture_ids=texture_ids,
+        decoder_ids=ids,
+        divergence=divergence_map(ids, (height, width)),
+        shown=shown,
+        frame=frame,
+    )
+
+
+def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[str, Any]:
+    """What stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
+    and where both pictures are equal.
+    """
+    divergence = DivergenceStatistics.of(picture.divergence)
+    decoded = picture.decoder_ids >= 0
+    is_reference = view.slot_a.source == REFERENCE
+
+    def quality(mask: NDArray[np.bool_]) -> float | None:
+        if is_reference or not mask.any():
+            return None
+        value = psnr_db(picture.color[mask], picture.reference[mask])
+        # JSON has no infinity: equal pictures have no PSNR either.
+        return value if math.isfinite(value) else None
+
+    return {
+        "renderer": renderer_name,
+        "size": list(view.size),
+        "grouping": view.slot_a.source,
+        "path": None if is_reference else picture.frame.paths[view.slot_a],
+        "precision": None if is_reference else view.slot_a.precision,
+        "camera": view.camera.name,
+        "timer": picture.frame.timer,
+        "timings_ms": picture.frame.timings_ms,
+        "pixels": {"covered": int(picture.covered.sum()), "decoded": int(decoded.sum())},
+        "divergence": {
+            "score": divergence.score,
+            "excess": divergence.excess,
+            "divergent_blocks": divergence.divergent_blocks,
+            "max": divergence.maximum,
+            "mean": divergence.mean,
+            "wave_efficiency": divergence.wave_efficiency,
+            "histogram": list(divergence.histogram),
+            "block": list(BLOCKS[view.overlay.block]),
+        },
+        "psnr_db": quality(picture.covered),
+        "psnr_decoded_pixels_db": quality(decoded),
+        "skipped": picture.frame.skipped,
+        "tiles": {slot.path: asdict(counts) for slot, counts in picture.frame.tiles.items()},
+    }
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay: str, palette: PaletteName) -> None:
+    """Write the files of `render` into `folder`, stats.json last."""
+    write_png(folder / "color.png", picture.color)
+    write_bytes(folder / "texture_id.npy", _npy(picture.texture_ids))
+    write_bytes(folder / "decoder_id.npy", _npy(picture.decoder_ids))
+    write_bytes(folder / "divergence.npy", _npy(picture.divergence))
+    if overlay == "divergence":
+        most = int(picture.divergence.max(initial=0))
+        write_png(folder / "overlay.png", with_color_bar(picture.shown, palette, most))
+    elif overlay == "error":
+        write_png(folder / "overlay.png", error_overlay(picture.color, picture.reference))
+    write_text(folder / "stats.json", json.dumps(stats, indent=2, allow_nan=False) + "\n")
+
+
+def render(options: RenderOptions) -> int:
+    """Run `ntc-viewer render`. Raises InputError for bad input."""
+    if not 0.0 <= options.opacity <= 1.0:
+        raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
+    if options.out.exists() and not options.out.is_dir():
+        raise InputError(f"--out {options.out}: is a file; name a folder")
+    scene = open_scene(options.scene)
+    if options.grouping == REFERENCE and not options.pack:
+        packs: dict[str, Pack] = {}
+    else:
+        packs = packs_for(scene, options.pack)
+    source = choose_source(packs, options.grouping, options.pack)
+    camera = choose_camera(scene, options)
+    context = create_headless_context()
+    if options.require_gpu and context.info.is_software:
+        raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
+    with context.reset.watched():
+        renderer = Renderer(context, scene)
+        chosen = {source: packs[source]} if source != REFERENCE else {}
+        renderer.set_packs(chosen)
+        precision = resolve_precision(options.precision, chosen.get(source), context)
+        slot = Slot(source, options.path, precision)
+        overlay = Overlay(
+            "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
+        )
+        view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
+        renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
+        picture = draw(renderer, chosen, view)
+        if picture.frame.is_short:
+            # PSNR of a coarser picture would be a wrong number.
+            raise InputError(
+                f"{source}: the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
+            )
+    stats = statistics(picture, view, context.info.renderer)
+    write_picture(options.out, picture, stats, options.overlay, options.palette)
+    quality = stats["psnr_db"]
+    sys.stdout.write(
+        f"wrote {options.out}: {source}, camera {camera.name!r}"
+        + (f", PSNR {quality:.2f} dB" if quality is not None else "")
+        + f", excess {stats['divergence']['excess']}\n"
+    )
+    return 0

@@ -1,0 +1,93 @@
+"""What the options name: scene, packs, camera."""
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from ntc.errors import InputError
+from ntc.pack.match import require_match
+from ntc.pack.model import Pack
+from viewer.cli.options import RenderOptions
+from viewer.resource_files import assets_folder
+from viewer.scene.cameras_file import find_camera, read_cameras
+from viewer.scene.load import load_scene
+from viewer.scene.model import Camera, Scene
+from viewer.state.camera import frame_all
+from viewer.state.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
+from viewer.state.view_state import REFERENCE
+
+MISSING_SHOWN = 3
+"""Lines about missing things that are printed before it says how many more there are."""
+
+
+def builtin_scene_path() -> Path:
+    """The scene that is opened when none is named."""
+    return assets_folder() / "courtyard.glb"
+
+
+def open_scene(path: Path | None) -> Scene:
+    """Load the scene at `path`, or the built-in one, and say what it lacks. Raises InputError."""
+    scene = load_scene(path if path is not None else builtin_scene_path())
+    missing = scene.report.missing
+    for line in missing[:MISSING_SHOWN]:
+        sys.stderr.write(f"note: {line}\n")
+    if len(missing) > MISSING_SHOWN:
+        sys.stderr.write(f"note: {len(missing) - MISSING_SHOWN} more things are missing; see ntc-viewer info {path}\n")
+    return scene
+
+
+def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
+    """Packs by name: those named first, then those beside the scene.
+
+    Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
+    """
+    beside = packs_beside(scene.path) if scene.path is not None else ()
+    packs = open_packs([*named, *beside])
+    for pack in packs.values():
+        match = match_scene(pack, scene)
+        if pack.path in named:
+            require_match(pack, match, scene.name)
+        if match.absent:
+            sys.stderr.write(f"note: {pack.path}: {match.line()}; the others show their factor\n")
+    return packs
+
+
+def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[Path, ...]) -> str:
+    """Name of the open pack to show, or REFERENCE.
+
+    A grouping that is asked for must be there (InputError says how to get it). Without one, the first pack
+    that was named is shown, else the clustered one, else any, else the reference.
+    """
+    if grouping == REFERENCE:
+        return REFERENCE
+    if grouping is not None:
+        found = source_of_grouping(packs, grouping)
+        if found is None:
+            there = ", ".join([REFERENCE, *packs])
+            raise InputError(
+                f"--grouping {grouping}: no such pack for this scene (there are: {there}); "
+                f"make one with: ntc-viewer encode SCENE --grouping {grouping} --out SCENE_NAME.{grouping}.ntc"
+            )
+        return found
+    if named:
+        return next(iter(packs))
+    return preferred_source(packs)
+
+
+def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
+    """The camera that the options name, else the scene's first, else one that frames all. Raises InputError."""
+    if (options.eye is None) != (options.target is None):
+        raise InputError("--eye and --target belong together: give both")
+    if options.eye is not None and options.target is not None:
+        if options.camera is not None or options.cameras is not None:
+            raise InputError("--eye/--target and --camera/--cameras exclude each other: give one of them")
+        if not 0.0 < options.fov < 180.0:
+            raise InputError(f"--fov {options.fov}: must lie between 0 and 180 degrees")
+        if math.dist(options.eye, options.target) == 0.0:
+            raise InputError("--eye and --target are the same point: no direction to look in")
+        return Camera(name="command line", eye=options.eye, target=options.target, fov_degrees=options.fov)
+    cameras = read_cameras(options.cameras) if options.cameras is not None else scene.cameras
+    if options.camera is not None:
+        return find_camera(cameras, options.camera)
+    return cameras[0] if cameras else frame_all(scene.bounds)

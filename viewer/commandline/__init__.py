@@ -1,1 +1,0 @@
-"""The subcommands of `ntc-viewer`: each reads its options, does one job, and returns an exit status."""

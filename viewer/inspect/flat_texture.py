@@ -1,0 +1,85 @@
+"""One texture flat: its original and what packs make of it, ready to be shown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.reference import decode_texels, texel_centres
+from ntc.codec.textures import SourceTexture
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.model import Pack
+from viewer.jobs.background import JobReport
+from viewer.scene.model import SceneTexture
+from viewer.scene.source_textures import reduce_texture
+
+PREVIEW_SIDE = 256
+ROWS_AT_ONCE = 1 << 15
+"""Texels decoded between two reports: about a tenth of a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatTexture:
+    """A texture, decoded or original."""
+
+    mips: tuple[NDArray[np.uint8], ...]
+    """[h, w, 3] uint8 sRGB each, from the finest: what is shown when it is made smaller."""
+    level: int
+    """Mip that is decoded: above 0 while the whole is still to come."""
+    psnr_db: float | None
+    """Of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and for the original itself."""
+    reduced: bool = False
+    """Whether the texture was made smaller before it was encoded, and is compared with the original made so small."""
+
+
+def as_rgb8(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """[H, W, 3] of pixels with 1 to 4 channels: grey is repeated, alpha left out."""
+    return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+
+
+def _mips(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], ...]:
+    return tuple(mip_chain(np.ascontiguousarray(as_rgb8(pixels)), "srgb"))
+
+
+def original_flat(texture: SceneTexture, report: JobReport) -> FlatTexture:
+    """A job: the original image of `texture`."""
+    report.show(FlatTexture((as_rgb8(texture.pixels),), 0, None))
+    return FlatTexture(_mips(texture.pixels), 0, None)
+
+
+def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np.uint8]:
+    texture = pack.textures[index]
+    geometry = latent_levels(texture.width, texture.height, pack.config)[level]
+    width, height = geometry.texel_width, geometry.texel_height
+    uv = texel_centres(width, height)
+    parts: list[NDArray[np.uint8]] = []
+    for start in range(0, len(uv), ROWS_AT_ONCE):
+        part = uv[start : start + ROWS_AT_ONCE]
+        values = decode_texels(pack, index, part, np.full(len(part), float(level)))
+        parts.append(np.rint(values * 255.0).astype(np.uint8))
+        report.progress(start + len(part), len(uv))
+    return np.concatenate(parts).reshape(height, width, -1)
+
+
+def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport) -> FlatTexture:
+    """A job: texture `index` of `pack`, which encodes `texture`, by the numpy twin of the decoder; a small mip first."""
+    encoded = pack.textures[index]
+    levels = latent_levels(encoded.width, encoded.height, pack.config)
+    preview = next((n for n, size in enumerate(levels) if max(size.texel_width, size.texel_height) <= PREVIEW_SIDE), 0)
+    if preview:
+        report.show(FlatTexture((as_rgb8(_decode(pack, index, preview, report)),), preview, None))
+    decoded = _decode(pack, index, 0, report)
+    original = texture.pixels
+    reduced = original.shape[:2] != decoded.shape[:2]
+    if reduced:
+        original = _reduced(texture, max(encoded.width, encoded.height))
+    same = original.shape[:2] == decoded.shape[:2]
+    channels = min(original.shape[2], decoded.shape[2])
+    quality = psnr_db(original[..., :channels], decoded[..., :channels]) if same else None
+    return FlatTexture(_mips(decoded), 0, quality, reduced)
+
+
+def _reduced(texture: SceneTexture, side: int) -> NDArray[np.uint8]:
+    return reduce_texture(SourceTexture(texture.name, texture.pixels, texture.pixel_hash), side).pixels

@@ -1,0 +1,57 @@
+"""Quality, divergence, memory and time of what a slot shows, measured on the picture that is seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import linear_to_srgb8
+from ntc.metrics.divergence import DivergenceStatistics, divergence_map
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.match import PackMatch
+from ntc.pack.model import Pack
+
+
+@dataclass(frozen=True)
+class SlotMeasurement:
+    """The figures of one slot."""
+
+    source: str
+    psnr_db: float | None
+    """Against the reference picture, covered pixels, 8-bit sRGB; None for the reference itself."""
+    divergence: DivergenceStatistics | None
+    """None for the reference."""
+    gpu_bytes: int | None
+    """Latents, decoders and tables on the GPU; None for the reference."""
+
+
+def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:
+    """[H, W] int32 decoder of each pixel from its texture id [H, W]; -1 where the pack decodes nothing."""
+    return np.array([*match.decoders(pack), -1], dtype=np.int32)[texture_ids]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPicture:
+    """What the renderer drew for one slot and its reference. All arrays have row 0 on top."""
+
+    albedo: NDArray[np.float32]
+    """[H, W, 3] linear."""
+    reference: NDArray[np.float32]
+    """[H, W, 3] linear, from the original images."""
+    covered: NDArray[np.bool_]
+    """[H, W]."""
+    texture_ids: NDArray[np.int32]
+    """[H, W], -1 for none."""
+
+
+def measure_slot(
+    source: str, picture: SeenPicture, pack: Pack | None, match: PackMatch | None, gpu_bytes: int | None
+) -> SlotMeasurement:
+    """Figures of a picture; without a pack it is the reference's."""
+    if pack is None or match is None:
+        return SlotMeasurement(source, None, None, None)
+    shown, truth = linear_to_srgb8(picture.albedo), linear_to_srgb8(picture.reference)
+    covered = picture.covered
+    quality = psnr_db(shown[covered], truth[covered]) if covered.any() else None
+    divergence = DivergenceStatistics.of(divergence_map(decoder_ids(picture.texture_ids, pack, match)))
+    return SlotMeasurement(source, quality, divergence, gpu_bytes)

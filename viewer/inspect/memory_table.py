@@ -1,0 +1,84 @@
+"""Where the bytes are: the original textures, block compression, and each slot's latents, decoders and cache."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from ntc.metrics.metrics import psnr_table
+from ntc.pack.match import PackMatch
+from ntc.pack.model import Pack
+from viewer.scene.model import Scene
+
+BLOCK_SIDE = 4
+BC7_BLOCK_BYTES = 16
+"""Of 4 x 4 texels."""
+RGBA_BYTES = 4
+
+
+@dataclass(frozen=True)
+class MemoryRow:
+    """One kind of bytes."""
+
+    name: str
+    bytes: int
+    share: float | None = None
+    """Of what the original textures take."""
+    explanation: str = ""
+    is_total: bool = False
+
+
+def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
+    """(width, height) of all mips down to one texel."""
+    sizes = [(width, height)]
+    while max(sizes[-1]) > 1:
+        sizes.append((max(1, sizes[-1][0] // 2), max(1, sizes[-1][1] // 2)))
+    return sizes
+
+
+@lru_cache(maxsize=4096)
+def _bytes_of_size(width: int, height: int) -> tuple[int, int]:
+    """(as RGBA8, as BC7), with all mips."""
+    sizes = mip_sizes(width, height)
+    plain = sum(w * h * RGBA_BYTES for w, h in sizes)
+    blocks = sum(-(-w // BLOCK_SIDE) * -(-h // BLOCK_SIDE) * BC7_BLOCK_BYTES for w, h in sizes)
+    return plain, blocks
+
+
+def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
+    """The scene's textures as RGBA8 and as BC7, with all mips."""
+    sizes = [_bytes_of_size(texture.pixels.shape[1], texture.pixels.shape[0]) for texture in scene.textures]
+    plain, blocks = sum(size[0] for size in sizes), sum(size[1] for size in sizes)
+    return (
+        MemoryRow("original RGBA8", plain, 1.0, "the original images with their mips, 4 bytes a texel"),
+        MemoryRow("as BC7", blocks, blocks / max(plain, 1), "block compression with mips, 1 byte a texel"),
+    )
+
+
+def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str, int] | None) -> tuple[MemoryRow, ...]:
+    """What a pack takes: in its file, and on the GPU by part, where it has been drawn.
+
+    Shares are of the original bytes of those textures that the pack holds.
+    """
+    held = [texture for texture, index in zip(scene.textures, match.texture_index, strict=True) if index >= 0]
+    original = max(1, sum(_bytes_of_size(texture.pixels.shape[1], texture.pixels.shape[0])[0] for texture in held))
+    table = psnr_table(pack)
+    rows = [
+        MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
+        MemoryRow("pack: decoders", table.decoder_bytes, table.decoder_bytes / original, "half precision"),
+    ]
+    if table.adapter_bytes:
+        rows.append(MemoryRow("pack: adapters", table.adapter_bytes, table.adapter_bytes / original))
+    total = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
+    rows.append(MemoryRow("pack in all", total, total / original, is_total=True))
+    if on_gpu is not None:
+        rows += [MemoryRow(f"GPU: {name}", size, size / original) for name, size in on_gpu.items() if size]
+        total = sum(on_gpu.values())
+        rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
+    return tuple(rows)
+
+
+def megabytes(count: int) -> str:
+    """`12.34 MB`, with fewer digits for large numbers and kB for small ones."""
+    if count < 100_000:
+        return f"{count / 1e3:.1f} kB"
+    return f"{count / 1e6:.2f} MB" if count < 1e8 else f"{count / 1e6:,.0f} MB"

@@ -1,0 +1,100 @@
+"""The scene's textures as a table: what they are, and what a pack makes of them."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from ntc.pack.match import PackMatch
+from ntc.pack.model import Pack
+from viewer.scene.model import Scene
+
+TextureColumn = Literal["name", "size", "category", "group", "PSNR", "bits/texel", "on GPU"]
+COLUMNS: tuple[TextureColumn, ...] = get_args(TextureColumn)
+
+
+@dataclass(frozen=True)
+class TextureRow:
+    """One texture of the scene."""
+
+    texture_id: int
+    name: str
+    width: int
+    height: int
+    category: str
+    """"" for none."""
+    group: int
+    """Decoder under the pack, -1 where it decodes nothing."""
+    psnr_db: float | None
+    """As the encoder measured it, over mip 0."""
+    bits_per_texel: float | None
+    """Of the latents with all their mips, per texel of mip 0 of the original."""
+    gpu_bytes: int | None = None
+    """Latents that lie on the GPU; None where the pack has not been drawn."""
+
+    def key(self, column: TextureColumn) -> tuple[int, float | str]:
+        """What the rows are sorted by; unknown values come last in ascending order."""
+        match column:
+            case "name":
+                return 0, self.name.casefold()
+            case "size":
+                return 0, self.width * self.height
+            case "category":
+                return int(not self.category), self.category.casefold()
+            case "group":
+                return int(self.group < 0), self.group
+            case "PSNR":
+                return (1, 0.0) if self.psnr_db is None else (0, self.psnr_db)
+            case "bits/texel":
+                return (1, 0.0) if self.bits_per_texel is None else (0, self.bits_per_texel)
+            case "on GPU":
+                return (1, 0.0) if self.gpu_bytes is None else (0, self.gpu_bytes)
+
+
+def texture_rows(
+    scene: Scene, pack: Pack | None, match: PackMatch | None, gpu_bytes: Sequence[int] | None
+) -> tuple[TextureRow, ...]:
+    """All textures by their id; `gpu_bytes` is of their latents, by texture id."""
+    rows: list[TextureRow] = []
+    for number, texture in enumerate(scene.textures):
+        height, width = texture.pixels.shape[:2]
+        index = match.texture_index[number] if match is not None else -1
+        encoded = pack.textures[index] if pack is not None and index >= 0 else None
+        bits = encoded.latents.size * pack.config.latent_bits / (width * height) if encoded and pack else None
+        psnr = encoded.psnr_db if encoded is not None else None
+        rows.append(
+            TextureRow(
+                texture_id=number,
+                name=texture.name,
+                width=width,
+                height=height,
+                category=texture.category or (encoded.category if encoded is not None else None) or "",
+                group=encoded.group if encoded is not None else -1,
+                psnr_db=psnr if psnr is None or not math.isnan(psnr) else None,
+                bits_per_texel=bits,
+                gpu_bytes=gpu_bytes[number] if gpu_bytes is not None and encoded is not None else None,
+            )
+        )
+    return tuple(rows)
+
+
+def filtered(rows: Iterable[TextureRow], text: str) -> list[TextureRow]:
+    """Rows that have every word of `text` in their name or category; `group:3` asks for a group."""
+    words = text.casefold().split()
+    groups = {word.removeprefix("group:") for word in words if word.startswith("group:")}
+    words = [word for word in words if not word.startswith("group:")]
+
+    def fits(row: TextureRow) -> bool:
+        described = f"{row.name} {row.category}".casefold()
+        return all(word in described for word in words) and (not groups or str(row.group) in groups)
+
+    return [row for row in rows if fits(row)]
+
+
+def ordered(rows: Iterable[TextureRow], column: TextureColumn, descending: bool) -> list[TextureRow]:
+    """Rows by a column; equal ones stay in the order of their ids, unknown values come last either way."""
+    if not descending:
+        return sorted(rows, key=lambda row: row.key(column))
+    known = [row for row in rows if row.key(column)[0] == 0]
+    unknown = [row for row in rows if row.key(column)[0] != 0]
+    return sorted(known, key=lambda row: row.key(column), reverse=True) + unknown

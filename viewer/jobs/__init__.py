@@ -1,0 +1,1 @@
+"""Work beside the frames, in threads and processes."""

@@ -1,0 +1,1 @@
+"""Drawing a view of a scene: the renderer, its passes and what they read."""

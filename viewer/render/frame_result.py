@@ -1,0 +1,68 @@
+"""What the renderer gives: one frame, and the pictures of both slots."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.metrics.divergence import DivergenceStatistics
+from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.tile_cache.budget import TileCounts
+from viewer.state.view_state import PathChoice, Slot
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """One frame."""
+
+    image: moderngl.Texture
+    """RGBA8, sRGB-coded, row 0 at the bottom."""
+    timings_ms: Mapping[str, float]
+    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up."""
+    slot_ms: Mapping[Slot, float]
+    """Time in ms that each shown slot's albedo took when it was last drawn at this size."""
+    timer: str
+    """How the times were taken."""
+    skipped: Mapping[str, int]
+    """What was left out, and how many of it."""
+    divergence: Mapping[str, DivergenceStatistics]
+    """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
+    drawn: Mapping[str, int]
+    """Triangles and draw commands of the visibility buffer."""
+    tiles: Mapping[Slot, TileCounts]
+    """The tile caches of the shown slots that have one."""
+    paths: Mapping[Slot, PathChoice]
+    """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
+    short_latents: bool = False
+    """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the picture is coarser than it should be, because the GPU has too little memory."""
+        return self.short_latents or any(counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values())
+
+    @property
+    def waiting(self) -> int:
+        """Tiles that are still to come: the same view drawn again shows more."""
+        return sum(counts.waiting for counts in self.tiles.values())
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnPair:
+    """Slots A and B of one view, drawn whole."""
+
+    key: object
+    """Equal keys mean equal pictures."""
+    a: AlbedoTarget
+    b: AlbedoTarget
+    visibility: VisibilityTarget
+
+
+def read_picture(image: moderngl.Texture) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 sRGB, row 0 on top, of the image of a FrameResult."""
+    width, height = image.size
+    pixels = np.frombuffer(image.read(), np.uint8).reshape(height, width, 4)
+    return np.ascontiguousarray(pixels[::-1, :, :3])

@@ -1,0 +1,199 @@
+"""Composite: slots A and B, or their difference, as the 8-bit sRGB picture that is shown."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.passes.divergence import DivergenceTarget
+from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.layout import PALETTE_STEPS, TextureUnit
+from viewer.render.resources.texture_marks import TextureMarks
+from viewer.state.compare_layout import Split
+from viewer.state.palettes import PaletteName, palette_colors
+from viewer.state.view_state import Difference
+from viewer.state.zoom import WHOLE, Zoom
+
+LEAST_LIGHT = 0.01
+"""Linear light: what is darker than this is not divided by less in a relative difference."""
+SCRATCH = (8, 8)
+"""Pixels that are drawn to have a program compiled."""
+FLIP_PALETTE: PaletteName = "viridis"
+
+
+class CompositeTarget:
+    """RGBA8 of one picture size (width, height); sRGB-coded numbers in a plain texture, row 0 at the bottom."""
+
+    def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
+        self.size = size
+        what = f"a picture of {size[0]} x {size[1]}"
+        with context.memory.whole():
+            self.texture = context.memory.texture(what, size, 4)
+            self.framebuffer = context.memory.framebuffer(what, [self.texture])
+        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        self.framebuffer.clear()
+
+    def release(self) -> None:
+        """Free the texture."""
+        self.framebuffer.release()
+        self.texture.release()
+
+
+@dataclass(frozen=True, eq=False)
+class HeatmapOverlay:
+    """Decoders per block, to lie over the picture."""
+
+    maps: DivergenceTarget
+    first: int
+    """Which map is for the slot that is shown alone, or left of the divider."""
+    second: int
+    """Which map is for the slot right of the divider."""
+    most: int
+    """Decoders at the far end of the palette."""
+    opacity: float
+    palette: PaletteName
+
+    def uniforms(self) -> dict[str, object]:
+        """Values of the shader's uniforms."""
+        rows = self.maps.size[1]
+        return {
+            "picture": self.maps.picture,
+            "block": self.maps.block,
+            "first_rows": (self.first * rows, self.second * rows),
+            "most": float(self.most),
+            "opacity": self.opacity,
+            "palette": palette_steps(self.palette),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class MarksOverlay:
+    """Colours or dimming of whole textures, to lie over the picture."""
+
+    marks: TextureMarks
+    visibility: VisibilityTarget
+    opacity: float
+    palette: PaletteName
+
+
+@dataclass(frozen=True, eq=False)
+class ShownDifference:
+    """The difference of A and B in place of a slot."""
+
+    difference: Difference
+    flip_map: moderngl.Texture | None = None
+    """R32F of the picture's size, row 0 at the bottom: for kind `flip`, None while it is not known."""
+
+    @property
+    def variant(self) -> int:
+        """DIFFERENCE of the shader."""
+        return {"raw": 1, "amplified": 1, "relative": 2, "flip": 3}[self.difference.kind]
+
+    def uniforms(self) -> dict[str, object]:
+        """Values of the shader's uniforms."""
+        values: dict[str, object] = {
+            "gain": self.difference.gain if self.difference.kind == "amplified" else 1.0,
+            "least": LEAST_LIGHT,
+            "flip_is_known": self.flip_map is not None,
+        }
+        return values | ({"flip_palette": palette_steps(FLIP_PALETTE)} if self.variant == 3 else {})
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the slots come together in one picture. Without `split` and `difference` slot A is shown alone."""
+
+    split: Split | None = None
+    difference: ShownDifference | None = None
+    overlay: HeatmapOverlay | None = None
+    marks: MarksOverlay | None = None
+    zoom: Zoom = WHOLE
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """Which variant of the shader draws it."""
+        return {
+            "SPLIT": int(self.split is not None),
+            "DIFFERENCE": self.difference.variant if self.difference is not None else 0,
+            "OVERLAY": int(self.overlay is not None),
+            "MARKS": int(self.marks is not None),
+            "ZOOM": int(not self.zoom.is_whole),
+        }
+
+
+def palette_steps(name: PaletteName) -> bytes:
+    """A palette as the shader reads it."""
+    return palette_colors(name, np.linspace(0.0, 1.0, PALETTE_STEPS)).astype("<f4").tobytes()
+
+
+def _split_uniforms(split: Split, size: tuple[int, int]) -> dict[str, object]:
+    width, height = size
+    # Rows of the shader count from below.
+    line = (1.0, 0.0, split.position * width) if split.vertical else (0.0, -1.0, (split.position - 1.0) * height)
+    return {"line": line, "shift": split.shift * width}
+
+
+class CompositePass:
+    """Inputs: linear albedo of one slot, or of A and B; overlays. Output: an 8-bit sRGB picture."""
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
+        self._gl = context.gl
+        self._programs = programs
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
+        self._drawn: set[object] = set()
+        self._scratch = CompositeTarget(context, SCRATCH)
+
+    def prepare(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look) -> bool:
+        """Draw a few pixels to nowhere, unless something like it has been drawn; whether it was."""
+        if self._kind(albedo_a, albedo_b, look) in self._drawn:
+            return False
+        self.run(albedo_a, albedo_b, look, self._scratch)
+        return True
+
+    @staticmethod
+    def _kind(albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look) -> object:
+        """Drivers may compile a program anew for other formats of textures."""
+        return tuple(look.defines.items()), albedo_a.texture.dtype, albedo_b.texture.dtype
+
+    def run(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look, target: CompositeTarget) -> None:
+        """Draw the picture; `albedo_b` is not read where slot A is shown alone."""
+        overlay, marks, zoom = look.overlay, look.marks, look.zoom
+        self._drawn.add(self._kind(albedo_a, albedo_b, look))
+        program = self._programs.program("common/fullscreen.vert", "passes/composite/composite.frag", look.defines)
+        if program not in self._triangles:
+            self._triangles[program] = self._gl.vertex_array(program, [])
+        target.framebuffer.use()
+        self._gl.enable_only(moderngl.NOTHING)
+        size = albedo_a.size
+        values: dict[str, object] = {"depth": 0.0}
+        albedo_a.texture.use(int(TextureUnit.ALBEDO_A))
+        if look.split is not None or look.difference is not None:
+            albedo_b.texture.use(int(TextureUnit.ALBEDO_B))
+        if look.split is not None:
+            values |= _split_uniforms(look.split, size)
+        if look.difference is not None:
+            values |= look.difference.uniforms()
+            if look.difference.flip_map is not None:
+                look.difference.flip_map.use(int(TextureUnit.FLIP))
+        if not zoom.is_whole:
+            left, top = zoom.corner
+            values["zoom"] = zoom.factor
+            values["corner"] = (left * size[0], (1.0 - top - 1.0 / zoom.factor) * size[1])
+        if marks is not None:
+            marks.visibility.bind()
+            marks.marks.bind()
+            values |= {"opacity": marks.opacity, "palette": palette_steps(marks.palette)}
+        if overlay is not None:
+            overlay.maps.texture.use(int(TextureUnit.DIVERGENCE))
+            values |= overlay.uniforms()
+        set_uniforms(program, values)
+        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        """Free vertex arrays and the scratch picture."""
+        self._scratch.release()
+        for triangle in self._triangles.values():
+            triangle.release()

@@ -1,0 +1,96 @@
+"""Decode path `binned`: pixels are sorted by decoder, and each decoder decodes its own, several in each invocation.
+
+The counts never come back to the CPU: dispatches take their size from the bins.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ntc.pack.model import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
+from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.scene_buffers import MaterialsSource
+
+FOLDER = "passes/decode_binned"
+PIXEL_BYTES = 4
+
+
+class DecodeBinnedPass:
+    """Inputs: visibility buffer, materials, a pack. Output: linear albedo."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        pack: Pack,
+        colors: bool,
+    ) -> None:
+        self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
+        self._bin_count = len(pack.decoders)
+        defines = {
+            "VERTEX_COLORS": int(colors),
+            **buffers.defines,
+            "DECODER_IN_STORAGE": int(ranges.in_storage),
+        }
+        self._count = programs.compute(f"{FOLDER}/count.comp", defines)
+        self._scan = programs.compute(f"{FOLDER}/scan.comp")
+        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
+        what = "path binned"
+        with self._memory.whole():
+            self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
+            self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
+
+    def run(
+        self,
+        visibility: VisibilityTarget,
+        scene_buffers: MaterialsSource,
+        target: AlbedoTarget,
+        decoders: Iterable[int],
+    ) -> None:
+        """Decode the whole picture; `decoders` names those that may be seen."""
+        needed = target.size[0] * target.size[1] * PIXEL_BYTES
+        self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed)
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._buffers.bind()
+        target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
+        self._bins.bind_to_storage_buffer(int(StorageBinding.BINS))
+        self._pixels.bind_to_storage_buffer(int(StorageBinding.BIN_PIXELS))
+        blocks = tuple(-(-side // GROUP_SIDE) for side in target.size)
+        self._count.run(*blocks)
+        self._gl.memory_barrier()
+        set_uniforms(self._scan, {"bin_count": self._bin_count, "pixels_per_group": BIN_GROUP * self._ranges.pixels})
+        self._scan.run(1)
+        self._gl.memory_barrier()
+        self._scatter.run(*blocks)
+        self._gl.memory_barrier()
+        set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
+        for decoder in decoders:
+            self._ranges.bind(decoder)
+            set_uniforms(self._decode, {"bin": decoder})
+            self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
+        self._gl.memory_barrier()
+
+    def bins(self) -> bytes:
+        """BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
+        content: bytes = self._bins.read()
+        return content
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Bins and the list of pixels."""
+        return self._bins.size + self._pixels.size
+
+    def release(self) -> None:
+        """Free the bins and the list."""
+        self._bins.release()
+        self._pixels.release()

@@ -1,0 +1,51 @@
+"""Decode path `deferred`: a compute pass decodes every visible pixel once, over the visibility buffer."""
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
+from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.scene_buffers import MaterialsSource
+
+
+class DecodeDeferredPass:
+    """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
+
+    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels; `ranges` may be
+    None where they have not.
+    """
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        pack: PackBuffers,
+        ranges: DecoderRanges | None,
+        colors: bool,
+        shared_decoder: int | None,
+    ) -> None:
+        self._gl = context.gl
+        self._pack, self._shared_decoder = pack, shared_decoder
+        self._ranges = ranges if shared_decoder is not None else None
+        defines = {"VERTEX_COLORS": int(colors), **pack.defines}
+        if self._ranges is None:
+            self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
+        else:
+            shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
+            self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
+
+    def run(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
+        """Decode the whole picture."""
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._pack.bind()
+        target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
+        set_uniforms(self._program, {"network_blocks": self._pack.hidden_blocks})
+        rows = GROUP_SIDE
+        if self._ranges is not None and self._shared_decoder is not None:
+            self._ranges.bind(self._shared_decoder)
+            rows = GROUP_SIDE * self._ranges.pixels
+        self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
+        self._gl.memory_barrier()

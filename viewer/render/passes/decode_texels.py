@@ -1,0 +1,92 @@
+"""Decoding single texels and whole images with the GLSL codec, without a scene."""
+
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import WrapMode
+from ntc.codec.reference import image_of_texels
+from ntc.pack.model import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.gl.context_loss import checks_context
+from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
+from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
+from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.resource_files import shaders_folder
+from viewer.state.view_state import Precision
+
+TEXELS_AT_ONCE = 1 << 18
+
+
+class GlTexelDecoder:
+    """The GLSL twin of `ntc.codec.reference` for one pack."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        pack: Pack,
+        precision: Precision = "fp32",
+        emulate_half: bool = False,
+        programs: ProgramFactory | None = None,
+        rescale: bool = True,
+    ) -> None:
+        """`programs` are those of `codec_programs` for the pack's codec, where several packs share them; `rescale` as for
+        the PackBuffers."""
+        self._context = context
+        self._gl: moderngl.Context = context.gl
+        self._memory = context.memory
+        self._pack = pack
+        if programs is None:
+            library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+            programs = codec_programs(ProgramFactory(context.gl, library), pack)
+        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
+        self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
+
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; `wrap` None takes the texture's own modes."""
+        texture = self._pack.textures[texture_index]
+        modes = texture.wrap if wrap is None else wrap
+        code = texture_index * 16 + WRAP_CODES[modes[0]] * 4 + WRAP_CODES[modes[1]]
+        parts = [
+            self._decode(
+                np.asarray(uv[start : start + TEXELS_AT_ONCE]), np.asarray(lod[start : start + TEXELS_AT_ONCE]), code
+            )
+            for start in range(0, len(uv), TEXELS_AT_ONCE)
+        ]
+        values = np.concatenate(parts) if parts else np.zeros((0, 4), np.float32)
+        return values[:, : texture.channels]
+
+    @checks_context
+    def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int) -> NDArray[np.float32]:
+        requests = np.zeros(len(uv), REQUEST_RECORD)
+        requests["uv"], requests["lod"], requests["texture_wrap"] = uv, lod, code
+        with self._memory.whole():
+            request_buffer = self._memory.buffer("texels to decode", requests.tobytes())
+            result_buffer = self._memory.buffer("decoded texels", reserve=16 * len(uv))
+        try:
+            self._buffers.bind()
+            request_buffer.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
+            result_buffer.bind_to_storage_buffer(int(StorageBinding.RESULTS))
+            set_uniforms(self._program, {"count": len(uv), "network_blocks": self._buffers.hidden_blocks})
+            self._program.run(-(-len(uv) // TEXEL_GROUP))
+            self._gl.memory_barrier()
+            return np.frombuffer(result_buffer.read(), np.float32).reshape(-1, 4).copy()
+        finally:
+            request_buffer.release()
+            result_buffer.release()
+
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        return image_of_texels(self._pack, texture_index, level, self.decode_texels)
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self._buffers.release()

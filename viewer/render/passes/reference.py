@@ -1,0 +1,207 @@
+"""The reference path: the original images, filtered by the hardware, over the same visibility buffer."""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from ntc.codec.mips import mip_chain
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.srgb_texture_array import SrgbTextureArray
+from viewer.render.passes.visibility import SurfaceContent, VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
+from viewer.render.resources.samplers import SamplerCache
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.scene.model import Sampler, Scene
+
+LAYERS_AT_MOST = 256
+"""Every OpenGL 4.3 driver has at least this many layers."""
+
+
+@dataclass(frozen=True)
+class ImagePlace:
+    """Where a material finds its original image."""
+
+    array: int
+    layer: int
+
+
+@dataclass(frozen=True)
+class ImageArrayPlan:
+    """Textures of one size that are sampled alike."""
+
+    size: tuple[int, int]
+    sampler: Sampler
+    textures: tuple[int, ...]
+
+
+def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
+    """Texture arrays for a scene, and the place of each textured material's image, by material index."""
+    members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
+    for material in scene.materials:
+        if material.texture_id < 0:
+            continue
+        height, width = scene.textures[material.texture_id].pixels.shape[:2]
+        textures = members[((width, height), material.sampler)]
+        if material.texture_id not in textures:
+            textures.append(material.texture_id)
+    plans: list[ImageArrayPlan] = []
+    place: dict[tuple[int, Sampler], ImagePlace] = {}
+    for (size, sampler), textures in members.items():
+        for start in range(0, len(textures), LAYERS_AT_MOST):
+            part = textures[start : start + LAYERS_AT_MOST]
+            place.update({(texture, sampler): ImagePlace(len(plans), layer) for layer, texture in enumerate(part)})
+            plans.append(ImageArrayPlan(size, sampler, tuple(part)))
+    places = {
+        index: place[(material.texture_id, material.sampler)]
+        for index, material in enumerate(scene.materials)
+        if material.texture_id >= 0
+    }
+    return tuple(plans), places
+
+
+class ReferencePass:
+    """Inputs: visibility buffer, materials, original images. Output: linear albedo.
+
+    Images are uploaded when a material that may be seen first asks for them.
+    """
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
+        self._context, self._scene = context, scene
+        self._plans, self._places = plan_image_arrays(scene)
+        for index, place in self._places.items():
+            materials[index]["image_array"], materials[index]["image_layer"] = place.array, place.layer
+        self._arrays: dict[int, SrgbTextureArray] = {}
+        self._samplers = SamplerCache(context)
+        self._uploaded: set[tuple[int, int]] = set()
+        self._programs = programs
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
+        self._depth: moderngl.Texture | None = None
+
+    @property
+    def images_not_uploaded(self) -> int:
+        """Images that no frame has needed so far."""
+        return len(set(self._places.values())) - len(self._uploaded)
+
+    def upload(self, visible_materials: Iterable[int]) -> None:
+        """Upload the images of these materials that are not on the GPU yet, with their mip chains.
+
+        Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
+        reference.
+        """
+        wanted = {self._places[index] for index in visible_materials if index in self._places}
+        try:
+            self._upload(wanted)
+        except GpuMemoryError:
+            if not self._drop_all_but({place.array for place in wanted}):
+                raise
+            self._upload(wanted)
+
+    def _drop_all_but(self, wanted: Collection[int]) -> bool:
+        """Free all other arrays; whether there were any."""
+        others = [array for array in self._arrays if array not in wanted]
+        for array in others:
+            self._drop(array)
+        return bool(others)
+
+    def _drop(self, array: int) -> None:
+        self._arrays.pop(array).release()
+        self._uploaded = {place for place in self._uploaded if place[0] != array}
+
+    def _upload(self, wanted: Collection[ImagePlace]) -> None:
+        fresh = sorted((p.array, p.layer) for p in wanted if (p.array, p.layer) not in self._uploaded)
+        if not fresh:
+            return
+        textures = [self._scene.textures[self._plans[array].textures[layer]] for array, layer in fresh]
+        with ThreadPoolExecutor() as pool:
+            chains = pool.map(lambda texture: mip_chain(texture.pixels, "srgb"), textures)
+            for (array, layer), chain in zip(fresh, chains, strict=True):
+                if array not in self._arrays:
+                    plan = self._plans[array]
+                    self._arrays[array] = SrgbTextureArray(self._context, plan.size, len(plan.textures))
+                try:
+                    self._arrays[array].write(layer, chain)
+                except GpuMemoryError:
+                    self._drop(array)
+                    raise
+                self._uploaded.add((array, layer))
+
+    def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
+        if self._depth is None or self._depth.size != size:
+            made = self._context.memory.depth_texture(f"the reference in a picture of {size[0]} x {size[1]}", size)
+            if self._depth is not None:
+                self._depth.release()
+            self._depth = made
+        return self._depth
+
+    def run(
+        self,
+        visibility: VisibilityTarget,
+        scene_buffers: SceneBuffers,
+        target: AlbedoTarget,
+        visible_materials: Iterable[int],
+        anisotropy: int,
+    ) -> None:
+        """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them.
+
+        With `anisotropy` above 1 the visibility buffer must hold gradients.
+        """
+        gl = self._context.gl
+        arrays = sorted({self._places[index].array for index in visible_materials if index in self._places})
+        # One array, the common case, needs no depth to tell pixels apart.
+        sorts = len(arrays) > 1
+        framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
+        try:
+            framebuffer.use()
+            visibility.bind()
+            scene_buffers.bind_materials()
+            gl.enable_only(moderngl.DEPTH_TEST if sorts else moderngl.NOTHING)
+            gl.depth_func = "1"
+            framebuffer.depth_mask = sorts
+            first = arrays[0] if arrays else -1
+            self._draw(first, anisotropy, visibility.content, {"FIRST": 1, "SORTS": int(sorts)})
+            framebuffer.depth_mask = False
+            gl.depth_func = "=="
+            for array in arrays[1:]:
+                self._draw(array, anisotropy, visibility.content, {"FIRST": 0, "SORTS": 0})
+        finally:
+            gl.depth_func = "<"
+            if sorts:
+                framebuffer.release()
+
+    def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
+        """Draw the pixels of one texture array; -1 for none."""
+        program = self._programs.program(
+            "common/fullscreen.vert",
+            "passes/reference/sample.frag",
+            {**content.defines(), **variant},
+        )
+        if program not in self._triangles:
+            self._triangles[program] = self._context.gl.vertex_array(program, [])
+        set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
+        unit = int(TextureUnit.IMAGES)
+        if array < 0:
+            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+            return
+        self._arrays[array].use(unit)
+        set_uniforms(program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in self._plans[array].sampler.wrap)})
+        sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
+        sampler.use(unit)
+        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        sampler.clear(unit)
+
+    def release(self) -> None:
+        """Free images, samplers and depth."""
+        for array in self._arrays.values():
+            array.release()
+        self._samplers.release()
+        for triangle in self._triangles.values():
+            triangle.release()
+        if self._depth is not None:
+            self._depth.release()

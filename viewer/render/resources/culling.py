@@ -1,0 +1,162 @@
+"""Which clusters a camera may see, and the indirect draw commands for them, front to back."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.render.resources.clusters import Clusters, build_clusters
+from viewer.scene.model import Camera, Sampler, Scene
+from viewer.state.camera import frustum_planes
+
+COMMAND = np.dtype(
+    [
+        ("count", "<u4"),
+        ("instances", "<u4"),
+        ("first_index", "<u4"),
+        ("base_vertex", "<i4"),
+        ("base_instance", "<u4"),
+    ]
+)
+"""DrawElementsIndirectCommand (OpenGL 4.3, Sec. 10.4)."""
+
+OPAQUE = -2
+"""Alpha texture of a bucket that needs no alpha test."""
+NO_ALPHA_TEXTURE = -1
+"""Alpha texture of a bucket whose alpha comes from factors and vertex colours alone."""
+
+
+@dataclass(frozen=True)
+class Bucket:
+    """Instances that are drawn with the same OpenGL state."""
+
+    alpha_texture: int
+    """Texture id, or OPAQUE, or NO_ALPHA_TEXTURE."""
+    double_sided: bool
+    mirrored: bool
+    """Whether the transform turns the winding round."""
+    alpha_sampler: Sampler | None = None
+    """How the alpha texture is sampled; None without one."""
+
+    def sort_key(self) -> tuple[object, ...]:
+        """Order in which buckets are drawn: opaque ones first, so that they hide what would cost an alpha test."""
+        return self.alpha_texture, self.double_sided, self.mirrored, repr(self.alpha_sampler)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawList:
+    """What to draw for one camera."""
+
+    commands: NDArray[np.void]
+    """[N] COMMAND, bucket by bucket."""
+    ranges: tuple[tuple[Bucket, int, int], ...]
+    """(bucket, first command, number of commands)."""
+    materials: NDArray[np.bool_]
+    """[materials] whether an instance with the material may be seen."""
+    culled_clusters: int
+    drawn_triangles: int
+    culled_triangles: int
+
+
+def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
+    """The bucket of an instance."""
+    material = scene.materials[scene.primitives[int(scene.instances.primitive[instance])].material]
+    if material.alpha_mode == "opaque":
+        alpha = OPAQUE
+    else:
+        has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].alpha is not None
+        alpha = material.texture_id if has_alpha else NO_ALPHA_TEXTURE
+    return Bucket(alpha, material.double_sided, mirrored, material.sampler if alpha >= 0 else None)
+
+
+class Culling:
+    """World-space bounds of every cluster of every instance, and the test of a frustum against them."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._clusters: Clusters = build_clusters(scene)
+        primitive = scene.instances.primitive.astype(np.int64)
+        counts = np.diff(self._clusters.first)[primitive]
+        self._instance = np.repeat(np.arange(len(primitive)), counts)
+        within = np.arange(len(self._instance)) - np.repeat(np.cumsum(counts) - counts, counts)
+        self._cluster = self._clusters.first[primitive[self._instance]] + within
+        transforms = scene.instances.transform.astype(np.float64)
+        rotations = transforms[:, :3, :3]
+        centre, half = self._clusters.centre[self._cluster], self._clusters.half[self._cluster]
+        of_row = rotations[self._instance]
+        self._centre = np.einsum("nij,nj->ni", of_row, centre) + transforms[self._instance, :3, 3]
+        self._half = np.einsum("nij,nj->ni", np.abs(of_row), half)
+        determinant = np.linalg.det(rotations) if len(rotations) else np.zeros(0)
+        invertible = np.abs(determinant) > 1e-30
+        inverse = np.zeros_like(rotations)
+        inverse[invertible] = np.linalg.inv(rotations[invertible])
+        self._inverse, self._translation = inverse, transforms[:, :3, 3]
+        buckets = [instance_bucket(scene, index, bool(determinant[index] < 0.0)) for index in range(len(primitive))]
+        self.buckets = tuple(sorted(set(buckets), key=Bucket.sort_key))
+        numbers = {bucket: number for number, bucket in enumerate(self.buckets)}
+        self._bucket_of_instance = np.array([numbers[bucket] for bucket in buckets], np.int64)
+        self._bucket = self._bucket_of_instance[self._instance]
+        single_sided = np.array([not bucket.double_sided for bucket in buckets], bool) & invertible
+        self._may_face_away = single_sided[self._instance] & (self._clusters.cutoff[self._cluster] <= 1.0)
+        self._radius = np.linalg.norm(half, axis=1)
+        self._base_vertex = np.array([p.base_vertex for p in scene.primitives], np.int64)[primitive]
+        self._material = np.array([p.material for p in scene.primitives], np.int64)[primitive]
+        self._materials = len(scene.materials)
+        self._triangles = self._clusters.index_count[self._cluster] // 3
+
+    def _faces_away(self, eye: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """[rows] whether all triangles of a cluster turn their backs; tested in local space, where the cones are."""
+        instance, cluster = self._instance[rows], self._cluster[rows]
+        local_eyes = np.einsum("nij,nj->ni", self._inverse, eye - self._translation)
+        towards = self._clusters.centre[cluster] - local_eyes[instance]
+        along = np.einsum("ij,ij->i", towards, self._clusters.axis[cluster])
+        reach = self._clusters.cutoff[cluster] * np.linalg.norm(towards, axis=1) + self._radius[rows]
+        return self._may_face_away[rows] & (along >= reach)
+
+    def draw_list(self, camera: Camera, matrix: NDArray[np.float64]) -> DrawList:
+        """Commands for what `camera`, whose world-to-clip matrix is `matrix`, may see."""
+        planes = frustum_planes(matrix)
+        distance = self._centre @ planes[:, :3].T + planes[:, 3] + self._half @ np.abs(planes[:, :3]).T
+        rows = np.nonzero((distance >= 0.0).all(axis=1))[0]
+        if camera.orthographic_height is None:
+            rows = rows[~self._faces_away(np.array(camera.eye, np.float64), rows)]
+        return self._commands(rows, np.array(camera.eye, np.float64))
+
+    def _commands(self, rows: NDArray[np.int64], eye: NDArray[np.float64]) -> DrawList:
+        visible_materials = np.zeros(self._materials, bool)
+        visible_materials[self._material[self._instance[rows]]] = True
+        away = np.maximum(np.abs(eye - self._centre[rows]) - self._half[rows], 0.0)
+        nearest = np.full(len(self._bucket_of_instance), np.inf)
+        np.minimum.at(nearest, self._instance[rows], np.einsum("ij,ij->i", away, away))
+        order = np.lexsort((rows, nearest[self._instance[rows]], self._bucket[rows]))
+        rows = rows[order]
+        cluster, instance = self._cluster[rows], self._instance[rows]
+        # Neighbouring clusters of one instance are one draw: a command costs more than some hidden triangles.
+        starts = (
+            np.nonzero(np.concatenate([[True], (np.diff(cluster) != 1) | (np.diff(instance) != 0)]))[0]
+            if len(rows)
+            else rows
+        )
+        counts = self._clusters.index_count[cluster]
+        commands = np.zeros(len(starts), COMMAND)
+        if len(rows):
+            commands["count"] = np.add.reduceat(counts, starts)
+            commands["instances"] = 1
+            commands["first_index"] = self._clusters.first_index[cluster[starts]]
+            commands["base_vertex"] = self._base_vertex[instance[starts]]
+            commands["base_instance"] = instance[starts]
+        bucket = self._bucket[rows[starts]] if len(rows) else np.zeros(0, np.int64)
+        ranges = []
+        for number in np.unique(bucket):
+            first = int(np.searchsorted(bucket, number))
+            ranges.append(
+                (self.buckets[int(number)], first, int(np.searchsorted(bucket, number, side="right")) - first)
+            )
+        drawn = int(self._triangles[rows].sum())
+        return DrawList(
+            commands,
+            tuple(ranges),
+            visible_materials,
+            culled_clusters=len(self._cluster) - len(rows),
+            drawn_triangles=drawn,
+            culled_triangles=int(self._triangles.sum()) - drawn,
+        )

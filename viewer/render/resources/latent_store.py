@@ -1,0 +1,198 @@
+"""Latents on the GPU: the mips that are needed of the textures that are seen, within a budget."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.quantize import packed_cells
+from ntc.pack.model import EncodedTexture
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.render.resources.layout import LEVEL_RECORD, cell_words
+
+
+@dataclass(frozen=True)
+class LatentBudget:
+    """How much may lie on the GPU."""
+
+    budget_bytes: int = 1 << 30
+
+
+@dataclass(frozen=True)
+class LatentCounts:
+    """What lies on the GPU, and what was left out."""
+
+    bytes_uploaded: int
+    bytes_left_out: int
+    """Of mips that nobody has needed so far."""
+    textures_left_out: int
+    """Textures of which nothing has been needed so far."""
+    levels_without_room: int
+    """Mips that are seen and for which the budget has no room: a coarser one is shown."""
+    out_of_memory: bool = False
+    """Whether the GPU had less memory than the budget, which has been lowered."""
+
+
+def stored_words(texture: EncodedTexture, config: CodecConfig, cells: slice) -> NDArray[np.uint32]:
+    """[cells, words] uint32: cells as files hold them, padded to whole words."""
+    packed = packed_cells(texture.latents[cells], config.latent_bits)
+    padding = 4 * cell_words(config) - packed.shape[1]
+    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
+
+
+class LatentStore:
+    """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        config: CodecConfig,
+        textures: Sequence[EncodedTexture | None],
+        budget: LatentBudget,
+    ) -> None:
+        self._gl, self._memory = context.gl, context.memory
+        self._config, self._textures = config, tuple(textures)
+        self._cell_bytes = 4 * cell_words(config)
+        self._budget_cells = max(1, budget.budget_bytes // self._cell_bytes)
+        self._pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
+            () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
+        )
+        counts = [len(pyramid) for pyramid in self._pyramids]
+        self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
+        """[textures] row of `levels` of each texture's finest mip."""
+        self.levels = np.zeros(max(1, sum(counts)), LEVEL_RECORD)
+        """[mips] LEVEL_RECORD; `first_cell` means something for mips that are there."""
+        for first, pyramid in zip(self.first_level, self._pyramids, strict=True):
+            for row, level in enumerate(pyramid, start=int(first)):
+                self.levels[row]["width"], self.levels[row]["height"] = level.width, level.height
+                self.levels[row]["texel_width"] = level.texel_width
+                self.levels[row]["texel_height"] = level.texel_height
+        self.finest = np.array(counts, np.int32)
+        """[textures] finest mip that is there; the number of mips where none is."""
+        # Of each texture one entry more than mips, so that `finest` may say that none is there.
+        self._first_sum = self.first_level + np.arange(len(counts))
+        self._cells_from = np.array(
+            [
+                sum(level.cells for level in pyramid[start:])
+                for pyramid in self._pyramids
+                for start in range(len(pyramid) + 1)
+            ],
+            np.int64,
+        )
+        self._mips = np.array(counts, np.int64)
+        self._used = 0
+        self._without_room = 0
+        self._out_of_memory = False
+        self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self._cell_bytes)
+
+    def _cells(self, index: int, finest: int) -> int:
+        """Cells of a texture from mip `finest` on."""
+        return int(self._cells_from[self._first_sum[index] + finest])
+
+    @property
+    def bytes_by_texture(self) -> NDArray[np.int64]:
+        """[textures] int64: what of each texture is there."""
+        return self._cells_from[self._first_sum + self.finest] * self._cell_bytes
+
+    @property
+    def counts(self) -> LatentCounts:
+        """What is there."""
+        total = int(self._cells_from[self._first_sum].sum()) * self._cell_bytes
+        there = int(self.bytes_by_texture.sum())
+        absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
+        return LatentCounts(there, total - there, absent, self._without_room, self._out_of_memory)
+
+    def all_levels(self) -> dict[int, int]:
+        """Every mip of every texture, for `need`."""
+        return {index: 0 for index, pyramid in enumerate(self._pyramids) if pyramid}
+
+    def has(self, wanted: Mapping[int, int]) -> bool:
+        """Whether these mips are there, given as finest mip by texture."""
+        return all(self.finest[index] <= level for index, level in wanted.items())
+
+    def need(self, wanted: Mapping[int, int]) -> bool:
+        """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
+
+        Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest
+        textures stay out. Where the GPU has no memory for the budget, what it has is the budget from then on. Raises GpuMemoryError
+        where not even the coarsest mips fit; then none are there.
+        """
+        missing = {index: level for index, level in wanted.items() if self.finest[index] > level}
+        if not missing:
+            return False
+        cells = sum(
+            self._cells(index, level) - self._cells(index, int(self.finest[index])) for index, level in missing.items()
+        )
+        self._without_room = 0
+        if self._used + cells > self._budget_cells:
+            missing, cells = self._begin_anew(wanted)
+        try:
+            self._reserve(self._used + cells)
+        except GpuMemoryError:
+            self._out_of_memory = True
+            self._budget_cells = max(1, self.buffer.size // self._cell_bytes)
+            missing, cells = self._begin_anew(wanted)
+            self._reserve(cells)
+        for index, level in missing.items():
+            self._upload(index, level)
+        return True
+
+    def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
+        """Forget all that is there; what of `wanted` there is room for, and its cells."""
+        self.finest[:] = self._mips
+        self._used = 0
+        fitting = self._fitting(wanted)
+        return fitting, sum(self._cells(index, level) for index, level in fitting.items())
+
+    def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
+        """As much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
+        fitting = dict(wanted)
+        while sum(self._cells(index, level) for index, level in fitting.items()) > self._budget_cells:
+            open_ones = [index for index, level in fitting.items() if level + 1 < len(self._pyramids[index])]
+            if not open_ones:
+                break
+            largest = max(open_ones, key=lambda index: self._pyramids[index][fitting[index]].cells)
+            fitting[largest] += 1
+            self._without_room += 1
+        return fitting
+
+    def _reserve(self, cells: int) -> None:
+        size = cells * self._cell_bytes
+        if size <= self.buffer.size:
+            return
+        roomy = max(size, min(2 * self.buffer.size, self._budget_cells * self._cell_bytes))
+        try:
+            grown = self._memory.buffer("latents", reserve=roomy)
+        except GpuMemoryError:
+            if roomy == size:
+                raise
+            grown = self._memory.buffer("latents", reserve=size)
+        if self._used:
+            self._gl.copy_buffer(grown, self.buffer, self._used * self._cell_bytes)
+        self.buffer.release()
+        self.buffer = grown
+
+    def _upload(self, index: int, finest: int) -> None:
+        """Upload a texture's mips from `finest` to those that are there."""
+        texture, pyramid = self._textures[index], self._pyramids[index]
+        assert texture is not None
+        present = int(self.finest[index])
+        start = pyramid[finest].first_cell
+        end = pyramid[present].first_cell if present < len(pyramid) else len(texture.latents)
+        self.buffer.write(
+            stored_words(texture, self._config, slice(start, end)).tobytes(), offset=self._used * self._cell_bytes
+        )
+        for number in range(finest, present):
+            row = int(self.first_level[index]) + number
+            self.levels[row]["first_cell"] = self._used + pyramid[number].first_cell - start
+        self._used += end - start
+        self.finest[index] = finest
+
+    def release(self) -> None:
+        """Free the buffer."""
+        self.buffer.release()

@@ -1,0 +1,296 @@
+"""Everything that Python and GLSL must agree on: bindings, units, records, constants. GLSL gets it as a generated include."""
+
+from enum import IntEnum
+
+import numpy as np
+
+from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from viewer.scene.model import AlphaMode, Sampler
+
+
+class StorageBinding(IntEnum):
+    """Binding points of shader storage buffers."""
+
+    MATERIALS = 0
+    TEXTURES = 1
+    LEVELS = 2
+    LATENTS = 3
+    WEIGHTS = 4
+    REQUESTS = 5
+    RESULTS = 6
+    DECODERS = 7
+    HISTOGRAM = 8
+    BINS = 9
+    BIN_PIXELS = 10
+    DECODER = 11
+    MATERIAL_TILES = 12
+    TILE_LEVELS = 13
+    TILE_ENTRIES = 14
+    PAGE_USED = 15
+
+
+class UniformBinding(IntEnum):
+    """Binding points of uniform buffers."""
+
+    DECODER = 0
+
+
+class TextureUnit(IntEnum):
+    """Texture units."""
+
+    SURFACE = 0
+    SURFACE_COLOR = 1
+    SURFACE_GRADIENTS = 2
+    IMAGES = 3
+    ALPHA = 4
+    ALBEDO_A = 5
+    ALBEDO_B = 6
+    DIVERGENCE = 7
+    ATLAS = 8
+    FLIP = 9
+
+
+class ImageUnit(IntEnum):
+    """Image units of compute passes."""
+
+    ALBEDO = 0
+    DIVERGENCE = 1
+    WEIGHTS = 2
+    ATLAS = 3
+
+
+class WrapCode(IntEnum):
+    """Wrap modes as GLSL sees them."""
+
+    REPEAT = 0
+    MIRROR = 1
+    CLAMP = 2
+
+
+class AlphaCode(IntEnum):
+    """Alpha modes as GLSL sees them."""
+
+    OPAQUE = 0
+    MASK = 1
+    BLEND = 2
+
+
+class SamplerFlag(IntEnum):
+    """Bits of MaterialRecord.sampler_flags: how a material's filter differs from trilinear."""
+
+    MAGNIFY_NEAREST = 1
+    MINIFY_NEAREST = 2
+    MIPMAP_NONE = 4
+    MIPMAP_NEAREST = 8
+
+
+WRAP_CODES: dict[WrapMode, WrapCode] = {
+    "repeat": WrapCode.REPEAT,
+    "mirror": WrapCode.MIRROR,
+    "clamp": WrapCode.CLAMP,
+}
+ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
+
+WEIGHT_COLUMN_BITS = 11
+"""Weights in an image lie in rows of 2^11 blocks."""
+GROUP_SIDE = 8
+"""Side of a compute work group in pixels: the block of the divergence map."""
+TEXEL_GROUP = 64
+"""Work group size of the texel decoder."""
+BIN_GROUP = 64
+"""Work group size of the binned decode; each of its invocations decodes several pixels."""
+SCAN_GROUP = 256
+"""Work group size of the scan over bins; there is one group."""
+TILE_SIDE = 32
+"""Side in texels of a tile of a decoded mip."""
+TILE_BORDER = 1
+"""Texels around a tile that are kept with it, so that the hardware can filter at its edges."""
+PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
+"""Side in texels of a page of the tile atlas: a tile and its border."""
+PAGES_ACROSS = 30
+"""Pages along a side of a layer of the tile atlas."""
+TILE_ASKED_FOR = 0xFFFFFFFF
+"""Entry of a tile that is not there and has been asked for. 0: not there; else its page + 1."""
+MOST_TILES_ASKED_FOR = 1 << 16
+"""Tiles that one frame can ask for; the others ask again."""
+PALETTE_STEPS = 32
+"""Entries of a palette as shaders read it."""
+MATERIAL_SHIFT = 16
+"""The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
+LARGEST_ID = 65534
+"""Most textures, and most materials, that the visibility buffer can name."""
+BUCKET_DEPTHS = 4096
+"""Texture arrays of the reference pass are told apart by depth, in steps of 1 / BUCKET_DEPTHS."""
+
+MATERIAL_RECORD = np.dtype(
+    [
+        ("factor", "<f4", (4,)),
+        ("texture_id", "<i4"),
+        ("wrap_u", "<i4"),
+        ("wrap_v", "<i4"),
+        ("sampler_flags", "<i4"),
+        ("alpha_cutoff", "<f4"),
+        ("alpha_mode", "<i4"),
+        ("image_array", "<i4"),
+        ("image_layer", "<i4"),
+    ]
+)
+"""One material: std430, 48 bytes."""
+
+LEVEL_RECORD = np.dtype(
+    [
+        ("width", "<i4"),
+        ("height", "<i4"),
+        ("texel_width", "<i4"),
+        ("texel_height", "<i4"),
+        ("first_cell", "<i4"),
+        ("padding_0", "<i4"),
+        ("padding_1", "<i4"),
+        ("padding_2", "<i4"),
+    ]
+)
+"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents."""
+
+REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
+"""One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
+
+TILE_LEVEL_RECORD = np.dtype([("first_entry", "<i4"), ("across", "<i4")])
+"""Tiles of one mip of a texture under one pair of wrap modes: std430, 8 bytes. Tile (x, y) has entry first_entry + y * across + x."""
+
+TILE_RECORD = np.dtype(
+    [
+        ("texture_id", "<i4"),
+        ("level", "<i4"),
+        ("tile_x", "<i4"),
+        ("tile_y", "<i4"),
+        ("wrap_u", "<i4"),
+        ("wrap_v", "<i4"),
+        ("page", "<i4"),
+        ("entry", "<i4"),
+    ]
+)
+"""A tile to decode: std430, 32 bytes."""
+
+BIN_RECORD = np.dtype(
+    [
+        ("groups_x", "<u4"),
+        ("groups_y", "<u4"),
+        ("groups_z", "<u4"),
+        ("pixels", "<u4"),
+        ("first", "<u4"),
+        ("counted", "<u4"),
+        ("placed", "<u4"),
+        ("padding_0", "<u4"),
+    ]
+)
+"""The pixels of one decoder: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
+`first` on are its own. `counted` and `placed` are at work while a frame is binned, and 0 between frames."""
+
+
+def texture_record(config: CodecConfig) -> np.dtype:
+    """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
+    of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU."""
+    words = config.latent_channels // 4
+    return np.dtype(
+        [
+            ("first_level", "<i4"),
+            ("levels", "<i4"),
+            ("decoder", "<i4"),
+            ("channels", "<i4"),
+            ("srgb", "<i4"),
+            ("adapter", "<i4"),
+            ("finest_level", "<i4"),
+            ("padding_0", "<i4"),
+            ("scale", "<f4", (words, 4)),
+            ("offset", "<f4", (words, 4)),
+        ]
+    )
+
+
+def cell_words(config: CodecConfig) -> int:
+    """32-bit words of a latent cell on the GPU; the last is padded where the channels do not fill it."""
+    return -(-config.cell_bytes // 4)
+
+
+def sampler_flags(sampler: Sampler) -> int:
+    """Bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
+    flags = 0 if sampler.magnify_linear else SamplerFlag.MAGNIFY_NEAREST
+    flags |= 0 if sampler.minify_linear else SamplerFlag.MINIFY_NEAREST
+    flags |= {"none": SamplerFlag.MIPMAP_NONE, "nearest": SamplerFlag.MIPMAP_NEAREST, "linear": 0}[sampler.mipmap]
+    return int(flags)
+
+
+_SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "float"}
+
+
+def glsl_struct(name: str, record: np.dtype) -> str:
+    """The GLSL struct that has the layout of `record` under std430."""
+    lines = [f"struct {name} {{"]
+    for field in record.names or ():
+        kind = record[field]
+        base, shape = kind.base, kind.shape
+        if shape == ():
+            lines.append(f"    {_SCALARS[base]} {field};")
+        elif len(shape) == 1:
+            lines.append(f"    vec{shape[0]} {field};")
+        else:
+            lines.append(f"    vec{shape[1]} {field}[{shape[0]}];")
+    return "\n".join([*lines, "};"])
+
+
+def scene_layout_glsl() -> str:
+    """The include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec."""
+    lines = ["// Generated from viewer/render/resources/layout.py."]
+    for enumeration, prefix in (
+        (StorageBinding, "BINDING_"),
+        (UniformBinding, "UNIFORM_"),
+        (TextureUnit, "UNIT_"),
+        (ImageUnit, "IMAGE_"),
+        (WrapCode, "WRAP_"),
+        (AlphaCode, "ALPHA_"),
+        (SamplerFlag, "SAMPLER_"),
+    ):
+        lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
+    lines += [
+        f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
+        f"#define GROUP_SIDE {GROUP_SIDE}",
+        f"#define TEXEL_GROUP {TEXEL_GROUP}",
+        f"#define BIN_GROUP {BIN_GROUP}",
+        f"#define SCAN_GROUP {SCAN_GROUP}",
+        f"#define TILE_SIDE {TILE_SIDE}",
+        f"#define TILE_BORDER {TILE_BORDER}",
+        f"#define PAGE_SIDE {PAGE_SIDE}",
+        f"#define PAGES_ACROSS {PAGES_ACROSS}",
+        f"#define TILE_ASKED_FOR {TILE_ASKED_FOR}u",
+        f"#define MOST_TILES_ASKED_FOR {MOST_TILES_ASKED_FOR}u",
+        f"#define PALETTE_STEPS {PALETTE_STEPS}",
+        f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
+        f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
+        glsl_struct("MaterialRecord", MATERIAL_RECORD),
+        glsl_struct("LevelRecord", LEVEL_RECORD),
+        glsl_struct("RequestRecord", REQUEST_RECORD),
+        glsl_struct("BinRecord", BIN_RECORD),
+        glsl_struct("TileLevelRecord", TILE_LEVEL_RECORD),
+        glsl_struct("TileRecord", TILE_RECORD),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def codec_layout_glsl(config: CodecConfig) -> str:
+    """The include `generated/codec.glsl`: the shape of the codec and its texture record."""
+    return "\n".join(
+        [
+            "// Generated from viewer/render/resources/layout.py for one CodecConfig.",
+            f"#define LATENT_WORDS {config.latent_channels // 4}",
+            f"#define LATENT_BITS {config.latent_bits}",
+            f"#define CELL_WORDS {cell_words(config)}",
+            f"#define LATENT_CHANNELS {config.latent_channels}",
+            f"#define POSITIONAL_OCTAVES {config.positional_octaves}",
+            f"#define POSITIONAL_INPUTS {config.positional_inputs}",
+            f"#define LOD_INPUTS {config.lod_inputs}",
+            f"#define LOD_INPUT_SCALE {LOD_INPUT_SCALE}",
+            f"#define DECODER_INPUTS {config.decoder_inputs}",
+            glsl_struct("TextureRecord", texture_record(config)),
+            "",
+        ]
+    )

@@ -1,0 +1,237 @@
+"""The decoder network as GLSL, unrolled for its shape, and the buffer of weights that it reads."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import CodecConfig
+from ntc.pack.model import Adapter, Decoder
+from viewer.render.resources.network_config import NetworkConfig
+from viewer.state.view_state import Precision
+
+PARTS = "xyzw"
+
+
+def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
+    """GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
+    if number % 2:
+        return f"ADD_ODD_PRODUCT({sum_name}, {odd_name}, {weight}, {value});"
+    return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
+
+
+class NetworkLayout:
+    """Where the weights of one decoder lie, in blocks of four numbers.
+
+    First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
+    Third layer: for each output, for each block of hidden values, their four weights; then one block of biases.
+    """
+
+    def __init__(self, config: CodecConfig) -> None:
+        self.inputs = config.decoder_inputs
+        self.hidden = config.hidden_width
+        self.hidden_blocks = config.hidden_width // 4
+        self.outputs = config.output_channels
+        self.first_bias = self.hidden_blocks * self.inputs
+        self.second = self.first_bias + self.hidden_blocks
+        self.second_bias = self.second + self.hidden_blocks * self.hidden
+        self.third = self.second_bias + self.hidden_blocks
+        self.third_bias = self.third + self.outputs * self.hidden_blocks
+        self.blocks = self.third_bias + 1
+        self.adapter_output = 4 * self.hidden_blocks
+        self.adapter_output_bias = self.adapter_output + self.outputs * self.hidden_blocks
+        output_blocks = self.outputs * self.hidden_blocks + 1 if config.adapter_output else 0
+        self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
+
+    def arrange(self, decoder: Decoder) -> NDArray[np.float32]:
+        """[blocks, 4] float32: the weights of `decoder` in this order."""
+        first, second, third = decoder.weights
+        arranged = [
+            first.reshape(self.hidden_blocks, 4, self.inputs).transpose(0, 2, 1),
+            decoder.biases[0],
+            second.reshape(self.hidden_blocks, 4, self.hidden).transpose(0, 2, 1),
+            decoder.biases[1],
+            third,
+            np.pad(decoder.biases[2], (0, 4 - self.outputs)),
+        ]
+        return np.concatenate([part.reshape(-1, 4) for part in arranged]).astype(np.float32)
+
+
+def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
+    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
+    one, as the decoder's lies."""
+    pairs = zip(adapter.scales, adapter.biases, strict=True)
+    parts = [part for pair in pairs for part in pair]
+    if adapter.output_weight is not None and adapter.output_bias is not None:
+        parts += [adapter.output_weight, np.pad(adapter.output_bias, (0, 4 - len(adapter.output_bias)))]
+    return np.concatenate([part.reshape(-1, 4) for part in parts]).astype(np.float32)
+
+
+def weight_bytes(
+    config: CodecConfig, decoders: Sequence[Decoder], adapters: Sequence[Adapter], precision: Precision
+) -> bytes:
+    """Contents of the weight buffer: all decoders, then all adapters, as fp32 or, for every other precision, as halves.
+
+    Weights beyond the range of fp16 become its largest number, not infinity. Adapters are exact in either.
+    """
+    layout = NetworkLayout(config)
+    parts = [layout.arrange(decoder) for decoder in decoders] + [arrange_adapter(adapter) for adapter in adapters]
+    numbers = np.concatenate(parts) if parts else np.zeros((1, 4), np.float32)
+    if precision != "fp32":
+        return np.clip(numbers, -65504.0, 65504.0).astype("<f2").tobytes()
+    return numbers.astype("<f4").tobytes()
+
+
+def network_glsl(config: CodecConfig) -> str:
+    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
+
+    `adapter` is the first block of the texture's adapter, unused where the codec has none. `blocks` is the number of
+    hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop whose length the compiler knows is
+    unrolled into code that takes minutes to compile on llvmpipe.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+
+    def start(bias: int) -> list[str]:
+        first = "0.0" if config.adapters else f"weight(base + {bias} + k)"
+        return [f"        SUMS sum = SUMS({first});", "        ODD_SUM(odd)"]
+
+    def finish(hidden_layer: int) -> list[str]:
+        join = "        JOIN_SUMS(sum, odd)"
+        if not config.adapters:
+            return [join]
+        scales = 2 * hidden_layer * layout.hidden_blocks
+        biases = scales + layout.hidden_blocks
+        return [join, f"        sum = ADAPTED(sum, weight(adapter + {scales} + k), weight(adapter + {biases} + k));"]
+
+    third, third_bias = f"base + {layout.third}", f"base + {layout.third_bias}"
+    if config.adapter_output:
+        third, third_bias = f"adapter + {layout.adapter_output}", f"adapter + {layout.adapter_output_bias}"
+    lines = [
+        "// Generated from viewer/render/resources/network.py for one CodecConfig.",
+        "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
+        f"    int base = decoder * {layout.blocks};",
+        f"    FACTORS hidden[{layout.hidden_blocks}];",
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + k * {layout.inputs};",
+        *start(layout.first_bias),
+        *[
+            f"        {_add_product('sum', 'odd', i, f'FACTORS(weight(row + {i}))', f'FACTOR(x[{i}])')}"
+            for i in range(layout.inputs)
+        ],
+        *finish(0),
+        f"        hidden[k] = AS_FACTORS(LEAKY(sum, {slope}));",
+        "    }",
+        f"    vec4 result = weight({third_bias});",
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + {layout.second} + k * {layout.hidden};",
+        *start(layout.second_bias),
+    ]
+    for block in range(layout.hidden_blocks):
+        lines.append(f"        {{ FACTORS h = hidden[{block}];")
+        lines += [
+            "          "
+            + _add_product("sum", "odd", part, f"FACTORS(weight(row + {4 * block + part}))", f"h.{PARTS[part]}")
+            for part in range(4)
+        ]
+        lines.append("        }")
+    lines += [*finish(1), f"        sum = LEAKY(sum, {slope});"]
+    lines += [
+        f"        result.{PARTS[output]} += PRODUCT_SUM(sum, weight({third} + {output * layout.hidden_blocks} + k));"
+        for output in range(layout.outputs)
+    ]
+    lines += ["    }", "    return result;", "}", ""]
+    return "\n".join(lines)
+
+
+def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
+    """The include `generated/shared_network.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
+    alone, so that their addresses do not depend on the pixel.
+
+    `void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS])`;
+    `blocks` as in `network_glsl`.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+    pixels = range(network.pixels)
+    unrolled = math.gcd(layout.hidden_blocks, network.unrolled)
+
+    def start(bias: int) -> list[str]:
+        first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
+        sums = [f"        SUMS sum{p} = first; ODD_SUM(odd{p})" for p in pixels]
+        return [f"        SUMS first = SUMS({first});", *sums]
+
+    def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
+        """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
+        lines = []
+        for first in range(0, len(values[0]), network.chunk):
+            numbers = range(first, min(first + network.chunk, len(values[0])))
+            lines.append("        {")
+            lines += [f"          FACTORS w{i - first} = FACTORS(decoder_weight({row} + {i}));" for i in numbers]
+            lines += [
+                "          "
+                + " ".join(_add_product(f"sum{p}", f"odd{p}", i, f"w{i - first}", values[p][i]) for i in numbers)
+                for p in pixels
+            ]
+            lines.append("        }")
+        return lines
+
+    def finish(hidden_layer: int) -> list[str]:
+        lines = []
+        for p in pixels:
+            lines.append(f"        JOIN_SUMS(sum{p}, odd{p})")
+            if config.adapters:
+                scales = 2 * hidden_layer * layout.hidden_blocks
+                biases = scales + layout.hidden_blocks
+                own = f"adapters[{p}]"
+                lines.append(
+                    f"        sum{p} = ADAPTED(sum{p}, weight({own} + {scales} + k), weight({own} + {biases} + k));"
+                )
+            lines.append(f"        sum{p} = LEAKY(sum{p}, {slope});")
+        return lines
+
+    lines = [
+        "// Generated from viewer/render/resources/network.py for one CodecConfig.",
+        f"#define DECODER_BLOCKS {layout.blocks}",
+        f"#define PIXELS {network.pixels}",
+        '#include "ntc/decoder_weights.glsl"',
+        "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
+        *(f"    FACTORS hidden{p}_{k} = FACTORS(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
+        f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
+    ]
+    for number in range(unrolled):
+        lines += [
+            f"        {{ int k = step + {number};",
+            f"        int row = k * {layout.inputs};",
+            *start(layout.first_bias),
+            *products("row", [[f"FACTOR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
+            *finish(0),
+        ]
+        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        for k in range(number, layout.hidden_blocks, unrolled):
+            lines.append(f"        bool at{k} = k == {k};")
+            lines += [f"        hidden{p}_{k} = at{k} ? AS_FACTORS(sum{p}) : hidden{p}_{k};" for p in pixels]
+        lines.append("        }")
+    lines.append("    }")
+    for p in pixels:
+        bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
+        own = bias if config.adapter_output else f"decoder_weight({layout.third_bias})"
+        lines.append(f"    vec4 result{p} = {own};")
+    lines += [
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = {layout.second} + k * {layout.hidden};",
+        *start(layout.second_bias),
+    ]
+    lines += products("row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels])
+    lines += finish(1)
+    for output in range(layout.outputs):
+        offset = output * layout.hidden_blocks
+        if not config.adapter_output:
+            lines.append(f"        vec4 out{output} = decoder_weight({layout.third + offset} + k);")
+        for p in pixels:
+            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
+            weight = own if config.adapter_output else f"out{output}"
+            lines.append(f"        result{p}.{PARTS[output]} += PRODUCT_SUM(sum{p}, {weight});")
+    lines += ["    }", *(f"    results[{p}] = result{p};" for p in pixels), "}", ""]
+    return "\n".join(lines)

@@ -1,0 +1,38 @@
+"""What shaders are told about a precision."""
+
+from ntc.errors import InputError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import EXTENSION
+from viewer.state.view_state import Precision
+
+LEVELS: dict[Precision, int] = {"fp32": 0, "fp16": 0, "fp16-arithmetic": 1, "fp16-accumulate": 2}
+"""HALF_ARITHMETIC of shaders/ntc/half.glsl."""
+
+EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
+"""Precisions that need nothing of the driver."""
+
+
+def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
+    """What this driver can compute in."""
+    return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE
+
+
+def precision_defines(
+    context: GraphicsContext, precision: Precision, emulated: bool = False
+) -> dict[str, int | float | str]:
+    """Defines of the decoding shaders. `emulated` rounds in single precision what the driver cannot compute in halves.
+
+    Raises InputError where the driver has no half arithmetic and `precision` needs it.
+    """
+    defines: dict[str, int | float | str] = {"PRECISION_FP16": int(precision != "fp32")}
+    if LEVELS[precision] == 0:
+        return defines
+    defines |= {"HALF_ARITHMETIC": LEVELS[precision], "HALF_EMULATED": int(emulated)}
+    if not emulated:
+        extension = context.features.half_arithmetic
+        if extension is None:
+            raise InputError(
+                f"precision {precision}: {context.info.renderer} has no half arithmetic in shaders; use --precision fp16"
+            )
+        defines[EXTENSION] = extension
+    return defines

@@ -1,0 +1,163 @@
+"""A scene's geometry, instances and materials on the GPU."""
+
+from typing import Protocol
+
+import moderngl
+import numpy as np
+
+from ntc.errors import InputError
+from viewer.gl.context import GraphicsContext
+from viewer.render.resources.culling import Bucket, DrawList
+from viewer.render.resources.layout import (
+    ALPHA_CODES,
+    LARGEST_ID,
+    MATERIAL_RECORD,
+    MATERIAL_SHIFT,
+    WRAP_CODES,
+    StorageBinding,
+    TextureUnit,
+    sampler_flags,
+)
+from viewer.render.resources.samplers import SamplerCache
+from viewer.scene.model import Sampler, Scene
+
+INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
+INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
+
+
+def material_records(scene: Scene) -> np.ndarray:
+    """[materials] MATERIAL_RECORD; `image_array` and `image_layer` are left to the reference pass."""
+    records = np.zeros(max(1, len(scene.materials)), MATERIAL_RECORD)
+    for record, material in zip(records, scene.materials, strict=False):
+        record["factor"] = material.factor
+        record["texture_id"] = material.texture_id
+        record["wrap_u"], record["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)
+        record["sampler_flags"] = sampler_flags(material.sampler)
+        record["alpha_cutoff"] = material.alpha_cutoff
+        record["alpha_mode"] = ALPHA_CODES[material.alpha_mode]
+        record["image_array"] = -1
+    return records
+
+
+class MaterialsSource(Protocol):
+    """What knows the materials of what is seen."""
+
+    def bind_materials(self) -> None:
+        """Bind the materials to their storage binding."""
+
+
+class SceneBuffers:
+    """Vertices, indices, one row for each instance, and the indirect commands of the current draw list."""
+
+    def __init__(self, context: GraphicsContext, scene: Scene, materials: np.ndarray) -> None:
+        if max(len(scene.textures), len(scene.materials)) > LARGEST_ID:
+            raise InputError(f"{scene.name}: has more than {LARGEST_ID} textures or materials; split the scene")
+        self._gl, self._memory = context.gl, context.memory
+        self._scene = scene
+        geometry = scene.geometry
+        vertices = np.concatenate([geometry.positions, geometry.uvs], axis=1).astype("<f4")
+        with self._memory.whole():
+            self._vertices = self._buffer("vertices", vertices)
+            self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors.astype("<f4"))
+            self._indices = self._buffer("indices", geometry.indices.astype("<u4"))
+            self._instances = self._buffer("instances", self._instance_rows())
+            self._materials = self._buffer("materials", materials)
+        self._alpha: dict[int, moderngl.Texture] = {}
+        self._samplers = SamplerCache(context)
+        self._commands: moderngl.Buffer | None = None
+        self._ranges: tuple[tuple[Bucket, int, int], ...] = ()
+        self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+
+    @property
+    def has_colors(self) -> bool:
+        """Whether the scene has vertex colours."""
+        return self._colors is not None
+
+    def _buffer(self, kind: str, array: np.ndarray) -> moderngl.Buffer:
+        # OpenGL has no empty buffers.
+        return self._memory.buffer(f"{kind} of {self._scene.name}", np.ascontiguousarray(array).tobytes() or bytes(64))
+
+    def _instance_rows(self) -> np.ndarray:
+        instances, primitives = self._scene.instances, self._scene.primitives
+        rows = np.zeros(
+            len(instances.primitive), np.dtype([("transform", "<f4", (3, 4)), ("ids", "<u4"), ("aspect", "<f4")])
+        )
+        rows["transform"] = instances.transform[:, :3, :]
+        material = np.array([primitive.material for primitive in primitives], np.int64)[instances.primitive]
+        texture = np.array([entry.texture_id for entry in self._scene.materials], np.int64)[material]
+        rows["ids"] = (texture + 1) | ((material + 1) << MATERIAL_SHIFT)
+        sizes = [image.pixels.shape[:2] for image in self._scene.textures]
+        aspects = np.array([height / width for height, width in sizes] + [1.0])
+        rows["aspect"] = aspects[texture]
+        return rows
+
+    def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        if program not in self._arrays:
+            content: list[tuple[object, ...]] = [(self._vertices, "3f 2f", "position", "texture_coordinate")]
+            if self._colors is not None:
+                content.append((self._colors, "4f", "vertex_color"))
+            content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
+            # A program that reads less than all attributes (no material, say) leaves them out.
+            self._arrays[program] = self._gl.vertex_array(program, content, self._indices, skip_errors=True)
+        return self._arrays[program]
+
+    def _alpha_texture(self, texture_id: int) -> moderngl.Texture:
+        if texture_id not in self._alpha:
+            alpha = self._scene.textures[texture_id].alpha if texture_id >= 0 else None
+            pixels = np.full((1, 1), 255, np.uint8) if alpha is None else np.ascontiguousarray(alpha)
+            what = "coverage" if texture_id < 0 else f"coverage of texture {self._scene.textures[texture_id].name}"
+            texture = self._memory.texture(what, (pixels.shape[1], pixels.shape[0]), 1, pixels.tobytes())
+            self._memory.build_mipmaps(what, texture)
+            self._alpha[texture_id] = texture
+        return self._alpha[texture_id]
+
+    def upload(self, draw_list: DrawList) -> None:
+        """Take over the commands of a draw list."""
+        data = draw_list.commands.tobytes()
+        if data:
+            if self._commands is None or self._commands.size < len(data):
+                what = f"draw commands of {self._scene.name}"
+                made = self._memory.buffer(what, reserve=len(data) * 2, dynamic=True)
+                if self._commands is not None:
+                    self._commands.release()
+                self._commands = made
+            self._commands.write(data)
+        self._ranges = draw_list.ranges
+
+    def bind_materials(self) -> None:
+        """Bind the materials to their storage binding."""
+        self._materials.bind_to_storage_buffer(int(StorageBinding.MATERIALS))
+
+    def write_materials(self, records: np.ndarray) -> None:
+        """Replace the material records."""
+        self._materials.write(records.tobytes())
+
+    def draw(self, opaque: moderngl.Program, alpha_tested: moderngl.Program) -> None:
+        """Draw the uploaded list: opaque buckets with one program, those that need an alpha test with the other."""
+        if self._commands is None:
+            return
+        gl = self._gl
+        for bucket, first, count in self._ranges:
+            needs_alpha = bucket.alpha_texture >= -1
+            if needs_alpha:
+                self._alpha_texture(bucket.alpha_texture).use(int(TextureUnit.ALPHA))
+                self._samplers.get(bucket.alpha_sampler or Sampler()).use(int(TextureUnit.ALPHA))
+            (gl.disable if bucket.double_sided else gl.enable)(moderngl.CULL_FACE)
+            gl.front_face = "cw" if bucket.mirrored else "ccw"
+            array = self._vertex_array(alpha_tested if needs_alpha else opaque)
+            array.render_indirect(self._commands, moderngl.TRIANGLES, count=count, first=first)
+            if needs_alpha:
+                self._samplers.get(bucket.alpha_sampler or Sampler()).clear(int(TextureUnit.ALPHA))
+        gl.disable(moderngl.CULL_FACE)
+        gl.front_face = "ccw"
+
+    def release(self) -> None:
+        """Free everything."""
+        self._samplers.release()
+        for array in self._arrays.values():
+            array.release()
+        for texture in self._alpha.values():
+            texture.release()
+        for buffer in (self._vertices, self._colors, self._indices, self._instances, self._materials, self._commands):
+            if buffer is not None:
+                buffer.release()

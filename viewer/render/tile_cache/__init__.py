@@ -1,0 +1,1 @@
+"""Decode path `cached`: pages, tables, budget and pass."""

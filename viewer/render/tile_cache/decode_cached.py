@@ -1,0 +1,334 @@
+"""Decode path `cached`: tiles of texels that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
+
+from collections.abc import Iterable
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.allocation import GpuMemory, GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.layout import (
+    BIN_GROUP,
+    GROUP_SIDE,
+    MOST_TILES_ASKED_FOR,
+    PAGE_SIDE,
+    PAGES_ACROSS,
+    TEXEL_GROUP,
+    TILE_RECORD,
+    ImageUnit,
+    StorageBinding,
+    TextureUnit,
+)
+from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts, TilePace
+from viewer.render.tile_cache.page_pool import PagePool
+from viewer.render.tile_cache.tile_table import TileTable
+
+FOLDER = "passes/decode_cached"
+PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
+LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
+AHEAD_MILLISECONDS = 8.0
+"""Of a frame, for tiles that are shown in an older version."""
+TILES_AT_ONCE = 8192
+"""Of one dispatch: OpenGL lets none have more than 65535 work groups."""
+
+
+def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
+    """Finest mip by texture id of TILE_RECORDs."""
+    order = np.lexsort((tiles["level"], tiles["texture_id"]))
+    textures, first = np.unique(tiles["texture_id"][order], return_index=True)
+    return dict(zip(textures.tolist(), tiles["level"][order][first].tolist(), strict=True))
+
+
+class DecodeCachedPass:
+    """Inputs: visibility buffer, materials, a pack. Output: linear albedo. `request`, `decode` and `sample` in turn make a frame."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        table: TileTable,
+        decoder_of_texture: Iterable[int],
+        colors: bool,
+        config: TileCacheConfig,
+        pace: TilePace,
+    ) -> None:
+        self._gl = context.gl
+        self._buffers, self._ranges, self._table, self._config, self._pace = buffers, ranges, table, config, pace
+        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+        defines = {
+            "VERTEX_COLORS": int(colors),
+            **buffers.defines,
+            "DECODER_IN_STORAGE": int(ranges.in_storage),
+        }
+        self._programs, self._defines = programs, defines
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
+        self._forget = programs.compute(f"{FOLDER}/forget.comp")
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
+        self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
+        self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
+        self._out_of_memory = self._coarse_latents = False
+        with context.memory.whole():
+            if not self._atlas.grow(1):
+                raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
+            self._make_tables(context.memory)
+        self._frame = 0
+        self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
+        """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
+        self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
+        self._tile_ms: float | None = None
+
+    def _make_tables(self, memory: GpuMemory) -> None:
+        what, table = "tables of path cached", self._table
+        asked = min(MOST_TILES_ASKED_FOR, table.entries)
+        self._places: dict[StorageBinding, moderngl.Buffer] = {
+            StorageBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
+            StorageBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
+            StorageBinding.TILE_ENTRIES: memory.buffer(what, bytes(4 * table.entries)),
+            StorageBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
+            StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
+        }
+        # For as many tiles as any call can name: what the GPU was told of must not fail to be noted for want of memory.
+        self._tiles = memory.buffer(what, reserve=TILE_RECORD.itemsize * max(asked, self._pool.pages))
+
+    @property
+    def counts(self) -> TileCounts:
+        """What the cache holds now."""
+        return TileCounts(
+            self._pool.taken,
+            len(self._waiting) + len(self._stale) + self._unheard,
+            self._starved,
+            self._kept,
+            self._decoded,
+            self._evicted,
+            self._out_of_memory,
+            self._coarse_latents,
+        )
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Atlas and tables."""
+        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
+
+    def _bind(self) -> None:
+        self._buffers.bind()
+        for binding, buffer in self._places.items():
+            buffer.bind_to_storage_buffer(int(binding))
+
+    @property
+    def must_ask_again(self) -> bool:
+        """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
+        return self._unheard > 0 and not len(self._waiting)
+
+    def request(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, anisotropy: int) -> None:
+        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones.
+
+        With `anisotropy` above 1 the visibility buffer must hold gradients.
+        """
+        program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
+        self._forget_entries(self._waiting)
+        self._frame += 1
+        self._starved, self._kept = 0, self._pool.taken
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._bind()
+        asked = self._places[StorageBinding.RESULTS]
+        asked.write(bytes(4))
+        set_uniforms(program, {"frame": self._frame, "anisotropy": anisotropy})
+        program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
+        self._gl.memory_barrier()
+        self._drop_unseen_stale()
+        asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
+        count = min(asked_count, MOST_TILES_ASKED_FOR)
+        self._unheard = asked_count - count
+        entries = (
+            np.frombuffer(asked.read(4 * count, offset=4), np.uint32).astype(np.int64) if count else self._waiting[:0]
+        )
+        # In a fixed order: atomics hand out places by chance. Coarse tiles first: they stand in for finer ones.
+        tiles = self._table.tiles(np.sort(entries))
+        self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
+
+    @property
+    def only_stale(self) -> bool:
+        """Whether tiles are shown in an older version, and nothing else is to come."""
+        return bool(len(self._stale)) and not len(self._waiting) and not self._unheard
+
+    @property
+    def is_missing_tiles(self) -> bool:
+        """Whether there are tiles to decode that are shown coarser, and are known."""
+        return bool(len(self._waiting))
+
+    def tiles_now(self, whole: bool) -> int:
+        """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
+        return self._fitting(None if whole else self._pace.milliseconds, self._config.least_tiles)
+
+    def tiles_ahead(self) -> int:
+        """How many tiles to decode in a frame that shows the picture before: few where nobody waits for them."""
+        least = self._config.least_tiles if self.is_missing_tiles else 1
+        return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, least)
+
+    def _fitting(self, milliseconds: float | None, least: int) -> int:
+        waiting = len(self._waiting) + len(self._stale)
+        if milliseconds is None:
+            return waiting
+        return min(waiting, max(least, 0 if self._tile_ms is None else int(milliseconds / self._tile_ms)))
+
+    def decode(self, count: int) -> int:
+        """Decode the next `count` waiting tiles; how many it were, fewer where the budget is full of tiles that are seen."""
+        missing = min(count, len(self._waiting))
+        return self._decode_missing(missing) + self._decode_stale(count - missing)
+
+    def _decode_missing(self, count: int) -> int:
+        entries = self._waiting[:count]
+        if not len(entries):
+            return 0
+        # Whatever may fail for want of memory comes before tiles get their pages.
+        self._need_latents(self._table.tiles(entries))
+        if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
+            # The budget was more than there is: go on with what there is.
+            self._pool.shrink(self._atlas.layers * LAYER_PAGES)
+            self._out_of_memory = True
+        read = self._places[StorageBinding.PAGE_USED]
+        pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
+        self._forget_entries(gone)
+        self._evicted += len(gone)
+        if len(pages) < len(entries):
+            # Nothing can make room before the view changes.
+            self._starved = len(self._waiting) - len(pages)
+            self._forget_entries(self._waiting[len(pages) :])
+            self._waiting = self._waiting[: len(pages)]
+        if not len(pages):
+            return 0
+        self._decode_into(entries[: len(pages)], pages)
+        self._waiting = self._waiting[len(pages) :]
+        return len(pages)
+
+    def _decode_stale(self, count: int) -> int:
+        """Decode tiles anew where they are."""
+        entries = self._stale[:count]
+        if len(entries):
+            self._decode_into(entries, self._pool.pages_of(entries))
+            self._stale = self._stale[len(entries) :]
+        return len(entries)
+
+    def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
+        tiles = self._table.tiles(entries)
+        tiles["page"] = pages
+        self._need_latents(tiles)
+        decoders = self._decoder_of_texture[tiles["texture_id"]]
+        order = np.argsort(decoders, kind="stable")
+        self._run_decoders(tiles[order], decoders[order])
+        self._decoded += len(pages)
+
+    def _need_latents(self, tiles: NDArray[np.void]) -> None:
+        levels = finest_levels(tiles)
+        self._buffers.need(levels)
+        # Such tiles stay as they are, even when there is room again.
+        self._coarse_latents |= not self._buffers.has(levels)
+
+    def _drop_unseen_stale(self) -> None:
+        """What the last request did not read need not be decoded anew."""
+        if not len(self._stale):
+            return
+        stale = self._stale[np.isin(self._stale, self._pool.held())]
+        read = np.frombuffer(self._places[StorageBinding.PAGE_USED].read(), np.uint32)
+        seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
+        self._pool.drop(stale[~seen])
+        self._forget_entries(stale[~seen])
+        self._stale = stale[seen]
+
+    def note_time(self, tiles: int, milliseconds: float) -> None:
+        """Learn how long decoding takes."""
+        if tiles:
+            self._tile_ms = milliseconds / tiles
+            self._pace.note_tiles(milliseconds)
+
+    def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
+        self._bind()
+        self._write_tiles(tiles.tobytes())
+        self._atlas.bind_image(int(ImageUnit.ATLAS))
+        set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
+        starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
+        for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
+            self._ranges.bind(int(decoders[start]))
+            for first in range(start, end, TILES_AT_ONCE):
+                number = min(TILES_AT_ONCE, end - first)
+                set_uniforms(self._decode, {"first_tile": first, "tile_count": number})
+                self._decode.run(-(-number * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
+        self._gl.memory_barrier()
+
+    def _write_tiles(self, data: bytes) -> None:
+        self._tiles.write(data)
+        self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
+
+    def _forget_entries(self, entries: NDArray[np.int64]) -> None:
+        if not len(entries):
+            return
+        self._places[StorageBinding.TILE_ENTRIES].bind_to_storage_buffer(int(StorageBinding.TILE_ENTRIES))
+        self._write_tiles(entries.astype(np.uint32).tobytes())
+        set_uniforms(self._forget, {"count": len(entries)})
+        self._forget.run(-(-len(entries) // TEXEL_GROUP))
+        self._gl.memory_barrier()
+
+    def sample(
+        self,
+        visibility: VisibilityTarget,
+        scene_buffers: MaterialsSource,
+        target: AlbedoTarget,
+        anisotropy: int,
+        band: tuple[int, int] = (0, 1),
+    ) -> None:
+        """Draw the albedo from the tiles that are there; `anisotropy` as for `request`, `band` (number, of) is a part of the rows."""
+        defines = {**self._defines, **visibility.content.defines()}
+        program = self._programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
+        if program not in self._triangles:
+            self._triangles[program] = self._gl.vertex_array(program, [])
+        target.framebuffer.use()
+        self._gl.enable_only(moderngl.NOTHING)
+        visibility.bind()
+        scene_buffers.bind_materials()
+        self._bind()
+        self._atlas.use(int(TextureUnit.ATLAS))
+        set_uniforms(program, {"depth": 0.0, "anisotropy": anisotropy})
+        low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))
+        target.framebuffer.scissor = (0, low, target.size[0], high - low)
+        try:
+            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        finally:
+            target.framebuffer.scissor = (0, 0, *target.size)
+
+    def replace_pack(
+        self,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        decoder_of_texture: Iterable[int],
+        changed_textures: Iterable[int],
+    ) -> None:
+        """Decode from other buffers of the same shape from now on. The tiles of `changed_textures` are decoded anew, and shown as
+        they are until then; all others stay, and so does what the last request asked for."""
+        self._buffers, self._ranges = buffers, ranges
+        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+        held = self._pool.held()
+        changed = held[np.isin(self._table.tiles(held)["texture_id"], np.fromiter(changed_textures, np.int64))]
+        # Those that wait already come first, or they might wait for ever.
+        self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
+        self._drop_unseen_stale()
+
+    def release(self) -> None:
+        """Free atlas and tables."""
+        self._atlas.release()
+        for triangle in self._triangles.values():
+            triangle.release()
+        self._tiles.release()
+        for buffer in self._places.values():
+            buffer.release()

@@ -1,0 +1,70 @@
+"""Which tiles there are: every mip of every texture, under each pair of wrap modes that a material samples it with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.latents import latent_levels
+from ntc.pack.match import PackMatch
+from ntc.pack.model import Pack
+from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE, WRAP_CODES
+from viewer.scene.model import Material
+
+
+@dataclass(frozen=True, eq=False)
+class TileTable:
+    """Entries count all tiles, level after level; a tile's border depends on the wrap modes, so modes have tiles of their own."""
+
+    first_level_of_material: NDArray[np.int32]
+    """[materials] row of `levels` of the texture's finest mip; -1 where nothing is decoded."""
+    levels: NDArray[np.void]
+    """[rows] TILE_LEVEL_RECORD."""
+    texture_of_level: NDArray[np.int32]
+    """[rows]."""
+    level_of_level: NDArray[np.int32]
+    """[rows] mip number."""
+    wrap_of_level: NDArray[np.int32]
+    """[rows, 2] WRAP_ codes."""
+    entries: int
+    """Tiles of all levels."""
+
+    @staticmethod
+    def of(materials: tuple[Material, ...], pack: Pack, match: PackMatch) -> "TileTable":
+        """The tiles of the textures that `pack` decodes."""
+        first_of: dict[tuple[int, int, int], int] = {}
+        firsts: list[int] = []
+        rows: list[tuple[int, int, int, int, int, int]] = []
+        entries = 0
+        for material in materials:
+            index = match.texture_index[material.texture_id] if material.texture_id >= 0 else -1
+            if index < 0:
+                firsts.append(-1)
+                continue
+            wrap = (int(WRAP_CODES[material.sampler.wrap[0]]), int(WRAP_CODES[material.sampler.wrap[1]]))
+            key = (material.texture_id, *wrap)
+            if key not in first_of:
+                first_of[key] = len(rows)
+                texture = pack.textures[index]
+                for number, level in enumerate(latent_levels(texture.width, texture.height, pack.config)):
+                    across = -(-level.texel_width // TILE_SIDE)
+                    rows.append((entries, across, material.texture_id, number, *wrap))
+                    entries += across * -(-level.texel_height // TILE_SIDE)
+            firsts.append(first_of[key])
+        table = np.array(rows or [(0, 1, -1, 0, 0, 0)], np.int32)
+        levels = np.zeros(len(table), TILE_LEVEL_RECORD)
+        levels["first_entry"], levels["across"] = table[:, 0], table[:, 1]
+        return TileTable(
+            np.array(firsts or [-1], np.int32), levels, table[:, 2], table[:, 3], table[:, 4:6], max(1, entries)
+        )
+
+    def tiles(self, entries: NDArray[np.int64]) -> NDArray[np.void]:
+        """[N] TILE_RECORD of these entries; their pages are left 0."""
+        rows = np.searchsorted(self.levels["first_entry"], entries, side="right") - 1
+        place = entries - self.levels["first_entry"][rows]
+        tiles = np.zeros(len(entries), TILE_RECORD)
+        tiles["texture_id"], tiles["level"] = self.texture_of_level[rows], self.level_of_level[rows]
+        tiles["tile_x"], tiles["tile_y"] = place % self.levels["across"][rows], place // self.levels["across"][rows]
+        tiles["wrap_u"], tiles["wrap_v"] = self.wrap_of_level[rows].T
+        tiles["entry"] = entries
+        return tiles

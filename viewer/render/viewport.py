@@ -1,0 +1,259 @@
+"""The picture of a session: drawn when it is out of date, coarser while it moves, and kept where the GPU has no memory for more."""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import get_args
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderError
+from viewer.gl.thumbnails import Thumbnails
+from viewer.jobs.background import Background
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frame_times import FrameTimes
+from viewer.render.renderer import Renderer
+from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.scene.model import Camera, Scene
+from viewer.state.actions import SetSlot
+from viewer.state.message_log import details_of
+from viewer.state.picture_request import PictureRequest
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE, DecodePath, ViewState
+
+SLOW_FRAME_MS = 120.0
+"""A whole frame that takes longer makes a moving picture coarse."""
+COARSE_SHARE = 0.25
+TILE_MILLISECONDS = 25.0
+"""Of a frame, for decoding tiles that have come into sight."""
+LEAST_TILES = 3
+"""Of a frame: on a machine that a training keeps busy a tile takes some milliseconds."""
+MOVING_SECONDS = 0.3
+"""A camera moves until it has rested for so long."""
+
+
+class ShownPicture:
+    """The renderer of the session's scene, and what it has drawn. Sizes are (width, height) of the picture in pixels."""
+
+    def __init__(self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background) -> None:
+        """`times` and `background` forget what they know when another scene is drawn."""
+        self._context, self._session, self._times, self._background = context, session, times, background
+        self._scene: Scene | None = None
+        self._packs: Mapping[str, Pack] | None = None
+        self.renderer: Renderer | None = None
+        self.thumbnails: Thumbnails | None = None
+        """Of the renderer's scene."""
+        self.last: FrameResult | None = None
+        self.last_view: ViewState | None = None
+        """What `last` shows; None where that is out of date."""
+        self._camera: Camera | None = None
+        self._moved_at = -math.inf
+        self._told_of_memory: frozenset[str] = frozenset()
+        self._is_drawn = False
+        """Whether the renderer has drawn anything yet."""
+        self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
+        """What the GPU had no memory for last: not tried again before something changes."""
+        self.frames_drawn = 0
+        """Frames in which the renderer had something to do."""
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether tiles of the last picture are still to come."""
+        return self.last is not None and self.last.waiting > 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether what is open in the session is what the renderer has."""
+        session = self._session
+        return self.renderer is not None and session.scene is self._scene and session.packs is self._packs
+
+    def is_due(self, size: tuple[int, int]) -> bool:
+        """Whether another picture than the last is to be drawn, as far as is known."""
+        if self.is_undrawable(size):
+            return False
+        return not self.is_open or self.is_waiting or self._view(size) != self.last_view
+
+    def is_coarse(self) -> bool:
+        """Whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
+        session = self._session
+        if session.measure_requested or session.picture_requests or not session.settings.coarse_while_moving:
+            return False
+        return self._times.whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
+
+    def is_undrawable(self, size: tuple[int, int]) -> bool:
+        """Whether the GPU had no memory for just this the last time."""
+        if self._undrawable is None:
+            return False
+        scene, packs, view = self._undrawable
+        return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
+
+    def draw(self, size: tuple[int, int]) -> None:
+        """Draw what is out of date. Raises InputError and ShaderError; what the GPU has no memory for is said."""
+        self._note_movement()
+        if self.is_undrawable(size):
+            return
+        renderer = self._current_renderer()
+        coarse = self.is_coarse()
+        view = self._view(size)
+        whole = self._session.measure_requested or bool(self._session.picture_requests)
+        if view == self.last_view and not self.is_waiting:
+            return
+        renderer.tile_pace.note_frame(self._times.last_ms)
+        # Nothing can be asked about a view that could not be drawn.
+        self.last_view = None
+        try:
+            self.last = renderer.render(view, whole)
+        except GpuMemoryError as error:
+            self._give_up(error, size)
+            return
+        except InputError as error:
+            self._context.reset.check_after(error)
+            self._session.say(str(error), "error")
+            self._leave_half_arithmetic()
+            return
+        self.last_view, self._is_drawn, self._undrawable = view, True, None
+        self._tell_of_memory(self.last)
+        self._session.note_drawable()
+        self.frames_drawn += 1
+        if not coarse:
+            self._times.note(self.last)
+
+    def compose_again(self, view: ViewState) -> None:
+        """Draw the same view with what has been found about it."""
+        if self.renderer is not None:
+            self.last = self.renderer.render(view)
+            self.frames_drawn += 1
+
+    def alone(self, request: PictureRequest, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """[H, W, 3] uint8 sRGB, row 0 on top: the picture without the interface. Raises InputError where there is none."""
+        if self.renderer is None or not self.is_open:
+            raise InputError("there is no picture to write: what is open has not been drawn")
+        view = request.view(self._view(size))
+        # The next frame draws what is shown again: both have one target.
+        self.last_view = None
+        return read_picture(self.renderer.render(view, whole=True).image)
+
+    def note_failure(self, size: tuple[int, int]) -> bool:
+        """An error broke drawing off; False where there is no older picture to stay with."""
+        if self.renderer is None:
+            if self.frames_drawn == 0:
+                return False
+            self._undrawable = self._wanted(size)
+        self.last_view = None
+        return True
+
+    def prepare_next(self) -> bool:
+        """Compile the next thing that the user may toggle to: for when there is nothing else to do. False when all is ready."""
+        view, renderer = self._session.view, self.renderer
+        if renderer is None or not self.is_open:
+            return False
+        for slot in dict.fromkeys((view.slot_a, view.slot_b)):
+            for path in get_args(DecodePath):
+                try:
+                    if renderer.prepare(replace(slot, path=path)):
+                        return True
+                except (InputError, ShaderError, moderngl.Error, MemoryError):
+                    # It is said when the user asks for it.
+                    continue
+        return False
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        if self.thumbnails is not None:
+            self.thumbnails.release()
+        if self.renderer is not None:
+            self.renderer.release()
+        self.thumbnails = self.renderer = self._scene = self._packs = None
+        self.last = self.last_view = None
+
+    def _current_renderer(self) -> Renderer:
+        """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
+        session = self._session
+        if self.renderer is None or self._scene is not session.scene:
+            tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS, LEAST_TILES)
+            try:
+                with self._context.memory.whole():
+                    textures = session.scene.textures
+                    thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
+                    made = Renderer(self._context, session.scene, tile_cache=tiles)
+            except InputError as error:
+                self._context.reset.check_after(error)
+                if self.renderer is None or not session.put_away_undrawable():
+                    raise
+                session.say(str(error), "error")
+                return self.renderer
+            self.release()
+            self.renderer, self.thumbnails, self._scene = made, thumbnails, session.scene
+            self._is_drawn = False
+            self._times.clear()
+            self._background.forget()
+        if self._packs is not session.packs:
+            # A pack may have been read anew under its old name: an equal view then shows something else.
+            self.renderer.set_packs(session.packs)
+            self._packs = session.packs
+            self.last_view = None
+        return self.renderer
+
+    def _view(self, size: tuple[int, int]) -> ViewState:
+        share = self._session.resolution * (COARSE_SHARE if self.is_coarse() else 1.0)
+        scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
+        return replace(self._session.shown_view, size=scaled)
+
+    def _wanted(self, size: tuple[int, int]) -> tuple[Scene, Mapping[str, Pack], ViewState]:
+        """What is to be drawn."""
+        return self._session.scene, self._session.packs, self._view(size)
+
+    def _note_movement(self) -> None:
+        camera = self._session.view.camera
+        # A jump to a camera of the scene is no movement: it is drawn whole at once.
+        known = self._camera in (None, camera) or camera in self._session.scene.cameras
+        if not known and self._scene is self._session.scene:
+            self._moved_at = time.monotonic()
+        self._camera = camera
+
+    def _leave_half_arithmetic(self) -> None:
+        """Keep the weights as halves, but compute in fp32: what every driver can."""
+        for side, slot in (("a", self._session.view.slot_a), ("b", self._session.view.slot_b)):
+            if slot.precision not in ("fp32", "fp16"):
+                self._session.apply(SetSlot("a" if side == "a" else "b", replace(slot, precision="fp16")))
+
+    def _give_up(self, error: GpuMemoryError, size: tuple[int, int]) -> None:
+        """The GPU has no memory for what is to be drawn: go back to what it has drawn before, or show less."""
+        session = self._session
+        session.say(str(error), "error", details_of(error))
+        before = session.scene, session.packs, session.view
+        session.put_away_undrawable()
+        if (session.scene, session.packs, session.view) != before:
+            if not self._is_drawn:
+                # All that this scene has taken is needed for the one before.
+                self.release()
+            return
+        sources = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
+        alone = next((side for side, source in sources.items() if source != REFERENCE), None)
+        if not self._is_drawn and alone is not None and session.view.compare not in ("a", "b"):
+            session.view = replace(session.view, compare="a" if alone == "a" else "b")
+            session.say(f"slot {alone.upper()} is shown alone")
+            return
+        # The last picture stays, at whatever size.
+        self._undrawable = self._wanted(size)
+
+    def _tell_of_memory(self, frame: FrameResult) -> None:
+        """Say what is shown coarser than it should be, once."""
+        short: set[str] = set()
+        if any(counts.out_of_memory for counts in frame.tiles.values()):
+            short.add(
+                "the GPU has no memory for more decoded tiles: path cached goes on with those it has; "
+                "close packs, or lower tile_cache_megabytes in settings.json"
+            )
+        if frame.short_latents:
+            short.add("the GPU has no memory for all latents: coarser mips are shown in their place; close packs")
+        for line in sorted(short - self._told_of_memory):
+            self._session.say(line, "error")
+        self._told_of_memory = frozenset(short)

@@ -1,0 +1,150 @@
+"""Bytes of a glTF file: buffers, buffer views, data URIs and external files."""
+
+import base64
+import binascii
+from pathlib import Path, PureWindowsPath
+from urllib.parse import unquote, unquote_to_bytes, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.reading import read_file
+from viewer.locations import SCENE_ROOTS_VARIABLE
+from viewer.scene.gltf.container import GltfFile
+
+
+def decode_data_uri(file: GltfFile, uri: str, where: str) -> bytes:
+    """The bytes of a `data:` URI. Raises InputError."""
+    header, comma, payload = uri.partition(",")
+    if not comma:
+        raise file.fail(where, "a data URI without data")
+    if not header.endswith(";base64"):
+        return unquote_to_bytes(payload)
+    try:
+        return base64.b64decode(unquote(payload), validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise file.fail(where, f"the data URI is not valid base64 ({error})") from error
+
+
+def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
+    """Path of the external file `uri`, free of links; None when the glTF itself has no folder.
+
+    It lies in the glTF file's folder or in one of `file.roots`: a scene from elsewhere must not read other files of
+    the machine. Raises InputError for a URI with a scheme and for paths that lead elsewhere, also through links.
+    """
+    try:
+        has_scheme = bool(urlsplit(uri).scheme or urlsplit(uri).netloc)
+    except ValueError:
+        has_scheme = True
+    if has_scheme:
+        raise file.fail(where, f"{uri[:60]!r} is not a relative path; put the file beside the scene")
+    name = unquote(uri)
+    parts = PureWindowsPath(name)
+    elsewhere = file.fail(
+        where,
+        f"{uri[:60]!r} leads out of the scene's folder; put the file beside the scene, or name its folder in"
+        f" {SCENE_ROOTS_VARIABLE}",
+    )
+    if not name or "\0" in name or parts.is_absolute() or parts.drive or parts.root:
+        raise elsewhere
+    climbs = ".." in parts.parts
+    if climbs and not file.roots:
+        raise elsewhere
+    if file.folder is None:
+        return None
+    try:
+        path = (file.folder / Path(*parts.parts)).resolve()
+        allowed = (file.folder.resolve(), *file.roots)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise file.fail(where, f"{uri[:60]!r}: not a file name") from error
+    if not any(path.is_relative_to(root) for root in allowed):
+        raise elsewhere
+    return path
+
+
+def read_external(file: GltfFile, path: Path, uri: str, where: str) -> bytes:
+    """The bytes of the file at `path`, named by `uri`. Raises InputError where it is missing or no plain file."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        raise file.fail(where, f"{uri[:120]}: cannot be read ({error.strerror}); put it beside the scene") from error
+    except ValueError as error:
+        raise file.fail(where, f"{uri[:60]!r}: not a file name") from error
+
+
+def read_uri(file: GltfFile, uri: str, where: str) -> bytes:
+    """The bytes of a data URI or of an external file. Raises InputError where it is missing or not allowed."""
+    if is_data_uri(uri):
+        return decode_data_uri(file, uri, where)
+    path = resolve_uri(file, uri, where)
+    if path is None:
+        raise file.fail(where, f"{uri[:60]!r}: external file of a scene that is not a file itself")
+    return read_external(file, path, uri, where)
+
+
+def is_data_uri(uri: str) -> bool:
+    """Whether `uri` holds its bytes itself."""
+    return uri[:5].lower() == "data:"
+
+
+class Buffers:
+    """The buffers of one file, each read when it is first asked for, and each file once however many name it."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._read: dict[int, NDArray[np.uint8]] = {}
+        self._sources: dict[str | Path, bytes] = {}
+        self._byte_count = 0 if file.binary is None else len(file.binary)
+
+    @property
+    def byte_count(self) -> int:
+        """Bytes read so far, each file counted once: what a scene holds must be in proportion to them."""
+        return self._byte_count
+
+    def buffer(self, index: int) -> NDArray[np.uint8]:
+        """[byteLength] uint8 of buffer `index`. Raises InputError."""
+        if index not in self._read:
+            self._read[index] = self._load(index)
+        return self._read[index]
+
+    def _load(self, index: int) -> NDArray[np.uint8]:
+        file = self._file
+        where = f"buffers[{index}]"
+        entry = file.entry("buffers", index, where)
+        length = file.integer(entry, "byteLength", where)
+        if "uri" in entry:
+            data = self._source(file.text(entry, "uri", where), f"{where}.uri")
+        elif index == 0 and file.binary is not None:
+            data = file.binary
+        else:
+            raise file.fail(where, "has neither a uri nor the GLB's binary chunk")
+        if len(data) < length:
+            raise file.fail(where, f"has {len(data)} bytes of the {length} it should have; copy or export it again")
+        return np.frombuffer(data, np.uint8, length)
+
+    def _source(self, uri: str, where: str) -> bytes:
+        path = None if is_data_uri(uri) else resolve_uri(self._file, uri, where)
+        key: str | Path = uri if path is None else path
+        if key not in self._sources:
+            if path is None:
+                self._sources[key] = read_uri(self._file, uri, where)
+            else:
+                self._sources[key] = read_external(self._file, path, uri, where)
+            self._byte_count += len(self._sources[key])
+        return self._sources[key]
+
+    def view(self, index: object, where: str) -> tuple[NDArray[np.uint8], int]:
+        """(bytes, byte stride or 0) of the buffer view `index`, named by the field `where`. Raises InputError."""
+        file = self._file
+        views = file.entries_checked("bufferViews")
+        number = file.index(index, len(views), where)
+        view = views[number]
+        name = f"bufferViews[{number}]"
+        buffer_index = file.index(view.get("buffer"), len(file.entries_checked("buffers")), f"{name}.buffer")
+        data = self.buffer(buffer_index)
+        offset = file.integer(view, "byteOffset", name, 0)
+        length = file.integer(view, "byteLength", name)
+        stride = file.integer(view, "byteStride", name, 0, high=252)
+        if offset + length > len(data):
+            raise file.fail(name, f"ends at byte {offset + length} of a buffer of {len(data)}")
+        return data[offset : offset + length], stride

@@ -1,0 +1,216 @@
+"""A .gltf or .glb file as checked JSON plus the GLB's binary chunk."""
+
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ntc.errors import InputError
+from ntc.reading import read_file
+from viewer.locations import scene_roots
+
+GLB_MAGIC = b"glTF"
+CHUNK_JSON = 0x4E4F534A
+CHUNK_BINARY = 0x004E4942
+MAX_ENTRIES = 1 << 20
+"""Most entries of one top-level array."""
+MAX_JSON_BYTES = 1 << 28
+"""A JSON text of numbers takes some twenty times its length in memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class GltfFile:
+    """The JSON of a glTF file with typed, checked access. Every method raises InputError naming file and field."""
+
+    name: str
+    """File name as the user gave it, for messages."""
+    folder: Path | None
+    """Where relative URIs start; None when there is no file, and external URIs are missing."""
+    json: Mapping[str, Any]
+    """The whole document."""
+    binary: bytes | None
+    """The GLB's binary chunk."""
+    roots: tuple[Path, ...] = ()
+    """Folders, resolved, from which the scene may read files beside its own."""
+
+    def fail(self, where: str, problem: str) -> InputError:
+        """The error to raise for the field `where`."""
+        return InputError(f"{self.name}: {where}: {problem}")
+
+    def array(self, owner: Mapping[str, Any], key: str, where: str) -> list[Any]:
+        """The list `owner[key]`, empty when absent."""
+        value = owner.get(key, [])
+        if not isinstance(value, list):
+            raise self.fail(f"{where}.{key}", "must be an array")
+        return value
+
+    def entries(self, key: str) -> list[dict[str, Any]]:
+        """A top-level array of objects, e.g. "meshes"; empty when absent."""
+        value = self.array(self.json, key, "file")
+        if len(value) > MAX_ENTRIES:
+            raise self.fail(key, f"has {len(value)} entries; at most {MAX_ENTRIES} are read")
+        for index, entry in enumerate(value):
+            if not isinstance(entry, dict):
+                raise self.fail(f"{key}[{index}]", "must be an object")
+        return value
+
+    def entry(self, key: str, index: Any, where: str) -> dict[str, Any]:
+        """Entry `index` of the top-level array `key`, named by the field `where`."""
+        entries = self.entries_checked(key)
+        return entries[self.index(index, len(entries), where)]
+
+    def entries_checked(self, key: str) -> list[dict[str, Any]]:
+        """The top-level array `key`, which `entries` has already checked as a whole."""
+        value: list[dict[str, Any]] = self.json.get(key, [])
+        return value
+
+    def index(self, value: Any, count: int, where: str) -> int:
+        """`value` as an index below `count`."""
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
+            raise self.fail(where, f"{describe(value)} is not an index below {count}")
+        return value
+
+    def integer(
+        self, owner: Mapping[str, Any], key: str, where: str, default: int | None = None, *, high: int = 2**53
+    ) -> int:
+        """The integer `owner[key]`, from 0 to `high`; without a default it is required."""
+        value = owner.get(key, default)
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= high:
+            raise self.fail(f"{where}.{key}", f"{describe(value)} is not an integer from 0 to {high}")
+        return value
+
+    def number(self, owner: Mapping[str, Any], key: str, where: str, default: float) -> float:
+        """The finite number `owner[key]`."""
+        return self.finite(owner.get(key, default), f"{where}.{key}")
+
+    def numbers(self, owner: Mapping[str, Any], key: str, where: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """As many finite numbers as `default` has."""
+        value = owner.get(key, default)
+        if not isinstance(value, list | tuple) or len(value) != len(default):
+            raise self.fail(f"{where}.{key}", f"must be {len(default)} numbers")
+        return tuple(self.finite(component, f"{where}.{key}") for component in value)
+
+    def finite(self, value: Any, where: str) -> float:
+        """`value` as a finite number."""
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e38:
+            raise self.fail(where, f"{describe(value)} is not a finite number")
+        return float(value)
+
+    def text(self, owner: Mapping[str, Any], key: str, where: str, default: str = "") -> str:
+        """The string `owner[key]`."""
+        value = owner.get(key, default)
+        if not isinstance(value, str):
+            raise self.fail(f"{where}.{key}", f"{describe(value)} is not a text")
+        # JSON may hold half a surrogate pair, which neither a file name nor a terminal takes.
+        return value.encode("utf-8", "replace").decode()
+
+    def label(self, owner: Mapping[str, Any], default: str) -> str:
+        """The name of `owner` in one printable line of at most 200 characters, `default` without one."""
+        value = owner.get("name")
+        if not isinstance(value, str):
+            return default
+        return printable(value) or default
+
+    def object(self, owner: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+        """The object `owner[key]`, empty when absent."""
+        value = owner.get(key, {})
+        if not isinstance(value, dict):
+            raise self.fail(f"{where}.{key}", "must be an object")
+        return value
+
+    def extension(self, owner: Mapping[str, Any], name: str, where: str) -> dict[str, Any] | None:
+        """The extension object `name` of `owner`, None when absent."""
+        extensions = self.object(owner, "extensions", where)
+        if name not in extensions:
+            return None
+        return self.object(extensions, name, f"{where}.extensions")
+
+
+def printable(text: str) -> str:
+    """`text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
+    line = " ".join(text.encode("utf-8", "replace").decode().split())
+    return "".join(character for character in line if character.isprintable())[:200]
+
+
+def describe(value: Any) -> str:
+    """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
+    if isinstance(value, list):
+        return "an array"
+    if isinstance(value, dict):
+        return "an object"
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _parse_json(data: bytes, name: str) -> dict[str, Any]:
+    if len(data) > MAX_JSON_BYTES:
+        raise InputError(f"{name}: {len(data)} bytes of JSON, at most {MAX_JSON_BYTES} are read; split the scene")
+    try:
+        content = json.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name}: not valid JSON ({error}); export the file again") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{name}: not a glTF file (the JSON is no object)")
+    return content
+
+
+def _glb_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
+    if len(data) < 20:
+        raise InputError(f"{name}: truncated GLB ({len(data)} bytes); copy or export it again")
+    _, version, length = struct.unpack_from("<4sII", data)
+    if version != 2:
+        raise InputError(f"{name}: GLB version {version}; only glTF 2.0 is read, export it as 2.0")
+    if length > len(data):
+        raise InputError(f"{name}: truncated GLB ({len(data)} of {length} bytes); copy or export it again")
+    offset = 12
+    json_chunk: bytes | None = None
+    binary: bytes | None = None
+    while offset + 8 <= length:
+        size, kind = struct.unpack_from("<II", data, offset)
+        offset += 8
+        if size > length - offset:
+            raise InputError(f"{name}: a GLB chunk of {size} bytes where {length - offset} are left; export it again")
+        chunk = data[offset : offset + size]
+        if kind == CHUNK_JSON and json_chunk is None:
+            json_chunk = chunk
+        elif kind == CHUNK_BINARY and binary is None:
+            binary = chunk
+        offset += size
+    if json_chunk is None:
+        raise InputError(f"{name}: the GLB has no JSON chunk; export it again")
+    return json_chunk, binary
+
+
+def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, ...] = ()) -> GltfFile:
+    """Read the container of `data`, GLB or JSON. Raises InputError for anything but a well-formed glTF 2.x file."""
+    json_chunk, binary = _glb_chunks(data, name) if data[:4] == GLB_MAGIC else (data, None)
+    content = _parse_json(json_chunk, name)
+    file = GltfFile(name, folder, content, binary, roots)
+    asset = file.object(content, "asset", "file")
+    version = file.text(asset, "version", "asset")
+    if not version.startswith("2."):
+        raise file.fail(
+            "asset.version", f"{describe(version)} is not supported; only glTF 2.0 is read, export it as 2.0"
+        )
+    if file.text(asset, "minVersion", "asset", "2.0") != "2.0":
+        raise file.fail("asset.minVersion", f"{describe(asset['minVersion'])} is not supported; only glTF 2.0 is read")
+    for key in ("nodes", "meshes", "materials", "accessors", "bufferViews", "buffers"):
+        file.entries(key)
+    for key in ("scenes", "images", "textures", "samplers", "cameras"):
+        file.entries(key)
+    return file
+
+
+def read_gltf(path: Path) -> GltfFile:
+    """The glTF container at `path`. Raises InputError."""
+    try:
+        data = read_file(Path(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    if not data:
+        raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
+    return parse_gltf(data, str(path), Path(path).parent, scene_roots())

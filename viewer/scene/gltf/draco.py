@@ -1,0 +1,100 @@
+"""KHR_draco_mesh_compression through DracoPy, an optional dependency."""
+
+import struct
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.container import GltfFile, describe, printable
+
+EXTENSION = "KHR_draco_mesh_compression"
+HEADER = struct.Struct("<5sBBBBH")
+"""Magic, version, kind of geometry, method, flags."""
+VERSION = (2, 2)
+MESH, EDGEBREAKER, HAS_METADATA = 1, 1, 0x8000
+FREE_COUNT = 1 << 12
+COUNT_PER_BYTE = 16
+"""Vertices and triangles that Draco data may hold: so many, and so many for each byte; real meshes have about one."""
+
+
+@dataclass(frozen=True, eq=False)
+class DracoMesh:
+    """A decoded primitive."""
+
+    attributes: dict[str, NDArray[Any]]
+    """[V, components] by glTF name, in the type stored."""
+    indices: NDArray[np.uint32]
+    """[3 T] triangles."""
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """(number, place behind it). Raises IndexError at the end of the data."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 127) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 128:
+            return value, at
+
+
+def check_draco_header(data: bytes) -> str:
+    """Why `data` must not be decoded, empty if it may: the library takes the counts in its header at their word."""
+    if len(data) < HEADER.size:
+        return "truncated"
+    magic, major, minor, kind, method, flags = HEADER.unpack_from(data)
+    if magic != b"DRACO" or (major, minor) != VERSION:
+        return "it is not of version 2.2, which glTF asks for"
+    if kind != MESH:
+        return "it holds points, no triangles"
+    if flags & HAS_METADATA:
+        return "it holds metadata, which is not read"
+    try:
+        # The edgebreaker method names the kind of its traversal first; both then give two counts.
+        first, at = _varint(data, HEADER.size + (method == EDGEBREAKER))
+        second, _ = _varint(data, at)
+    except IndexError:
+        return "truncated"
+    most = FREE_COUNT + COUNT_PER_BYTE * len(data)
+    if max(first, second) > most:
+        return f"{max(first, second)} vertices or triangles in {len(data)} bytes"
+    return ""
+
+
+def draco_available() -> bool:
+    """Whether DracoPy is installed."""
+    return find_spec("DracoPy") is not None
+
+
+def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], where: str) -> DracoMesh:
+    """Decode the primitive at `where`. Raises InputError where DracoPy is absent or the data is broken."""
+    where = f"{where}.{EXTENSION}"
+    try:
+        import DracoPy
+    except ImportError as error:
+        raise file.fail(where, "needs DracoPy; install it with: pip install 'ntc-viewer[draco]'") from error
+    data, _ = buffers.view(extension.get("bufferView"), f"{where}.bufferView")
+    refusal = check_draco_header(data.tobytes())
+    if refusal:
+        raise file.fail(where, f"the Draco data does not decode ({refusal}); export the scene again")
+    try:
+        mesh = DracoPy.decode(data.tobytes())
+        faces = np.asarray(mesh.faces)
+        stored = {entry["unique_id"]: np.asarray(entry["data"]) for entry in mesh.attributes}
+    except Exception as error:  # DracoPy documents no exceptions of its own, and the data is untrusted.
+        raise file.fail(where, f"the Draco data does not decode ({error})") from error
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise file.fail(where, "the Draco data holds no triangles")
+    attributes: dict[str, NDArray[Any]] = {}
+    for name, number in file.object(extension, "attributes", where).items():
+        if not isinstance(number, int) or number not in stored:
+            raise file.fail(f"{where}.attributes.{printable(name)}", f"{describe(number)} is not in the Draco data")
+        values = stored[number]
+        attributes[name] = values.reshape(len(values), -1)
+    if len({len(values) for values in attributes.values()}) > 1:
+        raise file.fail(where, "the Draco attributes differ in count")
+    return DracoMesh(attributes, faces.astype(np.uint32).reshape(-1))

@@ -1,0 +1,263 @@
+"""Mesh primitives gathered into shared vertex and index arrays."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.draco import EXTENSION as DRACO
+from viewer.scene.gltf.draco import DracoMesh, decode_draco, draco_available
+from viewer.scene.gltf.extensions import names_of
+from viewer.scene.gltf.materials import MaterialSource, UvTransform
+from viewer.scene.model import Geometry, Primitive
+from viewer.scene.report_notes import ReportNotes
+from viewer.scene.triangles import TRIANGLES, triangle_list
+
+MODE_NAMES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
+MAX_VALUES = 1 << 27
+"""Most vertices, and most indices, of a whole scene."""
+FREE_VALUES = 1 << 22
+VALUES_PER_BYTE = 16
+"""Any file may have FREE_VALUES vertices and indices; more only in proportion to the bytes of its buffers (Draco packs
+several into one, and accessors may share bytes)."""
+
+_VertexKey = tuple[Any, ...]
+
+
+class GeometryReader:
+    """Reads primitives one after another and merges them; `finish` gives the arrays.
+
+    Primitives that share accessors share vertices and indices. UVs differ where materials read another set or
+    another transform; only then are vertices repeated.
+    """
+
+    def __init__(
+        self,
+        file: GltfFile,
+        buffers: Buffers,
+        accessors: Accessors,
+        materials: Sequence[MaterialSource],
+        notes: ReportNotes,
+    ) -> None:
+        self._file = file
+        self._buffers = buffers
+        self._accessors = accessors
+        self._materials = materials
+        self._notes = notes
+        self._positions: list[NDArray[np.float32]] = []
+        self._uvs: list[NDArray[np.float32]] = []
+        self._colors: list[NDArray[np.float32] | None] = []
+        self._indices: list[NDArray[np.uint32]] = []
+        self._vertex_count = 0
+        self._index_count = 0
+        self._vertex_ranges: dict[_VertexKey, tuple[int, int]] = {}
+        self._index_ranges: dict[_VertexKey, tuple[int, int, int]] = {}
+
+    def read_mesh(self, index: int) -> tuple[Primitive, ...]:
+        """The triangle primitives of mesh `index`. Raises InputError."""
+        mesh = self._file.entries_checked("meshes")[index]
+        where = f"meshes[{index}]"
+        name = self._file.label(mesh, f"mesh {index}")
+        primitives: list[Primitive] = []
+        for number, entry in enumerate(self._file.array(mesh, "primitives", where)):
+            field = f"{where}.primitives[{number}]"
+            if not isinstance(entry, dict):
+                raise self._file.fail(field, "must be an object")
+            primitive = self._primitive(entry, field, f"{name}.{number}" if number else name)
+            if primitive is not None:
+                primitives.append(primitive)
+        return tuple(primitives)
+
+    def finish(self) -> Geometry:
+        """All vertices and indices read so far."""
+        colors: NDArray[np.float32] | None = None
+        if any(part is not None for part in self._colors):
+            parts = zip(self._colors, self._positions, strict=True)
+            white = [np.ones((len(p), 4), np.float32) if c is None else c for c, p in parts]
+            colors = np.concatenate(white)
+        return Geometry(
+            positions=np.concatenate([np.zeros((0, 3), np.float32), *self._positions]),
+            uvs=np.concatenate([np.zeros((0, 2), np.float32), *self._uvs]),
+            colors=colors,
+            indices=np.concatenate([np.zeros(0, np.uint32), *self._indices]),
+        )
+
+    def _primitive(self, entry: dict[str, Any], where: str, name: str) -> Primitive | None:
+        file = self._file
+        mode = file.integer(entry, "mode", where, TRIANGLES, high=6)
+        if mode in MODE_NAMES:
+            self._notes.ignored(f"primitives of {MODE_NAMES[mode]}")
+            return None
+        attributes = file.object(entry, "attributes", where)
+        if "POSITION" not in attributes:
+            self._notes.ignored("primitives without positions")
+            return None
+        self._note_unused(entry, attributes)
+        material = len(self._materials) - 1
+        if "material" in entry:
+            material = file.index(entry["material"], len(self._materials) - 1, f"{where}.material")
+        draco = self._draco(entry, where)
+        base, vertex_count = self._vertices(attributes, draco, self._materials[material], where)
+        first, index_count = self._triangles(entry, draco, mode, vertex_count, where)
+        if index_count == 0:
+            self._notes.note("primitives without a triangle were left out")
+            return None
+        return Primitive(name, first, index_count, base, vertex_count, material)
+
+    def _note_unused(self, entry: dict[str, Any], attributes: dict[str, Any]) -> None:
+        notes = self._notes
+        notes.ignored("morph targets: primitives", int(bool(entry.get("targets"))))
+        notes.ignored("skin weights: primitives", int("JOINTS_0" in attributes))
+        notes.ignored("vertex normals and tangents: primitives", int("NORMAL" in attributes or "TANGENT" in attributes))
+        notes.ignored("second vertex colours: primitives", int("COLOR_1" in attributes))
+        notes.honoured("vertex colours: primitives", int("COLOR_0" in attributes))
+
+    def _draco(self, entry: dict[str, Any], where: str) -> DracoMesh | None:
+        extension = self._file.extension(entry, DRACO, where)
+        if extension is None:
+            return None
+        if not draco_available() and DRACO not in names_of(self._file, "extensionsRequired"):
+            self._notes.ignored(f"{DRACO}: the uncompressed copy was used, as DracoPy is not installed")
+            return None
+        mesh = decode_draco(self._file, self._buffers, extension, where)
+        self._notes.honoured(f"{DRACO}: primitives")
+        return mesh
+
+    def _vertices(
+        self, attributes: dict[str, Any], draco: DracoMesh | None, source: MaterialSource, where: str
+    ) -> tuple[int, int]:
+        """(base vertex, count) of the primitive's vertices, read once for equal attributes."""
+        transform = source.uv_transform if source.image is not None else None
+        uv_name = f"TEXCOORD_{source.uv_set}"
+        accessors = (_index_or_none(attributes.get(name)) for name in ("POSITION", uv_name, "COLOR_0"))
+        key: _VertexKey = (*accessors, transform)
+        if draco is None and key in self._vertex_ranges:
+            return self._vertex_ranges[key]
+        positions = self._attribute("POSITION", attributes, draco, where, ("VEC3",), 3)
+        assert positions is not None
+        positions = self._finite(positions, "positions")
+        count = len(positions)
+        self._vertex_count += count
+        self._check_total(self._vertex_count, "vertices", where)
+        uvs = self._uv(uv_name, attributes, draco, transform, source, count, where)
+        colors = self._attribute("COLOR_0", attributes, draco, where, ("VEC3", "VEC4"), None)
+        if colors is not None:
+            self._same_count(colors, count, f"{where}.attributes.COLOR_0")
+            if colors.shape[1] == 3:
+                colors = np.concatenate([colors, np.ones((count, 1), np.float32)], axis=1)
+            colors = self._finite(colors, "vertex colours")
+        self._positions.append(positions)
+        self._uvs.append(uvs)
+        self._colors.append(colors)
+        place = (self._vertex_count - count, count)
+        if draco is None:
+            self._vertex_ranges[key] = place
+        return place
+
+    def _uv(
+        self,
+        name: str,
+        attributes: dict[str, Any],
+        draco: DracoMesh | None,
+        transform: UvTransform | None,
+        source: MaterialSource,
+        count: int,
+        where: str,
+    ) -> NDArray[np.float32]:
+        uvs = self._attribute(name, attributes, draco, where, ("VEC2",), 2)
+        if uvs is None:
+            if source.image is not None:
+                self._notes.missing(f"{where}: no {name}, which {source.material.name} reads; 0, 0 is used")
+            uvs = np.zeros((count, 2), np.float32)
+        self._same_count(uvs, count, f"{where}.attributes.{name}")
+        if transform is not None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                uvs = transform.apply(uvs)
+        return self._finite(uvs, "UVs")
+
+    def _attribute(
+        self,
+        name: str,
+        attributes: dict[str, Any],
+        draco: DracoMesh | None,
+        where: str,
+        kinds: tuple[str, ...],
+        components: int | None,
+    ) -> NDArray[np.float32] | None:
+        """[count, components] float32; None when the primitive has no such attribute."""
+        if name not in attributes:
+            return None
+        field = f"{where}.attributes.{name}"
+        accessor = attributes[name]
+        is_color = name.startswith("COLOR")
+        if draco is None or name not in draco.attributes:
+            if is_color:
+                # Integer colours are always fractions, whatever the accessor says.
+                return normalize(self._accessors.raw(accessor, field, kinds))
+            return self._accessors.floats(accessor, field, kinds)
+        values = draco.attributes[name]
+        if (components is not None and values.shape[1] != components) or (is_color and values.shape[1] not in (3, 4)):
+            raise self._file.fail(field, f"the Draco data has {values.shape[1]} components")
+        entry = self._file.entry("accessors", accessor, field)
+        if is_color or entry.get("normalized") is True:
+            return normalize(values)
+        return values.astype(np.float32)
+
+    def _triangles(
+        self, entry: dict[str, Any], draco: DracoMesh | None, mode: int, vertex_count: int, where: str
+    ) -> tuple[int, int]:
+        """(first index, count) of the primitive's triangles, read once for equal index accessors."""
+        file = self._file
+        key = (_index_or_none(entry.get("indices")), mode, None if "indices" in entry else vertex_count)
+        if draco is None and key in self._index_ranges:
+            first, count, highest = self._index_ranges[key]
+        else:
+            if draco is not None:
+                indices, mode = draco.indices, TRIANGLES
+            elif "indices" in entry:
+                raw = self._accessors.raw(entry["indices"], f"{where}.indices", ("SCALAR",))
+                if raw.dtype.kind != "u":
+                    raise file.fail(f"{where}.indices", "must be unsigned integers")
+                indices = raw[:, 0].astype(np.uint32)
+            else:
+                indices = np.arange(vertex_count, dtype=np.uint32)
+                self._notes.honoured("primitives without indices")
+            if mode != TRIANGLES:
+                self._notes.honoured("triangle strips and fans: primitives")
+            triangles = triangle_list(indices, mode)
+            first, count = self._index_count, len(triangles)
+            highest = int(triangles.max()) if count else 0
+            self._index_count += count
+            self._check_total(self._index_count, "indices", where)
+            self._indices.append(triangles)
+            if draco is None:
+                self._index_ranges[key] = first, count, highest
+        if count and highest >= vertex_count:
+            raise file.fail(f"{where}.indices", f"index {highest} out of range: there are {vertex_count} vertices")
+        return first, count
+
+    def _check_total(self, total: int, what: str, where: str) -> None:
+        most = min(MAX_VALUES, FREE_VALUES + VALUES_PER_BYTE * self._buffers.byte_count)
+        if total > most:
+            raise self._file.fail(
+                where, f"the scene has more than {most} {what} in {self._buffers.byte_count} bytes; split it"
+            )
+
+    def _same_count(self, values: NDArray[Any], count: int, where: str) -> None:
+        if len(values) != count:
+            raise self._file.fail(where, f"has {len(values)} elements for {count} positions")
+
+    def _finite(self, values: NDArray[np.float32], what: str) -> NDArray[np.float32]:
+        broken = ~np.isfinite(values)
+        if not broken.any():
+            return values
+        self._notes.missing(f"{what} that are NaN or infinite in {int(broken.any(axis=1).sum())} vertices; 0 is used")
+        return np.where(broken, np.float32(0), values)
+
+
+def _index_or_none(value: Any) -> int | None:
+    return value if isinstance(value, int) else None

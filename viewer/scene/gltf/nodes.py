@@ -1,0 +1,212 @@
+"""The node graph: world matrices of all placements, instancing included."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.report_notes import ReportNotes
+
+MAX_DEPTH = 1 << 14
+"""Deepest nesting of nodes; rigs have a few hundred."""
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class NodePlacements:
+    """One node of the drawn scene and where what it carries stands."""
+
+    node: int
+    world: NDArray[np.float64]
+    """[4, 4] local-to-world, for column vectors."""
+    mesh: int | None
+    mesh_worlds: NDArray[np.float64]
+    """[N, 4, 4] placements of the mesh: `world`, or one for each instance of EXT_mesh_gpu_instancing."""
+    camera: int | None
+
+
+def compose(
+    translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """[N, 4, 4] matrices T R S from [N, 3], unit-length or not xyzw quaternions [N, 4], and [N, 3].
+
+    A zero quaternion counts as no rotation.
+    """
+    lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
+    unit = np.where(lengths > 0, rotations / np.where(lengths > 0, lengths, 1.0), (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = unit.T
+    matrices = np.zeros((len(unit), 4, 4))
+    matrices[:, 0, 0] = 1 - 2 * (y * y + z * z)
+    matrices[:, 0, 1] = 2 * (x * y - z * w)
+    matrices[:, 0, 2] = 2 * (x * z + y * w)
+    matrices[:, 1, 0] = 2 * (x * y + z * w)
+    matrices[:, 1, 1] = 1 - 2 * (x * x + z * z)
+    matrices[:, 1, 2] = 2 * (y * z - x * w)
+    matrices[:, 2, 0] = 2 * (x * z - y * w)
+    matrices[:, 2, 1] = 2 * (y * z + x * w)
+    matrices[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    matrices[:, :3, :3] *= scales[:, None, :]
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64]:
+    """[N, 4, 4] node-to-parent matrices of the nodes `indices`. Raises InputError."""
+    nodes = file.entries_checked("nodes")
+    count = len(indices)
+    translations, scales = np.zeros((count, 3)), np.ones((count, 3))
+    rotations = np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))
+    given: list[int] = []
+    matrices: list[tuple[float, ...]] = []
+    for row, index in enumerate(indices):
+        node = nodes[index]
+        if "matrix" in node:
+            given.append(row)
+            matrices.append(file.numbers(node, "matrix", f"nodes[{index}]", IDENTITY))
+            continue
+        # Most nodes of most scenes have none or one of these, and there may be a million nodes.
+        if "translation" in node:
+            translations[row] = file.numbers(node, "translation", f"nodes[{index}]", (0.0, 0.0, 0.0))
+        if "rotation" in node:
+            rotations[row] = file.numbers(node, "rotation", f"nodes[{index}]", (0.0, 0.0, 0.0, 1.0))
+        if "scale" in node:
+            scales[row] = file.numbers(node, "scale", f"nodes[{index}]", (1.0, 1.0, 1.0))
+    composed = compose(translations, rotations, scales)
+    if given:
+        # glTF stores columns one after another.
+        composed[given] = np.array(matrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    return composed
+
+
+def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
+    """The root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
+    nodes = file.entries_checked("nodes")
+    scenes = file.entries_checked("scenes")
+    if not scenes:
+        children = {
+            child
+            for index, node in enumerate(nodes)
+            if "children" in node
+            for child in file.array(node, "children", f"nodes[{index}]")
+            if isinstance(child, int)
+        }
+        return [index for index in range(len(nodes)) if index not in children]
+    chosen = file.index(file.json.get("scene", 0), len(scenes), "scene")
+    if len(scenes) > 1:
+        notes.ignored("scenes other than the default one", len(scenes) - 1)
+    where = f"scenes[{chosen}]"
+    return [file.index(root, len(nodes), f"{where}.nodes") for root in file.array(scenes[chosen], "nodes", where)]
+
+
+def _instance_matrices(
+    file: GltfFile, accessors: Accessors, extension: dict[str, Any], where: str, notes: ReportNotes
+) -> NDArray[np.float64]:
+    attributes = file.object(extension, "attributes", where)
+    kinds = {"TRANSLATION": ("VEC3",), "ROTATION": ("VEC4",), "SCALE": ("VEC3",)}
+    values: dict[str, NDArray[np.float64]] = {}
+    for name, kind in kinds.items():
+        if name in attributes:
+            raw = accessors.raw(attributes[name], f"{where}.attributes.{name}", kind)
+            # Rotations may be stored as normalised integers, translations and scales only as floats.
+            values[name] = (normalize(raw) if name == "ROTATION" else raw).astype(np.float64)
+    counts = {len(value) for value in values.values()}
+    if len(counts) != 1:
+        raise file.fail(f"{where}.attributes", "needs TRANSLATION, ROTATION or SCALE, all of one count")
+    count = counts.pop()
+    for value in values.values():
+        if not np.isfinite(value).all():
+            notes.note("instance transforms with NaN or infinity were replaced by 0")
+            np.nan_to_num(value, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    return compose(
+        values.get("TRANSLATION", np.zeros((count, 3))),
+        values.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
+        values.get("SCALE", np.ones((count, 3))),
+    )
+
+
+def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], list[int]]:
+    """(nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
+
+    Raises InputError where a node has two parents or is its own ancestor (that would never end).
+    """
+    nodes = file.entries_checked("nodes")
+    seen = bytearray(len(nodes))
+    order: list[int] = []
+    parents: list[int] = []
+    depths: list[int] = []
+    stack = [(root, -1) for root in reversed(scene_roots(file, notes))]
+    while stack:
+        index, parent = stack.pop()
+        if seen[index]:
+            raise file.fail(f"nodes[{index}]", "is reached twice; the node graph must be a tree without cycles")
+        seen[index] = 1
+        depth = depths[parent] + 1 if parent >= 0 else 0
+        if depth > MAX_DEPTH:
+            raise file.fail(f"nodes[{index}]", f"nodes are nested more than {MAX_DEPTH} deep; flatten the scene")
+        place = len(order)
+        order.append(index)
+        parents.append(parent)
+        depths.append(depth)
+        if "children" not in nodes[index]:
+            continue
+        where = f"nodes[{index}]"
+        children = file.array(nodes[index], "children", where)
+        # As many children again as there are nodes left would be reached twice: no need to stack them all.
+        if len(children) > len(nodes):
+            raise file.fail(f"{where}.children", f"has {len(children)} entries for {len(nodes)} nodes")
+        stack.extend((file.index(child, len(nodes), f"{where}.children"), place) for child in reversed(children))
+    return order, parents, depths
+
+
+def _world_matrices(
+    file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int]
+) -> NDArray[np.float64]:
+    """[N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
+    worlds = local_matrices(file, order)
+    parent_rows, levels = np.array(parents, np.int64), np.array(depths, np.int64)
+    by_level = np.argsort(levels, kind="stable")
+    starts = np.searchsorted(levels[by_level], np.arange(int(levels.max(initial=0)) + 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for level in range(1, len(starts) - 1):
+            rows = by_level[starts[level] : starts[level + 1]]
+            worlds[rows] = worlds[parent_rows[rows]] @ worlds[rows]
+        wide = ~(np.abs(worlds) < 1e38).all(axis=(1, 2))
+    if wide.any():
+        where = f"nodes[{order[int(np.argmax(wide))]}]"
+        raise file.fail(where, "has a transform that overflows; check its scale and its parents'")
+    return worlds
+
+
+def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[NodePlacements, ...]:
+    """All nodes of the default scene in depth-first order.
+
+    Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
+    """
+    nodes = file.entries_checked("nodes")
+    mesh_count, camera_count = len(file.entries_checked("meshes")), len(file.entries_checked("cameras"))
+    order, parents, depths = _tree(file, notes)
+    worlds = _world_matrices(file, order, parents, depths)
+    placements: list[NodePlacements] = []
+    for place, index in enumerate(order):
+        node, where = nodes[index], f"nodes[{index}]"
+        world = worlds[place]
+        mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node else None
+        camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
+        mesh_worlds = worlds[place : place + 1]
+        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where) if "extensions" in node else None
+        if instancing is not None and mesh is not None:
+            matrices = _instance_matrices(file, accessors, instancing, f"{where}.EXT_mesh_gpu_instancing", notes)
+            with np.errstate(over="ignore", invalid="ignore"):
+                mesh_worlds = world @ matrices
+            if not (np.abs(mesh_worlds) < 1e38).all():
+                raise file.fail(where, "has instance transforms that overflow; check their scales")
+            notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
+        if "skin" in node:
+            notes.ignored("skins (meshes stand in their rest pose)")
+        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera))
+    return tuple(placements)

@@ -1,0 +1,68 @@
+"""Cameras that move by themselves. Pure: from a camera and a time to the next camera."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Camera
+from viewer.state.navigation import FREE
+from viewer.state.rotation import rotated
+
+VERTICAL = np.array([0.0, 1.0, 0.0])
+PATH_SECONDS = 0.25
+"""From one camera of a path to the next; a recorded path has one so often."""
+
+
+@dataclass(frozen=True)
+class Turntable:
+    """Turns about the vertical through the scene's centre."""
+
+    degrees_per_second: float
+
+    def advance(self, camera: Camera, bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
+        """The camera `seconds` later, and what goes on moving it; `bounds` [2, 3] in scene units."""
+        angle = math.radians(self.degrees_per_second * seconds)
+        centre = bounds.astype(np.float64).mean(axis=0)
+        places = centre + rotated(np.array([camera.eye, camera.target]) - centre, VERTICAL, angle)
+        eye, target = (tuple(place) for place in places.tolist())
+        # Clip distances of a scene's camera fit its own place only.
+        moved = replace(camera, name=FREE, eye=eye, target=target, near=None, far=None)
+        return moved, self
+
+
+@dataclass(frozen=True)
+class Playback:
+    """Goes along a path of cameras, in straight lines between them."""
+
+    cameras: tuple[Camera, ...]
+    """At least one."""
+    elapsed: float = 0.0
+    """Seconds since the first one."""
+
+    def advance(self, camera: Camera, bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
+        """The camera `seconds` later, and what goes on moving it: nothing after the last one."""
+        elapsed = self.elapsed + seconds
+        position = elapsed / PATH_SECONDS
+        index = int(position)
+        if index >= len(self.cameras) - 1:
+            return self.cameras[-1], None
+        return between(self.cameras[index], self.cameras[index + 1], position - index), replace(self, elapsed=elapsed)
+
+
+Motion = Turntable | Playback
+
+
+def between(first: Camera, second: Camera, share: float) -> Camera:
+    """The camera at `share` (0 to 1) of the way; where eye and target would meet, `first`."""
+
+    def mixed(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = (a + (b - a) * share for a, b in zip(one, other, strict=True))
+        return x, y, z
+
+    eye, target = mixed(first.eye, second.eye), mixed(first.target, second.target)
+    if math.dist(eye, target) < 1e-9:
+        return first
+    fov = first.fov_degrees + (second.fov_degrees - first.fov_degrees) * share
+    return replace(first, name=FREE, eye=eye, target=target, fov_degrees=fov, near=None, far=None)

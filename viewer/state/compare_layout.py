@@ -1,0 +1,75 @@
+"""Which slot is shown where in the picture, and which part of it: one rule for the shader, the mouse and the labels."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from viewer.state.view_state import CompareMode, Slot, ViewState
+
+Side = Literal["a", "b"]
+WIPES: tuple[CompareMode, ...] = ("wipe", "wipe-horizontal")
+BOTH: tuple[CompareMode, ...] = (*WIPES, "side-by-side", "difference")
+"""Modes that show both slots at once."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """A line that parts the picture."""
+
+    vertical: bool
+    """Whether the line is: first left of it, second right; else first above it, second below."""
+    position: float
+    """As a share of the width or height."""
+    shift: float = 0.0
+    """As a share of the width: how much further to the right of the picture the first part looks, the second to the left."""
+
+
+def split_of(view: ViewState) -> Split | None:
+    """The line of a view; None where one slot, or the difference, fills the picture."""
+    if view.compare == "side-by-side":
+        # Each half shows the middle of the same picture, pixel by pixel: nothing need be drawn at another size.
+        return Split(True, 0.5, 0.25)
+    return Split(view.compare == "wipe", view.wipe_position) if view.compare in WIPES else None
+
+
+def shown_slots(view: ViewState) -> tuple[Slot, Slot]:
+    """What fills the first and the second part; twice the same where one slot fills the picture."""
+    if view.compare in ("a", "b"):
+        slot = view.slot_a if view.compare == "a" else view.slot_b
+        return slot, slot
+    return (view.slot_b, view.slot_a) if view.flipped else (view.slot_a, view.slot_b)
+
+
+def shown_sides(view: ViewState) -> tuple[Side, Side]:
+    """Which slots those are."""
+    if view.compare in ("a", "b"):
+        return ("a", "a") if view.compare == "a" else ("b", "b")
+    return ("b", "a") if view.flipped else ("a", "b")
+
+
+def _shift_at(split: Split | None, second: bool) -> float:
+    if split is None:
+        return 0.0
+    return -split.shift if second else split.shift
+
+
+def _is_second(split: Split | None, x: float, y: float) -> bool:
+    return split is not None and (x if split.vertical else y) >= split.position
+
+
+def seen_at(view: ViewState, x: float, y: float) -> tuple[float, float]:
+    """What of the picture is shown at (x, y) of the window; both as shares from the upper left corner."""
+    split = split_of(view)
+    return view.zoom.seen_at(x + _shift_at(split, _is_second(split, x, y)), y)
+
+
+def shown_at(view: ViewState, x: float, y: float) -> tuple[tuple[float, float], ...]:
+    """Where (x, y) of the picture is shown in the window: the inverse of `seen_at`, at one place, or at two side by side.
+
+    A place outside the window is none.
+    """
+    split = split_of(view)
+    shown_x, shown_y = view.zoom.shown_at(x, y)
+    if split is None or split.shift == 0.0:
+        return ((shown_x, shown_y),)
+    places = ((shown_x - _shift_at(split, second), shown_y) for second in (False, True))
+    return tuple(at for second, at in zip((False, True), places, strict=True) if _is_second(split, *at) == second)

@@ -1,0 +1,138 @@
+"""Moving a camera: orbit round a point, or fly through the scene. Pure functions from camera to camera."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Camera
+from viewer.state.rotation import Vector, rotated
+
+RADIANS_PER_HEIGHT = math.pi
+"""A drag over the whole height of the picture turns by half a circle."""
+POLE_MARGIN = math.radians(1.0)
+"""The view direction stays this far from straight up and down."""
+ZOOM_STEP = 1.12
+"""Factor of distance for one notch of the wheel."""
+FREE = "free"
+"""Name of a camera that was moved by hand."""
+
+
+def _unit(vector: Vector) -> Vector:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-30 else np.array([0.0, 0.0, -1.0])
+
+
+def _vector(values: tuple[float, float, float]) -> Vector:
+    return np.array(values, np.float64)
+
+
+def _tuple(vector: Vector) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _axes(camera: Camera) -> tuple[Vector, Vector, Vector]:
+    """(right, up, forward) of the view, each of length 1."""
+    forward = _unit(_vector(camera.target) - _vector(camera.eye))
+    right = np.cross(forward, _unit(_vector(camera.up)))
+    if np.linalg.norm(right) < 1e-9:
+        right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
+    right = _unit(right)
+    return right, np.cross(right, forward), forward
+
+
+def _turned(camera: Camera, yaw: float, pitch: float) -> Vector:
+    """The view direction after a turn to the left by `yaw` and upwards by `pitch` radians, kept off the poles."""
+    up = _unit(_vector(camera.up))
+    right, _, forward = _axes(camera)
+    level = np.cross(up, right)
+    elevation = math.asin(float(np.clip(forward @ up, -1.0, 1.0)))
+    limit = math.pi / 2.0 - POLE_MARGIN
+    elevation = min(max(elevation + pitch, -limit), limit)
+    level = rotated(level, up, yaw)
+    return level * math.cos(elevation) + up * math.sin(elevation)
+
+
+def _free(camera: Camera, eye: Vector, target: Vector) -> Camera:
+    # Clip distances of a scene's camera fit its own place only.
+    return replace(camera, name=FREE, eye=_tuple(eye), target=_tuple(target), near=None, far=None)
+
+
+def orbit(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
+    """Turn round the target by a drag of (right, down) pixels in a picture of `height` pixels: the scene follows the hand."""
+    angle = RADIANS_PER_HEIGHT / max(height, 1.0)
+    target = _vector(camera.target)
+    distance = float(np.linalg.norm(target - _vector(camera.eye)))
+    direction = _turned(camera, -drag[0] * angle, -drag[1] * angle)
+    return _free(camera, target - direction * distance, target)
+
+
+def look(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
+    """Turn the head by a drag of (right, down) pixels: the view goes where the mouse goes."""
+    angle = RADIANS_PER_HEIGHT / max(height, 1.0) * 0.5
+    eye = _vector(camera.eye)
+    distance = float(np.linalg.norm(_vector(camera.target) - eye))
+    direction = _turned(camera, -drag[0] * angle, -drag[1] * angle)
+    return _free(camera, eye, eye + direction * distance)
+
+
+def turned(camera: Camera, degrees: float) -> Camera:
+    """`camera` looking further to the left by so much, from the same place. It keeps its name and clip distances."""
+    eye = _vector(camera.eye)
+    direction = rotated(_vector(camera.target) - eye, _unit(_vector(camera.up)), math.radians(degrees))
+    return replace(camera, target=_tuple(eye + direction))
+
+
+def pan(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
+    """Shift eye and target so that the point looked at follows a drag of (right, down) pixels."""
+    right, up, _ = _axes(camera)
+    eye, target = _vector(camera.eye), _vector(camera.target)
+    if camera.orthographic_height is not None:
+        world_height = camera.orthographic_height
+    else:
+        distance = float(np.linalg.norm(target - eye))
+        world_height = 2.0 * distance * math.tan(math.radians(camera.fov_degrees) / 2.0)
+    shift = (-right * drag[0] + up * drag[1]) * world_height / max(height, 1.0)
+    return _free(camera, eye + shift, target + shift)
+
+
+def zoom(camera: Camera, steps: float) -> Camera:
+    """Go nearer to the target by `steps` notches (farther for negative ones); an orthographic view shrinks."""
+    factor = ZOOM_STEP**-steps
+    eye, target = _vector(camera.eye), _vector(camera.target)
+    moved = _free(camera, target + (eye - target) * factor, target)
+    if camera.orthographic_height is not None:
+        moved = replace(moved, orthographic_height=camera.orthographic_height * factor)
+    return moved
+
+
+def fly(camera: Camera, direction: tuple[float, float, float], distance: float) -> Camera:
+    """Move by `distance` scene units along `direction` = (right, up, forward) of the view; zero stays."""
+    right, up, forward = _axes(camera)
+    move = right * direction[0] + up * direction[1] + forward * direction[2]
+    length = float(np.linalg.norm(move))
+    if length < 1e-9:
+        return camera
+    shift = move / length * distance
+    return _free(camera, _vector(camera.eye) + shift, _vector(camera.target) + shift)
+
+
+def frame(camera: Camera, bounds: NDArray[np.float32], aspect: float) -> Camera:
+    """See the whole of `bounds` [2, 3] from the present direction; `aspect` is width over height of the picture."""
+    low, high = bounds.astype(np.float64)
+    centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
+    _, _, forward = _axes(camera)
+    half = math.radians(camera.fov_degrees) / 2.0
+    half = min(half, math.atan(math.tan(half) * aspect))
+    framed = _free(camera, centre - forward * radius / math.sin(half), centre)
+    if camera.orthographic_height is not None:
+        framed = replace(framed, orthographic_height=2.0 * radius / min(1.0, aspect))
+    return framed
+
+
+def fly_speed(bounds: NDArray[np.float32], notches: float, fast: bool) -> float:
+    """Scene units a second: crosses the scene in about 12 s, 1.25 times faster a notch, 4 times with Shift."""
+    size = max(float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0])), 1e-6)
+    return float(size / 12.0 * 1.25 ** float(np.clip(notches, -40.0, 40.0)) * (4.0 if fast else 1.0))

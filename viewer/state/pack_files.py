@@ -1,0 +1,76 @@
+"""Which packs are open for a scene: those named, and `NAME.*.ntc` beside `NAME.glb`."""
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from ntc.pack.file import read_pack
+from ntc.pack.match import PackMatch, match_pack
+from ntc.pack.model import Pack
+from viewer.scene.model import Scene
+from viewer.state.view_state import REFERENCE
+
+PACK_SUFFIX = ".ntc"
+PREFERRED_GROUPING = "clustered"
+
+
+def match_scene(pack: Pack, scene: Scene) -> PackMatch:
+    """Which textures of `scene` are in `pack`."""
+    textures = scene.textures
+    return match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+
+
+def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
+    """Name of the open pack that is called `grouping` or has that grouping; None without one."""
+    return next((name for name, pack in packs.items() if grouping in (name, pack.grouping.name)), None)
+
+
+def preferred_source(packs: Mapping[str, Pack]) -> str:
+    """What to show where nobody says: the clustered pack, else the first, else the reference."""
+    return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
+
+
+def packs_beside(scene_path: Path) -> tuple[Path, ...]:
+    """The packs that lie beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order."""
+    stem, folder = scene_path.stem, scene_path.parent
+    try:
+        return tuple(
+            sorted(
+                path
+                for path in folder.iterdir()
+                if path.suffix == PACK_SUFFIX
+                and (path.stem == stem or path.name.startswith(f"{stem}."))
+                and path.is_file()
+            )
+        )
+    except OSError:
+        # A folder that is gone, or may not be listed, keeps nobody from opening the scene that is in it.
+        return ()
+
+
+def same_place(first: Path, second: Path) -> bool:
+    """Whether both are one file, links followed as far as they lead."""
+    return os.path.realpath(first) == os.path.realpath(second)
+
+
+def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
+    """Read packs and name each by its grouping; a second pack of one grouping gets its file name as name.
+
+    Raises InputError where a file cannot be read.
+    """
+    packs: dict[str, Pack] = {}
+    seen: set[str] = set()
+    for path in paths:
+        place = os.path.realpath(path)
+        if place in seen:
+            continue
+        seen.add(place)
+        pack = read_pack(path)
+        packs[unused_name(pack.grouping.name, path, packs)] = pack
+    return packs
+
+
+def unused_name(grouping: str, path: Path, packs: Mapping[str, Pack]) -> str:
+    """Name for a pack read from `path` that no other open pack has."""
+    candidates = (grouping, path.stem, str(path))
+    return next((name for name in candidates if name not in packs and name != REFERENCE), f"{path} ({len(packs)})")

@@ -1,0 +1,79 @@
+"""What the user looks at, as immutable values: read by the renderer, the UI, scripts and `render`; changed by commands."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from ntc.codec.precision import Precision as Precision
+from viewer.scene.model import Camera
+from viewer.state.palettes import PaletteName
+from viewer.state.zoom import WHOLE, Zoom
+
+DecodePath = Literal["forward", "deferred", "binned", "cached"]
+PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
+CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
+DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
+OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
+BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
+
+BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
+"""(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
+
+REFERENCE: Final = "reference"
+"""The slot source that shows the original images instead of a pack."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One side of the comparison."""
+
+    source: str = REFERENCE
+    """REFERENCE, or the name under which a pack is open."""
+    path: PathChoice = "deferred"
+    """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for the reference."""
+    precision: Precision = "fp32"
+    """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for the reference."""
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """What lies over the picture."""
+
+    kind: OverlayKind = "none"
+    """Nothing, the map of decoders per block, or the error of each texture or decoder between A and B."""
+    opacity: float = 0.6
+    """0 to 1."""
+    palette: PaletteName = "green-red"
+    block: BlockName = "8x8"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How the difference of A and B is shown."""
+
+    kind: DifferenceKind = "amplified"
+    """|A - B| of sRGB values as it is, or `gain` times it; |A - B| / max(A, 0.01) of linear light; the FLIP map."""
+    gain: float = 8.0
+    """Above 0."""
+
+
+@dataclass(frozen=True)
+class ViewState:
+    """Everything that determines a picture, given the scene and the open packs."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """Framebuffer (width, height) in pixels."""
+    slot_a: Slot = Slot()
+    slot_b: Slot = Slot()
+    compare: CompareMode = "a"
+    wipe_position: float = 0.5
+    """Divider of the wipe as a share of the width or height: A is left of it or above it."""
+    flipped: bool = False
+    """Where both slots are shown, each is in the other's place."""
+    difference: Difference = Difference()
+    overlay: Overlay = Overlay()
+    highlight: tuple[int, ...] = ()
+    """Ids of textures: everything else is dimmed. Empty: nothing is."""
+    zoom: Zoom = WHOLE
+    anisotropy: int = 1
+    """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
