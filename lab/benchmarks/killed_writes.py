@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
 from ntc.io import is_partial, write_text
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.model import Pack
-from tests.support.packs import random_pack
 
 LONGEST_WAIT = 0.05
 """Seconds from the first whole write to the kill, at most; one write takes a few milliseconds."""

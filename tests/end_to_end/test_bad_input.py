@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.bench.random_pack import random_pack
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder
-from tests.support.packs import random_pack
 from viewer import cli
 
 Maker = Callable[[Path], Path]

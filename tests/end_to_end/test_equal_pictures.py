@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.bench.random_pack import random_pack
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder
-from tests.support.packs import random_pack
 from viewer import cli
 
 

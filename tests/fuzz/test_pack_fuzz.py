@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.errors import InputError
@@ -19,7 +20,6 @@ from ntc.pack.file import read_pack, write_pack
 from ntc.pack.model import Pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import LENGTH_BYTES, PackBytes
-from tests.support.packs import random_pack
 
 SECONDS = 1.5
 """How long each of the fuzz tests may run; they stop there, with whatever number of files."""

@@ -1,4 +1,4 @@
-"""Scenes built in memory, and their triangles in world space."""
+"""Scenes built in memory, their triangles in world space, and what scripts on a session are tried with."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +7,12 @@ from tests.support.gltf_builder import GltfBuilder
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.load import build_scene
 from viewer.scene.model import Scene
+from viewer.state.camera import frame_all
+from viewer.state.session import Session
+from viewer.state.view_file import SavedView
+
+REACHING_OUT = ("file.", "training.", "view.save")
+"""Beginnings of commands that write files, open others, or start processes."""
 
 
 def built(builder: GltfBuilder) -> Scene:
@@ -30,3 +36,8 @@ def sorted_triangles(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     rounded = np.round(triangles, 4) + 0.0
     corners = np.array([sorted(triangle.tolist()) for triangle in rounded])
     return corners[np.lexsort(corners.reshape(len(corners), -1).T[::-1])]
+
+
+def example_view(session: Session) -> SavedView:
+    """The view of `session` with a bookmark."""
+    return SavedView(session.scene.name, session.view, 1.0, {"bookmark": frame_all(session.scene.bounds)})

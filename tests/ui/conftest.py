@@ -3,14 +3,15 @@
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from lab.bench.random_pack import random_pack
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
-from tests.support.packs import random_pack
 from viewer.app.headless import HeadlessApp
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -29,6 +30,26 @@ def write_scene(folder: Path, seed: int = 5) -> Path:
         grouped = pack.__class__(pack.config, pack.grouping.__class__(name, groups), pack.textures, pack.decoders)
         write_pack(folder / f"scene.{name}.ntc", grouped)
     return path
+
+
+def run_window(
+    display: str, folder: Path, *arguments: str, cwd: Path | None = None, timeout: float = 120.0, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """What `python ARGUMENTS` does with its settings in `folder`; run there, or in `cwd`, with further environment variables."""
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=cwd or folder,
+        env={
+            **os.environ,
+            "DISPLAY": display,
+            "NTC_VIEWER_CONFIG_DIR": str(folder / "settings"),
+            **variables,
+        },
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,5 @@
-"""A program of its own: loses the contexts of a window and says as JSON what is left. Run by test_context_loss.py."""
+"""A program of its own: loses the contexts of a window and says as JSON what is left. Run by test_context_loss.py,
+and by test_real_window.py for a panel that fails."""
 
 import gc
 import json
@@ -17,8 +18,10 @@ import glfw
 import moderngl
 
 from viewer.app.loss_recovery import LossHistory
-from viewer.app.window_app import WindowApp, WindowContent
+from viewer.app.window_app import WindowApp, WindowContent, run_window
+from viewer.gl.thumbnails import Thumbnails
 from viewer.scene.load import load_scene
+from viewer.script.parse import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import FirstLook
 
@@ -168,6 +171,18 @@ def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
     return {"told": [entry.text for entry in session.log], "raised": not errors}
 
 
+def fail_in_a_panel(scene_path: Path, pictures: Path) -> None:
+    """A window in which a panel fails in the midst of a table."""
+
+    def fails(*_: object) -> None:
+        raise RuntimeError("a mistake of this program")
+
+    Thumbnails.__getitem__ = fails  # type: ignore[method-assign, assignment]
+    script = parse_script("wait frames 5\nwindow.panel Textures on\nwait frames 30\nwindow.close", "broken")
+    packs = open_packs(packs_beside(scene_path))
+    run_window(WindowContent(load_scene(scene_path), packs, FirstLook(), script, size=(900, 500), pictures=pictures))
+
+
 def before_any_frame(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while nothing has been drawn yet, and then at each of the first checks."""
     checks = app._losses
@@ -182,6 +197,9 @@ DEEDS = {deed.__name__: deed for deed in (same_picture, while_training, often, i
 def main() -> None:
     """Arguments: what to do, scene, folder of pictures, losses."""
     what, scene_path, pictures, losses = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
+    if what == fail_in_a_panel.__name__:
+        fail_in_a_panel(scene_path, pictures)
+        return
     hours = count(0.0, 3600.0)
     app = open_app(scene_path, pictures, lambda: next(hours))
     found = DEEDS[what](app, losses)

@@ -12,7 +12,7 @@ import pytest
 
 from ntc.errors import InputError
 from ntc.pack.file import write_pack
-from tests.ui.window_process import run_window
+from tests.ui.conftest import run_window
 from viewer.app.loss_recovery import RECOVERED, LossHistory, last_words, open_again
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import ViewOptions

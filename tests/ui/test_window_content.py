@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
-from tests.support.packs import random_pack
 from tests.ui.conftest import SIZE, write_scene
 from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
-from tests.support.packs import random_pack
 from viewer.state.settings import ViewerSettings
 
 LARGEST_REAL = 1 << 13

@@ -1,0 +1,97 @@
+"""Without any optional feature of the driver the pictures stay the same; without what is needed there is one clear line."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.errors import InputError
+from tests.gl.small_scenes import FRONT, objects
+from viewer.gl.context import GraphicsContext
+from viewer.gl.features import NAMES, WITHOUT_VARIABLE, features_without, find_features
+from viewer.gl.timer import PassTimer
+from viewer.render.renderer import Renderer
+from viewer.state.view_state import DecodePath, Slot, ViewState
+
+SIZE = (60, 36)
+
+
+def pictures(context: GraphicsContext) -> dict[str, Any]:
+    """Linear albedo of every path, and of the reference with anisotropy."""
+    scene = objects()
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    renderer = Renderer(context, scene)
+    # One decoder, so that the shared variant of deferred is drawn too.
+    packs = {
+        "two": random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures]),
+        "one": random_pack(sizes, (0, 0, 0, 0), hashes=[t.pixel_hash for t in scene.textures]),
+    }
+    renderer.set_packs(packs)
+    found = {}
+    for source in packs:
+        for path in get_args(DecodePath):
+            slot = Slot(source, path)
+            renderer.render(ViewState(FRONT, SIZE, slot))
+            found[f"{source} {path}"] = renderer.albedo(slot)
+    renderer.release()
+    return found
+
+
+@pytest.fixture(scope="module")
+def expected(graphics: GraphicsContext) -> dict[str, Any]:
+    """With all that the driver has."""
+    return pictures(graphics)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "uniform-decoders,weights-in-image"])
+def test_each_optional_feature_can_be_missing(graphics: GraphicsContext, expected: dict[str, Any], name: str) -> None:
+    without = find_features(graphics.gl, graphics.info.is_software, {WITHOUT_VARIABLE: name})
+    reduced = replace(graphics, features=without)
+    assert PassTimer(reduced).kind == "wall time around finish" or name != "timer-queries"
+    for key, picture in pictures(reduced).items():
+        np.testing.assert_allclose(picture, expected[key], atol=1e-6, err_msg=key)
+
+
+def test_a_name_that_is_not_known_is_one_line() -> None:
+    assert features_without(" anisotropy, ,half-arithmetic") == {"anisotropy", "half-arithmetic"}
+    with pytest.raises(InputError, match=r"'shaders' is none of timer-queries, .*anisotropy"):
+        features_without("anisotropy,shaders")
+
+
+def run(**environment: str) -> subprocess.CompletedProcess[str]:
+    """`ntc-viewer doctor`-like start of a context in a process of its own."""
+    code = (
+        "import sys; from ntc.errors import InputError; from viewer.gl.context import create_headless_context\n"
+        "try:\n    create_headless_context()\n"
+        "except InputError as error:\n    sys.exit(f'error: {error}')\n"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+@pytest.mark.parametrize(
+    ("environment", "parts"),
+    [
+        (
+            {"MESA_GL_VERSION_OVERRIDE": "3.3", "MESA_GLSL_VERSION_OVERRIDE": "330"},
+            ("4.3 is needed", "3.3", "is there"),
+        ),
+        ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, ("4.3 without a window is not available", "apt-get")),
+        ({WITHOUT_VARIABLE: "everything"}, ("'everything' is none of",)),
+    ],
+    ids=["too old", "no driver", "unknown name"],
+)
+def test_what_is_needed_and_missing_is_one_line(environment: dict[str, str], parts: tuple[str, ...]) -> None:
+    ran = run(**environment)
+    if ran.returncode == 0:
+        pytest.skip("this driver does not follow the override")
+    lines = ran.stderr.strip().splitlines()
+    assert len(lines) == 1
+    for part in parts:
+        assert part in lines[0]

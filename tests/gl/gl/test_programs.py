@@ -1,0 +1,230 @@
+"""Assembling and compiling GLSL: every shader, includes once, defines, errors with file and line."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.codec.config import CodecConfig
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
+from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
+from viewer.render.resources.pack_buffers import codec_programs
+from viewer.resource_files import shaders_folder
+
+SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
+PRECISIONS = [{"PRECISION_FP16": 0}, {"PRECISION_FP16": 1}]
+DRAWN = [
+    ("common/scene.vert", "passes/visibility/visibility.frag", {"VERTEX_COLORS": colors, "ALPHA_TEST": alpha})
+    for colors in (0, 1)
+    for alpha in (0, 1)
+] + [
+    ("common/scene.vert", "passes/decode_forward/decode.frag", {"VERTEX_COLORS": colors, **precision})
+    for colors in (0, 1)
+    for precision in PRECISIONS
+]
+FULL_SCREEN = [
+    *[
+        (
+            "common/fullscreen.vert",
+            "passes/composite/composite.frag",
+            {"SPLIT": split, "DIFFERENCE": difference, "OVERLAY": overlay, "MARKS": marks, "ZOOM": zoom},
+        )
+        for split, difference in ((0, 0), (1, 0), (0, 1), (0, 2), (0, 3))
+        for overlay, marks in ((0, 0), (1, 0), (0, 1))
+        for zoom in (0, 1)
+    ],
+    *(
+        ("common/fullscreen.vert", "passes/decode_cached/sample.frag", {"GRADIENTS": gradients, **precision})
+        for gradients in (0, 1)
+        for precision in PRECISIONS
+    ),
+    ("common/fullscreen.vert", "passes/divergence/divergence.frag", {"BLOCK_WIDTH": 16, "BLOCK_HEIGHT": 4}),
+    *(
+        ("common/fullscreen.vert", "passes/reference/sample.frag", {"GRADIENTS": a, "FIRST": first, "SORTS": sorts})
+        for a in (0, 1)
+        for first, sorts in ((1, 0), (1, 1), (0, 0))
+    ),
+]
+COMPUTED = [
+    (name, precision)
+    for name in ("passes/decode_deferred/decode.comp", "passes/decode_texels/decode.comp")
+    for precision in PRECISIONS
+]
+COMPUTED += [
+    (name, {**precision, "DECODER_IN_STORAGE": storage})
+    for name in (
+        "passes/decode_deferred/decode_shared.comp",
+        "passes/decode_binned/decode.comp",
+        "passes/decode_cached/decode.comp",
+    )
+    for precision in PRECISIONS
+    for storage in (0, 1)
+]
+COMPUTED += [
+    (f"passes/decode_binned/{name}.comp", {"PRECISION_FP16": 0, "VERTEX_COLORS": 1})
+    for name in ("count", "scan", "scatter")
+]
+COMPUTED += [
+    ("passes/decode_cached/forget.comp", {}),
+    ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 0}),
+    ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
+    ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),
+]
+COMPUTED += [("passes/divergence/divergence.comp", {"BLOCK_WIDTH": 8, "BLOCK_HEIGHT": 8})]
+ALL_GLSL = sorted(
+    path.relative_to(shaders_folder()).as_posix() for path in shaders_folder().rglob("*") if path.is_file()
+)
+
+
+@pytest.fixture(scope="module")
+def programs(graphics: GraphicsContext) -> ProgramFactory:
+    """The shaders with the includes of a small codec."""
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    return codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), SMALL))
+
+
+@pytest.mark.parametrize(("vertex", "fragment", "defines"), DRAWN + FULL_SCREEN)
+def test_drawing_programs_compile(
+    programs: ProgramFactory, vertex: str, fragment: str, defines: dict[str, int]
+) -> None:
+    assert programs.program(vertex, fragment, defines).glo > 0
+
+
+@pytest.mark.parametrize(("name", "defines"), COMPUTED)
+def test_compute_programs_compile(programs: ProgramFactory, name: str, defines: dict[str, int]) -> None:
+    assert programs.compute(name, defines).glo > 0
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        CodecConfig(latent_channels=16, hidden_width=4, output_channels=1, positional_octaves=8),
+        CodecConfig(levels=1, hidden_width=12, output_channels=2, leaky_slope=0.0),
+        CodecConfig(hidden_width=16, adapters=True),
+        CodecConfig(hidden_width=16, latent_channels=12, latent_bits=4, adapters=True, adapter_output=True),
+    ],
+)
+def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConfig) -> None:
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    shaped = codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), config))
+    assert shaped.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0}).glo > 0
+    shaped.release()
+
+
+def assembled(name: str) -> ShaderSource:
+    """A shader of the folder with stand-ins for the generated codec."""
+    generated = {"generated/layout.glsl": "", "generated/codec.glsl": "", "generated/network.glsl": ""}
+    generated["generated/shared_network.glsl"] = '#include "ntc/decoder_weights.glsl"'
+    return ShaderLibrary(shaders_folder(), generated).assemble(name)
+
+
+def test_every_file_is_compiled_by_one_of_these_programs() -> None:
+    roots = {name for vertex, fragment, _ in DRAWN + FULL_SCREEN for name in (vertex, fragment)}
+    roots |= {name for name, _ in COMPUTED}
+    reached = {file for root in roots for file in assembled(root).files}
+    assert reached >= set(ALL_GLSL)
+
+
+def test_bindings_come_from_the_layout() -> None:
+    known = (
+        {f"BINDING_{b.name}" for b in StorageBinding}
+        | {f"UNIT_{u.name}" for u in TextureUnit}
+        | {f"IMAGE_{i.name}" for i in ImageUnit}
+        | {f"UNIFORM_{u.name}" for u in UniformBinding}
+    )
+    used = set()
+    for name in ALL_GLSL:
+        used |= set(re.findall(r"binding\s*=\s*(\w+)", (shaders_folder() / name).read_text()))
+    assert used == known
+
+
+def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: ProgramFactory) -> None:
+    decode = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0})
+    blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
+    for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
+        assert decode[block].binding == StorageBinding[binding]
+    defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
+    composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
+    assert composite["albedo_a"].value == TextureUnit.ALBEDO_A
+    assert composite["albedo_b"].value == TextureUnit.ALBEDO_B
+
+
+def library_of(**files: str) -> ShaderLibrary:
+    """A library of files in memory; `__` in a name stands for the dot."""
+    return ShaderLibrary(Path("nowhere"), {name.replace("__", "."): text for name, text in files.items()})
+
+
+def test_a_file_is_included_once_even_in_circles() -> None:
+    library = library_of(
+        main__comp='#version 430\n#include "a.glsl"\n#include "b.glsl"\nvoid main() {}\n',
+        a__glsl='#include "b.glsl"\nint a;\n',
+        b__glsl='#include "a.glsl"\nint b;\n',
+    )
+    source = library.assemble("main.comp")
+    assert source.text.count("int a;") == 1
+    assert source.text.count("int b;") == 1
+    assert source.files == ("main.comp", "a.glsl", "b.glsl")
+
+
+def test_a_define_of_zero_is_defined(graphics: GraphicsContext) -> None:
+    text = """#version 430
+layout(local_size_x = 1) in;
+#ifndef FLAG
+#error FLAG is missing
+#endif
+#if FLAG
+#error FLAG is not zero
+#endif
+layout(std430, binding = 0) buffer Out { float value[]; };
+void main() { value[0] = float(FLAG) + SHARE; }
+"""
+    factory = ProgramFactory(graphics.gl, library_of(main__comp=text))
+    program = factory.compute("main.comp", {"FLAG": 0, "SHARE": 0.25})
+    assert factory.compute("main.comp", {"SHARE": 0.25, "FLAG": 0}) is program
+    with pytest.raises(ShaderError, match="FLAG is not zero"):
+        factory.compute("main.comp", {"FLAG": 1, "SHARE": 0.25})
+    factory.release()
+
+
+BROKEN = "// one\n// two\nint broken() { return undeclared_name; }\n"
+
+
+HEAD = "#version 430\nlayout(local_size_x = 1) in;\n"
+
+
+@pytest.mark.parametrize(
+    ("body", "place"),
+    [
+        ('#include "ok.glsl"\n#include "broken.glsl"\nvoid main() {}\n', "broken.glsl:3"),
+        ('#include "ok.glsl"\n\nvoid main() { undeclared_name = 1; }\n', "main.comp:5"),
+        ("void main() { undeclared_name = 1; }\n", "main.comp:3"),
+    ],
+)
+def test_errors_name_file_and_line(graphics: GraphicsContext, body: str, place: str) -> None:
+    library = library_of(main__comp=HEAD + body, broken__glsl=BROKEN, ok__glsl="int fine() { return 1; }\n")
+    with pytest.raises(ShaderError, match=re.escape(place)) as caught:
+        ProgramFactory(graphics.gl, library).compute("main.comp", {"ONE": 1, "TWO": 2})
+    assert "undeclared_name" in str(caught.value)
+
+
+@pytest.mark.parametrize(("broken", "place"), [("vertex", "v.vert:2"), ("fragment", "f.frag:2")])
+def test_errors_of_drawing_programs_name_the_right_stage(graphics: GraphicsContext, broken: str, place: str) -> None:
+    bodies = dict.fromkeys(("vertex", "fragment"), "void main() {}") | {broken: "void main() { missing(); }"}
+    library = library_of(v__vert=f"#version 430\n{bodies['vertex']}\n", f__frag=f"#version 430\n{bodies['fragment']}\n")
+    with pytest.raises(ShaderError, match=re.escape(place)):
+        ProgramFactory(graphics.gl, library).program("v.vert", "f.frag")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('#version 430\n#include "gone.glsl"\n', r"main.comp:2: gone.glsl: No such file"),
+        ('#version 430\n#include "../../secret"\n', r"main.comp:2: .*outside the shader folder"),
+        ("void main() {}\n", r"main.comp: has no #version"),
+    ],
+)
+def test_what_cannot_be_assembled_says_why(text: str, message: str) -> None:
+    with pytest.raises(ShaderError, match=message):
+        library_of(main__comp=text).assemble("main.comp")

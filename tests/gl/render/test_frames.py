@@ -1,0 +1,260 @@
+"""Frames of the renderer: what is skipped, what is redrawn, what times are reported, how A and B are put together."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import get_args
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.random_pack import random_pack
+from ntc.codec.color import linear_to_srgb8
+from ntc.pack.model import Pack
+from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderLibrary
+from viewer.render.frame_result import FrameResult
+from viewer.render.renderer import Renderer
+from viewer.scene.model import Camera, Material
+from viewer.state.view_state import DecodePath, Overlay, Slot, ViewState
+from viewer.state.zoom import Zoom
+
+SIZE = (64, 40)
+CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
+ASIDE = Camera("aside", (-3.0, 0.0, 3.0), (-3.0, 0.0, 0.0))
+TEXTURES = (texture(32, 32, 1), texture(16, 8, 2))
+DEFERRED, FORWARD = Slot("p", "deferred"), Slot("p", "forward")
+VIEW = ViewState(CAMERA, SIZE, Slot(), DEFERRED, "wipe", 0.5)
+PASSES = {"visibility", "upload", "reference", "decode_deferred", "decode_forward", "composite"}
+
+
+def pack(seed: int = 0) -> Pack:
+    """A pack of both textures."""
+    hashes = [image.pixel_hash for image in TEXTURES]
+    return random_pack([(32, 32), (16, 8)], (0, 1), hashes=hashes, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def shared(graphics: GraphicsContext) -> Iterator[Renderer]:
+    """Two cubes with a texture each, the second one only seen from aside."""
+    parts = [cube(0, placed(1.0)), cube(1, placed(-12.0))]
+    renderer = Renderer(graphics, scene_of(parts, [Material(f"m{i}", i, WHITE) for i in (0, 1)], TEXTURES))
+    yield renderer
+    renderer.release()
+
+
+@pytest.fixture
+def renderer(shared: Renderer) -> Renderer:
+    """The renderer, its last frame forgotten."""
+    shared.set_packs({})
+    shared.set_packs({"p": pack()})
+    shared.render(ViewState(ASIDE, (8, 8)))
+    return shared
+
+
+def passes(frame: FrameResult) -> set[str]:
+    """The passes that ran."""
+    return PASSES & frame.timings_ms.keys()
+
+
+def picture(frame: FrameResult) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8, row 0 on top."""
+    pixels = np.frombuffer(frame.image.read(), np.uint8).reshape(frame.image.height, frame.image.width, 4)
+    return pixels[::-1, :, :3]
+
+
+def test_images_that_no_frame_needed_are_not_uploaded(graphics: GraphicsContext) -> None:
+    parts = [cube(0, placed(1.0)), cube(1, placed(-12.0))]
+    fresh = Renderer(graphics, scene_of(parts, [Material(f"m{i}", i, WHITE) for i in (0, 1)], TEXTURES))
+    assert fresh.render(ViewState(CAMERA, SIZE)).skipped["images_not_uploaded"] == 1
+    far = Camera("far", (-12.0, 0.5, 5.0), (-12.0, 0.0, 0.0))
+    assert fresh.render(ViewState(far, SIZE)).skipped["images_not_uploaded"] == 0
+    fresh.release()
+
+
+def test_a_first_frame_runs_what_it_needs_and_says_how_it_was_timed(
+    renderer: Renderer, graphics: GraphicsContext
+) -> None:
+    frame = renderer.render(VIEW)
+    assert passes(frame) >= {"visibility", "reference", "decode_deferred", "composite"}
+    assert "decode_forward" not in frame.timings_ms
+    assert all(0.0 <= time < 60e3 for time in frame.timings_ms.values())
+    assert (frame.timer == "wall time around finish") == graphics.info.is_software
+    assert frame.drawn["triangles"] == 12
+    assert frame.drawn["commands"] == 1
+
+
+def test_the_same_view_again_runs_no_pass(renderer: Renderer) -> None:
+    first = picture(renderer.render(VIEW))
+    again = renderer.render(VIEW)
+    assert passes(again) == set()
+    assert again.skipped["passes"] == 4
+    assert np.array_equal(picture(again), first)
+
+
+def test_moving_the_divider_only_composes(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    assert passes(renderer.render(replace(VIEW, wipe_position=0.25))) == {"composite"}
+    assert passes(renderer.render(replace(VIEW, compare="b"))) == {"composite"}
+
+
+def test_another_path_for_b_draws_only_b(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    assert passes(renderer.render(replace(VIEW, slot_b=FORWARD))) == {"decode_forward", "composite"}
+
+
+def test_flipping_back_and_forth_is_free_of_passes(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    for compare in ("a", "b", "a", "b"):
+        assert passes(renderer.render(replace(VIEW, compare=compare))) <= {"composite"}
+
+
+def test_a_moved_camera_draws_all(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    moved = renderer.render(replace(VIEW, camera=replace(CAMERA, eye=(0.1, 0.5, 5.0))))
+    assert passes(moved) >= {"visibility", "reference", "decode_deferred", "composite"}
+
+
+def test_another_size_draws_all(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    frame = renderer.render(replace(VIEW, size=(33, 17)))
+    assert passes(frame) >= {"visibility", "reference", "decode_deferred", "composite"}
+    assert frame.image.size == (33, 17)
+
+
+def test_a_replaced_pack_is_drawn_again(renderer: Renderer) -> None:
+    before = picture(renderer.render(VIEW))
+    renderer.set_packs({"p": pack(seed=5)})
+    frame = renderer.render(VIEW)
+    assert passes(frame) == {"decode_deferred", "composite"}
+    changed = (picture(frame) != before).any(axis=2)
+    assert not changed[:, : SIZE[0] // 2].any()
+    assert changed[:, SIZE[0] // 2 :].mean() > 0.1
+
+
+def test_setting_the_same_pack_again_changes_nothing(renderer: Renderer) -> None:
+    packs = {"p": pack()}
+    renderer.set_packs(packs)
+    renderer.render(VIEW)
+    renderer.set_packs(dict(packs))
+    assert passes(renderer.render(VIEW)) == set()
+
+
+@pytest.mark.parametrize(("share", "columns"), [(0.0, 0), (0.25, 16), (0.5, 32), (1.0, 64)])
+def test_a_is_left_of_the_divider_and_b_right(renderer: Renderer, share: float, columns: int) -> None:
+    frame = renderer.render(replace(VIEW, wipe_position=share))
+    expected_a, expected_b = (linear_to_srgb8(renderer.albedo(slot)) for slot in (VIEW.slot_a, VIEW.slot_b))
+    shown = picture(frame).astype(int)
+    assert np.abs(shown[:, :columns] - expected_a[:, :columns]).max(initial=0) <= 1
+    assert np.abs(shown[:, columns:] - expected_b[:, columns:]).max(initial=0) <= 1
+    assert (expected_a != expected_b).mean() > 0.1
+
+
+def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
+    for compare, slot in (("a", VIEW.slot_a), ("b", VIEW.slot_b)):
+        shown = picture(renderer.render(replace(VIEW, compare=compare))).astype(int)
+        assert np.abs(shown - linear_to_srgb8(renderer.albedo(slot))).max() <= 1
+
+
+def test_albedo_of_a_slot_that_was_not_shown_is_drawn_on_demand(renderer: Renderer) -> None:
+    renderer.render(replace(VIEW, compare="a"))
+    late = renderer.albedo(FORWARD)
+    renderer.render(replace(VIEW, slot_b=FORWARD))
+    assert np.array_equal(renderer.albedo(FORWARD), late)
+
+
+def test_reading_before_the_first_frame_is_refused(graphics: GraphicsContext) -> None:
+    fresh = Renderer(graphics, scene_of([cube(0)], [Material("m", -1, WHITE)]))
+    for read in (fresh.texture_ids, fresh.covered, lambda: fresh.albedo(Slot())):
+        with pytest.raises(RuntimeError, match="render a view first"):
+            read()
+    fresh.release()
+
+
+def test_packs_of_one_codec_share_their_programs(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    renderer.render(VIEW)
+    monkeypatch.setattr(ShaderLibrary, "assemble", lambda *arguments: pytest.fail("compiles again"))
+    renderer.set_packs({"p": pack(seed=6), "q": pack(seed=7)})
+    renderer.render(VIEW)
+    renderer.render(replace(VIEW, slot_b=Slot("q")))
+
+
+def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> None:
+    reference = Slot("reference", "forward", "fp16")
+    frame = renderer.render(replace(VIEW, slot_b=reference))
+    assert passes(frame) == {"visibility", "upload", "reference", "composite"}
+    assert np.array_equal(renderer.albedo(reference), renderer.albedo(Slot()))
+    assert passes(renderer.render(replace(VIEW, slot_a=reference, slot_b=Slot()))) == set()
+
+
+def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
+    half = Slot("p", "deferred", "fp16")
+    frame = renderer.render(replace(VIEW, slot_a=DEFERRED, slot_b=half))
+    assert set(frame.slot_ms) >= {DEFERRED, half}
+    assert frame.slot_ms[DEFERRED] + frame.slot_ms[half] == pytest.approx(frame.timings_ms["decode_deferred"], rel=1e-6)
+
+
+def test_divergence_is_counted_only_while_it_is_shown(renderer: Renderer) -> None:
+    hidden = renderer.render(VIEW)
+    assert "divergence" not in hidden.timings_ms
+    assert hidden.skipped["divergence_passes"] == 1
+    shown = renderer.render(replace(VIEW, overlay=Overlay("divergence")))
+    assert shown.divergence["p"].maximum == 1
+    assert passes(shown) == {"composite"}
+    for overlay in (Overlay("divergence", opacity=0.3), Overlay("divergence", palette="viridis")):
+        again = renderer.render(replace(VIEW, overlay=overlay))
+        assert "divergence" not in again.timings_ms
+        assert passes(again) == {"composite"}
+    other_blocks = renderer.render(replace(VIEW, overlay=Overlay("divergence", block="4x4")))
+    assert "divergence" in other_blocks.timings_ms
+
+
+def test_the_magnifying_glass_draws_nothing_anew(renderer: Renderer) -> None:
+    renderer.render(VIEW)
+    zoomed = renderer.render(replace(VIEW, zoom=Zoom(4.0, (0.25, 0.75))))
+    assert passes(zoomed) == {"composite"}
+    assert passes(renderer.render(VIEW)) == {"composite"}
+
+
+def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    modes = [Slot("p", path, precision) for path in get_args(DecodePath) for precision in ("fp32", "fp16")]
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode))
+    compiled: list[str] = []
+    for name in ("compute_shader", "program"):
+        monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode))
+    assert compiled == []
+
+
+def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer.render(VIEW)
+    before = renderer.albedo(VIEW.slot_a)
+    modes = [Slot("p", path, "fp16") for path in get_args(DecodePath)]
+    assert all(renderer.prepare(mode) for mode in modes)
+    assert not any(renderer.prepare(mode) for mode in (*modes, VIEW.slot_a, Slot(), Slot("absent")))
+    assert passes(renderer.render(VIEW)) == set()
+    np.testing.assert_array_equal(renderer.albedo(VIEW.slot_a), before)
+    compiled: list[str] = []
+    for name in ("compute_shader", "program"):
+        monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))
+    for mode in modes:
+        renderer.render(replace(VIEW, slot_b=mode, compare="wipe"))
+    assert compiled == []
+
+
+def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Renderer) -> None:
+    renderer.render(replace(VIEW, slot_b=FORWARD))
+    forward = renderer.gpu_bytes(FORWARD)
+    renderer.render(VIEW)
+    assert renderer.gpu_bytes(DEFERRED) == forward, "two decoders: the deferred path reads them by index"
+    renderer.render(replace(VIEW, slot_b=Slot("p", "binned")))
+    binned = renderer.gpu_bytes(Slot("p", "binned"))
+    assert forward is not None
+    assert binned is not None
+    assert binned > forward

@@ -1,0 +1,79 @@
+"""`auto` times every path and takes the fastest; what it cannot run it leaves out."""
+
+import math
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from tests.gl.small_scenes import FRONT, objects
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderError
+from viewer.render.path_choice import PathTimes, time_paths
+from viewer.render.renderer import Renderer
+from viewer.scene.model import Camera
+from viewer.state.navigation import turned
+from viewer.state.view_state import DecodePath, Slot, ViewState
+
+SLOT = Slot("p", "auto")
+VIEW = ViewState(FRONT, (120, 72), SLOT)
+
+
+def test_the_fastest_is_taken_on_small_pictures_of_a_turning_camera() -> None:
+    seen: list[ViewState] = []
+    cost: dict[str, float] = {"forward": 4.0, "deferred": 3.0, "binned": 1.0, "cached": 2.0}
+
+    def slot_ms(view: ViewState) -> float:
+        # The first picture of a path compiles, and says nothing.
+        first = all(view.slot_a.path != other.slot_a.path for other in seen)
+        seen.append(view)
+        return 1000.0 / cost[view.slot_a.path] if first else cost[view.slot_a.path]
+
+    times = time_paths(slot_ms, VIEW, SLOT)
+    # A small picture's time counts for all pixels.
+    assert dict(times.milliseconds) == {path: ms * (1 if path == "cached" else 16) for path, ms in cost.items()}
+    assert times.fastest == "cached"
+    assert {view.size for view in seen if view.slot_a.path != "cached"} == {(30, 18)}
+    assert {view.size for view in seen if view.slot_a.path == "cached"} == {(120, 72)}
+    assert len({(view.slot_a.path, view.camera) for view in seen}) == len(seen)
+
+
+def test_a_path_that_does_not_run_is_left_out() -> None:
+    def slot_ms(view: ViewState) -> float:
+        if view.slot_a.path != "forward":
+            raise ShaderError("too large")
+        return 1.0
+
+    assert time_paths(slot_ms, VIEW, SLOT).fastest == "forward"
+    assert PathTimes({}).fastest == "deferred"
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1.0, -30.0, 180.0])
+def test_turning_keeps_place_distance_and_height(degrees: float) -> None:
+    camera = Camera("c", (1.0, 2.0, 3.0), (4.0, 0.5, -1.0))
+    other = turned(camera, degrees)
+    before, after = (np.subtract(c.target, c.eye) for c in (camera, other))
+    assert other.eye == camera.eye
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
+    assert after[1] == pytest.approx(before[1])
+    flat = [math.atan2(v[2], v[0]) for v in (before, after)]
+    assert (math.degrees(flat[0] - flat[1]) - degrees) % 360.0 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext) -> None:
+    scene = objects()
+    renderer = Renderer(graphics, scene)
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    renderer.set_packs({"p": random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures])})
+    frame = renderer.render(VIEW)
+    times = renderer.path_times(SLOT)
+    assert times is not None
+    assert set(times.milliseconds) == set(get_args(DecodePath))
+    assert frame.slot_ms[SLOT] > 0.0
+    shown = renderer.albedo(SLOT)
+    np.testing.assert_array_equal(shown, renderer.albedo(replace(SLOT, path=times.fastest)))
+    again = renderer.render(VIEW)
+    assert dict(again.timings_ms) == {}
+    renderer.release()

@@ -1,0 +1,200 @@
+"""What is not needed is not done. Decoded texels are counted by the shaders themselves, in a copy that counts them."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+import moderngl
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.pack.model import Pack
+from tests.gl.small_scenes import FRONT, objects
+from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
+from viewer.gl.context import GraphicsContext
+from viewer.render.renderer import Renderer
+from viewer.render.resources.latent_store import LatentBudget
+from viewer.render.resources.layout import StorageBinding
+from viewer.resource_files import shaders_folder
+from viewer.scene.model import Camera, Material, Scene
+from viewer.state.navigation import turned
+from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState
+
+SIZE = (120, 72)
+DIRECT: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
+COUNTER = StorageBinding.HISTOGRAM
+"""Nothing that decodes uses this binding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """How many texels were decoded."""
+
+    buffer: moderngl.Buffer
+
+    def take(self) -> int:
+        """Texels since the last call."""
+        count = int(np.frombuffer(self.buffer.read(), np.uint32)[0])
+        self.buffer.write(bytes(4))
+        return count
+
+    def bind(self) -> None:
+        """Before each frame: the divergence pass has the binding too."""
+        self.buffer.bind_to_storage_buffer(int(COUNTER))
+
+
+@pytest.fixture
+def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Work]:
+    """Renderers made from now on count."""
+    folder = tmp_path / "shaders"
+    shutil.copytree(shaders_folder(), folder)
+    file = folder / "ntc" / "decode.glsl"
+    text, start = file.read_text(), "    if (isnan(lod) || isinf(lod)) lod = 0.0;"
+    assert text.count(start) == 1
+    text = text.replace(start, "    atomicAdd(work_done, 1u);\n" + start)
+    declared = f"layout(std430, binding = {int(COUNTER)}) buffer Work {{ uint work_done; }};\n"
+    file.write_text(text.replace("void decoder_input(", declared + "void decoder_input(", 1))
+    monkeypatch.setattr("viewer.render.renderer.shaders_folder", lambda: folder)
+    made = Work(graphics.gl.buffer(bytes(4)))
+    yield made
+    made.buffer.release()
+
+
+def pack_of(scene: Scene, side: int | None = None) -> Pack:
+    """A pack of two groups; with `side` its textures have other sizes than the scene's images."""
+    sizes = [(side or t.pixels.shape[1], side or t.pixels.shape[0]) for t in scene.textures]
+    groups = tuple(index % 2 for index in range(len(sizes)))
+    return random_pack(sizes, groups, hashes=[t.pixel_hash for t in scene.textures])
+
+
+def opened(graphics: GraphicsContext, scene: Scene, side: int | None = None, **budgets: LatentBudget) -> Renderer:
+    """The scene with its pack."""
+    made = Renderer(graphics, scene, **budgets)
+    made.set_packs({"p": pack_of(scene, side)})
+    return made
+
+
+def view(path: DecodePath, camera: Camera = FRONT) -> ViewState:
+    """Slot A by `path`, slot B the reference."""
+    return ViewState(camera, SIZE, Slot("p", path))
+
+
+@pytest.mark.parametrize("path", DIRECT)
+def test_only_visible_textured_pixels_are_decoded(graphics: GraphicsContext, work: Work, path: DecodePath) -> None:
+    """Off-screen, back-facing and hidden surfaces, plain materials and the background cost nothing."""
+    renderer = opened(graphics, objects())
+    work.bind()
+    renderer.render(view(path))
+    seen = renderer.texture_ids() >= 0
+    assert 0 < seen.sum() < seen.size
+    decoded = work.take()
+    # Triangles of one surface that meet at a pixel in the same depth are drawn both by the forward path.
+    assert seen.sum() <= decoded <= seen.sum() * (1.005 if path == "forward" else 1.0)
+    renderer.release()
+
+
+@pytest.mark.parametrize("path", get_args(DecodePath))
+def test_what_does_not_concern_a_slot_does_not_decode_it_again(
+    graphics: GraphicsContext, work: Work, path: DecodePath
+) -> None:
+    renderer = opened(graphics, objects())
+    first = view(path)
+    work.bind()
+    renderer.render(first)
+    assert work.take() > 0
+    same = renderer.render(first)
+    assert dict(same.timings_ms) == {}
+    for other in (
+        replace(first, overlay=Overlay("divergence")),
+        replace(first, compare="wipe"),
+        replace(first, compare="wipe", wipe_position=0.2),
+        replace(first, compare="b"),
+        first,
+    ):
+        work.bind()
+        renderer.render(other)
+        assert work.take() == 0, other
+    renderer.release()
+
+
+def test_a_hidden_slot_and_a_hidden_overlay_cost_nothing(graphics: GraphicsContext, work: Work) -> None:
+    renderer = opened(graphics, objects())
+    hidden = ViewState(FRONT, SIZE, Slot(REFERENCE), Slot("p", "deferred"))
+    work.bind()
+    frame = renderer.render(hidden)
+    assert work.take() == 0
+    assert "divergence" not in frame.timings_ms
+    assert frame.skipped["divergence_passes"] == 1
+    work.bind()
+    renderer.render(replace(hidden, compare="b"))
+    assert work.take() > 0
+    renderer.release()
+
+
+def apart() -> Scene:
+    """Two cubes, one before the camera and one behind it, with textures of their own."""
+    parts: list[Part] = [cube(0, placed(0.0, 0.0, -4.0)), cube(1, placed(0.0, 0.0, 4.0))]
+    return scene_of(parts, [Material("m", index, WHITE) for index in (0, 1)], [texture(64, 64, 1), texture(64, 64, 2)])
+
+
+AHEAD = Camera("ahead", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0))
+
+
+@pytest.mark.parametrize("path", get_args(DecodePath))
+def test_textures_out_of_sight_are_not_uploaded(graphics: GraphicsContext, path: DecodePath) -> None:
+    renderer = opened(graphics, apart())
+    frame = renderer.render(view(path, AHEAD))
+    assert frame.skipped["latent_textures_not_uploaded"] == 1
+    assert frame.skipped["latent_bytes_not_uploaded"] > 0
+    both = renderer.render(view(path, turned(AHEAD, 180.0)))
+    assert both.skipped["latent_textures_not_uploaded"] == 0
+    renderer.release()
+
+
+@pytest.mark.parametrize("path", get_args(DecodePath))
+def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, path: DecodePath) -> None:
+    scene = apart()
+    far = replace(AHEAD, eye=(0.0, 0.0, 40.0), target=(0.0, 0.0, 39.0))
+    renderer, complete = opened(graphics, scene, 256), opened(graphics, scene, 256)
+    left_out = []
+    for camera in (far, AHEAD, turned(AHEAD, 180.0), replace(AHEAD, eye=(0.0, 0.0, -2.99), fov_degrees=20.0), far):
+        left_out.append(renderer.render(view(path, camera)).skipped["latent_bytes_not_uploaded"])
+        # The other renderer has had everything on the GPU from the start.
+        slot = Slot("p", path)
+        complete.render(view(path, camera))
+        on_gpu = complete._packs.on_gpu(slot)
+        on_gpu.buffers.need({0: 0, 1: 0})
+        complete.render(view(path, turned(camera, 90.0)))
+        complete.render(view(path, camera))
+        np.testing.assert_array_equal(renderer.albedo(slot), complete.albedo(slot))
+    assert sorted(left_out, reverse=True) == left_out
+    assert left_out[0] > left_out[1]
+    for made in (renderer, complete):
+        made.release()
+
+
+def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) -> None:
+    scene = apart()
+    near = replace(AHEAD, eye=(0.0, 0.0, -2.99), fov_degrees=20.0)
+    tight = opened(graphics, scene, 256, latents=LatentBudget(1600))
+    roomy = opened(graphics, scene, 256)
+    slot = Slot("p", "deferred")
+    pictures = []
+    for renderer in (tight, roomy):
+        renderer.render(view("deferred", near))
+        pictures.append(renderer.albedo(slot))
+    counts = tight._packs.on_gpu(slot).latents
+    assert counts.levels_without_room > 0
+    assert counts.bytes_uploaded <= 1600
+    assert np.isfinite(pictures[0]).all()
+    assert not np.array_equal(*pictures)
+    # Seen from afar there is room for all that is needed.
+    far = replace(AHEAD, eye=(0.0, 0.0, 60.0), target=(0.0, 0.0, 39.0))
+    for renderer in (tight, roomy):
+        renderer.render(view("deferred", far))
+    np.testing.assert_array_equal(tight.albedo(slot), roomy.albedo(slot))
+    for renderer in (tight, roomy):
+        renderer.release()

@@ -1,0 +1,413 @@
+"""A GPU without memory: whatever asks for it, one line says so, nothing is half-done, and what fits goes on."""
+
+import ctypes
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.random_pack import random_pack
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from tests.gl.small_scenes import FRONT, INSIDE, masks
+from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
+from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import egl_loader
+from viewer.gl.named_images import NamedImages
+from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
+from viewer.gl.thumbnails import Thumbnails
+from viewer.render import renderer as renderer_module
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.renderer import Renderer
+from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.scene.model import Scene
+from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
+
+SIZE, LARGER = (40, 24), (56, 40)
+TILES = TileCacheConfig(budget_bytes=1 << 22)
+PLENTY = 1 << 40
+HIGHEST_NAME = 4096
+"""Drivers give the lowest names that are free."""
+ONE_STEP = 1
+"""A tile on another page is sampled at other coordinates, which are rounded elsewhere."""
+
+
+class FailingMemory(GpuMemory):
+    """Refuses request number `refused` (from 0), and with `for_good` all later ones, until it is made `generous`."""
+
+    def __init__(self, gl: moderngl.Context, refused: int, for_good: bool = False) -> None:
+        super().__init__(gl, PLENTY)
+        self.asked = 0
+        self.generous = False
+        self._refused, self._for_good = refused, for_good
+
+    def allows(self, what: str, size: int) -> bool:
+        number, self.asked = self.asked, self.asked + 1
+        return self.generous or not (number == self._refused or (self._for_good and number > self._refused))
+
+
+class ForgetfulMemory(GpuMemory):
+    """Refuses everything whose name contains `word`."""
+
+    def __init__(self, gl: moderngl.Context, word: str) -> None:
+        super().__init__(gl, PLENTY)
+        self.word: str | None = word
+
+    def allows(self, what: str, size: int) -> bool:
+        return self.word is None or self.word not in what
+
+
+class SharedPrograms(ProgramFactory):
+    """Compiles what any renderer asks for once: what is tried here is memory."""
+
+    made: ClassVar[dict[object, ProgramFactory]] = {}
+
+    def __init__(self, gl: moderngl.Context, library: ShaderLibrary, key: object = ()) -> None:
+        super().__init__(gl, library)
+        self._key = (id(gl), key)
+        self._one = SharedPrograms.made.setdefault(self._key, ProgramFactory(gl, library))
+
+    def with_generated(self, generated: Mapping[str, str]) -> ProgramFactory:
+        return SharedPrograms(self._gl, self._library.with_generated(generated), tuple(sorted(generated.items())))
+
+    def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
+        return self._one.program(vertex, fragment, defines)
+
+    def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
+        return self._one.compute(name, defines)
+
+    def release(self) -> None:
+        """Others go on with them."""
+
+
+@pytest.fixture(autouse=True)
+def shared_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(renderer_module, "ProgramFactory", SharedPrograms)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forget_programs() -> Iterator[None]:
+    yield
+    for factory in SharedPrograms.made.values():
+        factory.release()
+    SharedPrograms.made.clear()
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return masks()
+
+
+def pack_of(scene: Scene, seed: int = 0) -> Pack:
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    return random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures], seed=seed)
+
+
+@pytest.fixture(scope="module")
+def packs(scene: Scene) -> tuple[Pack, Pack]:
+    """One, and what a training makes of it."""
+    return pack_of(scene), pack_of(scene, 1)
+
+
+FORWARD, DEFERRED, BINNED, CACHED = (Slot("p", path) for path in ("forward", "deferred", "binned", "cached"))
+VIEWS = {
+    "reference": ViewState(FRONT, SIZE, Slot(REFERENCE)),
+    "forward": ViewState(FRONT, SIZE, FORWARD),
+    "deferred, divergence": ViewState(FRONT, SIZE, DEFERRED, overlay=Overlay("divergence")),
+    "binned, marks": ViewState(FRONT, SIZE, BINNED, highlight=(1,)),
+    "cached, elsewhere": ViewState(INSIDE, SIZE, CACHED),
+    "cached and reference, larger": ViewState(
+        FRONT, LARGER, CACHED, Slot(REFERENCE), compare="wipe", anisotropy=4, overlay=Overlay("divergence")
+    ),
+}
+
+
+def existing(context: GraphicsContext) -> dict[str, int]:
+    """OpenGL objects by kind, as OpenGL says."""
+    load = egl_loader()
+    found: dict[str, int] = {}
+    for kind in ("Buffer", "Texture", "Framebuffer"):
+        is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(load(f"glIs{kind}"))
+        found[kind] = sum(bool(is_one(name)) for name in range(1, HIGHEST_NAME))
+    return found
+
+
+def is_short(frame: FrameResult) -> bool:
+    """Whether it says that memory made it coarser."""
+    return frame.short_latents or any(counts.out_of_memory for counts in frame.tiles.values())
+
+
+class Window:
+    """What a window does, step by step; a step that fails for want of memory is said and left."""
+
+    def __init__(self, context: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]) -> None:
+        self._context, self._scene, self._packs = context, scene, packs
+        self.renderer: Renderer | None = None
+        self.refusals: list[str] = []
+        self.seen: dict[str, NDArray[np.uint8]] = {}
+
+    def _try(self, step: Callable[[], object]) -> None:
+        """At most twice: the next frame asks again."""
+        for _ in range(2):
+            try:
+                step()
+                return
+            except GpuMemoryError as error:
+                self.refusals.append(str(error))
+
+    def _draw(self, name: str) -> None:
+        assert self.renderer is not None
+        self.seen.pop(name, None)
+        frame = self.renderer.render(VIEWS[name], whole=True)
+        if not is_short(frame):
+            self.seen[name] = read_picture(frame.image)
+
+    def _open(self) -> None:
+        self.renderer = Renderer(self._context, self._scene, tile_cache=TILES)
+
+    def run(self) -> None:
+        self._try(self._open)
+        renderer = self.renderer
+        if renderer is None:
+            return
+        renderer.set_packs({"p": self._packs[1]})
+        self._try(lambda: renderer.render(VIEWS["cached, elsewhere"], whole=True))
+        renderer.set_packs({"p": self._packs[0]})
+        self._try(lambda: renderer.prepare(FORWARD))
+        for name in VIEWS:
+            self._try(lambda name=name: self._draw(name))
+            self._try(renderer.prepare_slots)
+            self._try(renderer.prepare_look)
+
+    def draw_again(self) -> dict[str, NDArray[np.uint8]]:
+        """With all the memory there is; without pictures that say themselves that they are coarser."""
+        for name in VIEWS:
+            self._draw(name)
+        return self.seen
+
+    def reopen_pack(self) -> None:
+        """Forget how little memory there was for it."""
+        assert self.renderer is not None
+        self.renderer.set_packs({})
+        self.renderer.set_packs({"p": self._packs[0]})
+
+    def close(self) -> None:
+        if self.renderer is not None:
+            self.renderer.release()
+
+
+def opened(graphics: GraphicsContext, memory: GpuMemory, scene: Scene, packs: tuple[Pack, Pack]) -> Window:
+    return Window(replace(graphics, memory=memory), scene, packs)
+
+
+def assert_equal(pictures: Mapping[str, NDArray[np.uint8]], truth: Mapping[str, NDArray[np.uint8]]) -> None:
+    for name, picture in pictures.items():
+        allowed = ONE_STEP if "cached" in name else 0
+        assert np.abs(picture.astype(int) - truth[name].astype(int)).max() <= allowed, name
+
+
+@pytest.fixture(scope="module")
+def truth(
+    graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]
+) -> tuple[dict[str, NDArray[np.uint8]], int]:
+    """The pictures, and how often memory is asked for until all has been drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(renderer_module, "ProgramFactory", SharedPrograms)
+        memory = FailingMemory(graphics.gl, -1)
+        window = opened(graphics, memory, scene, packs)
+        window.run()
+        asked = memory.asked
+        assert window.refusals == []
+        pictures = dict(window.draw_again())
+        window.close()
+    return pictures, asked
+
+
+@pytest.mark.parametrize("for_good", [False, True], ids=["once", "for good"])
+def test_any_request_may_fail(
+    graphics: GraphicsContext,
+    scene: Scene,
+    packs: tuple[Pack, Pack],
+    truth: tuple[dict[str, NDArray[np.uint8]], int],
+    for_good: bool,
+) -> None:
+    pictures, requests = truth
+    before = existing(graphics)
+    for number in range(requests):
+        memory = FailingMemory(graphics.gl, number, for_good)
+        window = opened(graphics, memory, scene, packs)
+        window.run()
+        assert memory.asked > number
+        assert_equal(window.seen, pictures)
+        if window.renderer is not None:
+            memory.generous = True
+            assert_equal(window.draw_again(), pictures)
+            if window.seen.keys() != VIEWS.keys():
+                window.reopen_pack()
+                assert window.draw_again().keys() == VIEWS.keys()
+                assert_equal(window.seen, pictures)
+        window.close()
+        assert memory.objects_given == 0, number
+        assert existing(graphics) == before, number
+
+
+def test_latents_have_what_memory_there_is(graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]) -> None:
+    class NoMoreLatents(GpuMemory):
+        """No large buffer of latents."""
+
+        most = 512
+
+        def allows(self, what: str, size: int) -> bool:
+            return what != "latents" or size <= self.most
+
+    memory = NoMoreLatents(graphics.gl, PLENTY)
+    renderer = Renderer(replace(graphics, memory=memory), scene)
+    renderer.set_packs({"p": packs[0]})
+    frame = renderer.render(replace(VIEWS["forward"], size=(200, 120)))
+    assert frame.short_latents
+    parts = renderer.gpu_parts(FORWARD)
+    assert parts is not None
+    assert parts["latents"] <= memory.most
+    memory.most = 16
+    renderer.set_packs({"p": packs[1]})
+    with pytest.raises(GpuMemoryError, match="pack p: latents: the GPU has no memory"):
+        renderer.render(VIEWS["forward"])
+    renderer.release()
+    assert memory.objects_given == 0
+
+
+def test_what_measures_takes_no_coarser_latents(graphics: GraphicsContext, packs: tuple[Pack, Pack]) -> None:
+    class FewLatents(GpuMemory):
+        def allows(self, what: str, size: int) -> bool:
+            return what != "latents" or size <= 4096
+
+    memory = FewLatents(graphics.gl, PLENTY)
+    with pytest.raises(GpuMemoryError, match="latents"):
+        GlTexelDecoder(replace(graphics, memory=memory), packs[0])
+    assert memory.objects_given == 0
+
+
+def test_without_the_reference_packs_are_shown(
+    graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]
+) -> None:
+    memory = ForgetfulMemory(graphics.gl, "source images")
+    window = opened(graphics, memory, scene, packs)
+    window.run()
+    assert set(window.seen) == {name for name in VIEWS if "reference" not in name}
+    assert all(line.startswith("the reference: ") and "source images of" in line for line in window.refusals)
+    window.close()
+
+
+def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) -> None:
+    memory = ForgetfulMemory(graphics.gl, "nothing yet")
+    renderer = Renderer(replace(graphics, memory=memory), scene)
+    whole = read_picture(renderer.render(VIEWS["reference"]).image)
+    held = memory.objects_given
+    # Images of one size are one array: the second is refused while another one is there.
+    reference = renderer._reference
+    sizes = {plan.size for plan in reference._plans}
+    assert len(sizes) > 1
+
+    def allows(what: str, _size: int) -> bool:
+        return "source images" not in what or not reference._arrays
+
+    array = next(iter(reference._arrays))
+    material = next(index for index, place in reference._places.items() if place.array == array)
+    reference._drop(array)
+    memory.allows = allows  # type: ignore[method-assign]
+    reference.upload([material])
+    assert set(reference._arrays) == {array}
+    others = [index for index in reference._places if index != material]
+    with pytest.raises(GpuMemoryError):
+        reference.upload([material, *others])
+    del memory.allows  # type: ignore[method-assign]
+    renderer.render(replace(VIEWS["reference"], size=LARGER))
+    np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), whole)
+    assert memory.objects_given == held
+    renderer.release()
+
+
+def test_a_picture_that_is_too_large_leaves_the_one_before(graphics: GraphicsContext, scene: Scene) -> None:
+    context = replace(graphics, memory=GpuMemory(graphics.gl, PLENTY))
+    renderer = Renderer(context, scene)
+    frame = renderer.render(VIEWS["reference"])
+    before = read_picture(frame.image)
+    most = int(graphics.gl.info["GL_MAX_TEXTURE_SIZE"])
+    with pytest.raises(GpuMemoryError, match=f"{most + 1} x 8 is more than the {most} .*GL_MAX_TEXTURE_SIZE"):
+        renderer.render(replace(VIEWS["reference"], size=(most + 1, 8)))
+    np.testing.assert_array_equal(read_picture(frame.image), before)
+    np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), before)
+    renderer.release()
+    assert context.memory.objects_given == 0
+
+
+def test_the_driver_itself_is_asked(graphics: GraphicsContext) -> None:
+    before = existing(graphics)
+    with pytest.raises(GpuMemoryError, match=r"^vertices: the GPU has no memory for 1125899907 MB; close packs"):
+        graphics.memory.buffer("vertices", reserve=1 << 50)
+    assert existing(graphics) == before
+    assert graphics.memory.buffer("vertices", b"abcd").read() == b"abcd"
+
+
+def test_a_buffer_that_cannot_grow_stays(graphics: GraphicsContext) -> None:
+    memory = GpuMemory(graphics.gl, 100)
+    small = memory.buffer("pixels", b"12345678")
+    with pytest.raises(GpuMemoryError, match="pixels: the GPU has no memory for"):
+        memory.grown("pixels", small, 101)
+    assert small.read() == b"12345678"
+    grown = memory.grown("pixels", small, 60)
+    assert (grown.size, memory.bytes_given, memory.objects_given) == (60, 60, 1)
+    grown.release()
+
+
+def test_the_interface_shows_grey_without_memory(graphics: GraphicsContext) -> None:
+    memory = ForgetfulMemory(graphics.gl, "thumbnail")
+    context = replace(graphics, memory=memory)
+    thumbnails = Thumbnails(context, lambda _: np.zeros((8, 8, 3), np.uint8))
+    assert thumbnails[3].size == (1, 1)
+    assert (thumbnails.spare.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
+    assert thumbnails.spare.take_problem() is None
+    thumbnails.release()
+    images = NamedImages(context)
+    memory.word = "image"
+    for _ in range(2):
+        assert images.get("flat", np.zeros((4, 4, 3), np.uint8)).size == (1, 1)
+    assert (images.spare.take_problem() or "").startswith("image 'flat': ")
+    images.release()
+    assert memory.objects_given == 0
+
+
+@pytest.mark.parametrize("text", ["x", "-1", "1.5"])
+def test_a_limit_that_is_none(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, text)
+    with pytest.raises(InputError, match=f"{LIMIT_VARIABLE}=.*must be a whole number of MB"):
+        limit_from_environment()
+
+
+def test_the_limit_is_in_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "3")
+    assert limit_from_environment() == 3_000_000
+    monkeypatch.delenv(LIMIT_VARIABLE)
+    assert limit_from_environment() is None
+
+
+def test_auto_takes_a_path_that_there_is_memory_for(
+    graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack], truth: tuple[dict[str, NDArray[np.uint8]], int]
+) -> None:
+    memory = ForgetfulMemory(graphics.gl, "latents")
+    renderer = Renderer(replace(graphics, memory=memory), scene, tile_cache=TILES)
+    renderer.set_packs({"p": packs[0]})
+    view = replace(VIEWS["forward"], slot_a=Slot("p", "auto"))
+    with pytest.raises(GpuMemoryError, match="pack p: latents"):
+        renderer.render(view)
+    memory.word = "decoded tiles"
+    frame = renderer.render(view)
+    assert frame.paths[view.slot_a] != "cached"
+    assert np.abs(read_picture(frame.image).astype(int) - truth[0]["forward"]).max() <= ONE_STEP
+    renderer.release()
+    assert memory.objects_given == 0

@@ -1,0 +1,300 @@
+"""The cached path: hardware-filtered tiles of the float64 decode, decoded once, within a budget, kept while they hold."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.random_pack import random_pack
+from ntc.codec import reference
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.latents import latent_levels
+from ntc.errors import InputError
+from ntc.pack.model import Pack
+from tests.gl.render.test_frame_parity import CASES
+from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
+from tests.support.picture_scenes import scene_of, straight_camera, texture
+from tests.support.sampling import sample_chain
+from viewer.gl.context import GraphicsContext
+from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.render.frame_result import FrameResult
+from viewer.render.renderer import Renderer
+from viewer.render.resources import layout
+from viewer.render.tile_cache import decode_cached
+from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts
+from viewer.render.tile_cache.decode_cached import PAGE_BYTES
+from viewer.scene.model import Camera, Material, Scene
+from viewer.state.navigation import turned
+from viewer.state.view_state import Slot, ViewState
+
+SIZE = (48, 32)
+SIZES = ((150, 90), (40, 24), (17, 33))
+"""Several tiles a side, a part of one, and odd sides."""
+CACHED = Slot("p", "cached")
+STEP = 0.5 * 2.4 / 255.0
+"""Half an 8-bit sRGB step in linear light where the curve is steepest."""
+ELSEWHERE = 1e-3
+"""A tile on another page is sampled at other coordinates, which are rounded elsewhere."""
+HARDWARE = 4e-3
+"""Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
+
+
+@pytest.fixture(scope="module")
+def pack() -> Pack:
+    """Latents for all textures."""
+    return random_pack(SIZES, (0, 1, 0), hashes=[texture(w, h, w).pixel_hash for w, h in SIZES])
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
+    """All cases, one quad behind the other."""
+    materials = [
+        Material("m", case.texture, (0.9, 1.0, 0.7, 1.0), replace(case.sampler, wrap=case.wrap))
+        for case in CASES.values()
+    ]
+    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
+    made = Renderer(graphics, scene_of(parts, materials, [texture(w, h, w) for w, h in SIZES]))
+    made.set_packs({"p": pack})
+    yield made
+    made.release()
+
+
+def decoded_mips(pack: Pack, name: str) -> list[NDArray[np.uint8]]:
+    """All mips of a case's texture by the float64 decode, under the case's wrap modes."""
+    case = CASES[name]
+    levels = latent_levels(*SIZES[case.texture], pack.config)
+    decode = partial(reference.decode_texels, pack, wrap=case.wrap)
+    return [reference.image_of_texels(pack, case.texture, level, decode) for level in range(len(levels))]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: str) -> None:
+    case = CASES[name]
+    size = SIZES[case.texture]
+    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
+    renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED))
+    assert renderer.covered().all()
+    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    sampler = replace(case.sampler, wrap=case.wrap)
+    expected = sample_chain(chain, case.map.uv(SIZE), case.map.lod(size), sampler) * [0.9, 1.0, 0.7]
+    error = np.abs(shown - expected)
+    # A decoded number near the middle between two 8-bit steps may be rounded to either.
+    assert error.max() <= 2 * STEP + HARDWARE
+    assert error.mean() <= 1e-3
+
+
+def pack_of(scene: Scene, seed: int = 0) -> Pack:
+    """A pack of two groups."""
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    return random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures], seed=seed)
+
+
+def render(renderer: Renderer, camera: Camera = FRONT, whole: bool = False) -> FrameResult:
+    """A view by the cached path."""
+    return renderer.render(ViewState(camera, (120, 72), CACHED), whole)
+
+
+def counts(frame: FrameResult) -> TileCounts:
+    """Of the only slot."""
+    return frame.tiles[CACHED]
+
+
+def picture(renderer: Renderer, camera: Camera = FRONT) -> NDArray[np.float32]:
+    """What the cached path shows when all has come."""
+    render(renderer, camera, whole=True)
+    return renderer.albedo(CACHED)
+
+
+def opened(graphics: GraphicsContext, config: TileCacheConfig | None = None) -> Renderer:
+    """The scene of objects with its pack."""
+    scene = objects()
+    made = Renderer(graphics, scene, tile_cache=config)
+    made.set_packs({"p": pack_of(scene)})
+    return made
+
+
+def test_a_still_camera_decodes_nothing_again(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    first = render(renderer)
+    assert counts(first).decoded > 0
+    assert first.waiting == 0
+    again = render(renderer)
+    assert "decode_cached" not in again.timings_ms
+    assert counts(again).decoded == counts(first).decoded
+    renderer.release()
+
+
+def test_a_small_turn_decodes_only_what_comes_into_sight(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    first = counts(render(renderer)).decoded
+    moved = render(renderer, turned(FRONT, 0.5))
+    assert counts(moved).decoded - first < 0.3 * first
+    assert moved.skipped["tiles_kept"] == first
+    back = render(renderer)
+    assert counts(back).decoded == counts(moved).decoded
+    renderer.release()
+
+
+def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext) -> None:
+    eager, patient = opened(graphics), opened(graphics, TileCacheConfig(milliseconds=0.0, least_tiles=2))
+    truth = picture(eager)
+    missing = counts(render(eager)).decoded
+    frames = 1
+    while (frame := render(patient)).waiting:
+        frames += 1
+        assert counts(frame).decoded == 2 * (frames - 1)
+        assert frames <= missing
+    # Tiles that stand in for finer ones are decoded besides.
+    assert frames <= -(-counts(frame).decoded // 2)
+    np.testing.assert_allclose(patient.albedo(CACHED), truth, atol=ELSEWHERE)
+    for made in (eager, patient):
+        made.release()
+
+
+def test_where_frames_are_long_tiles_are_decoded_ahead_of_the_picture(graphics: GraphicsContext) -> None:
+    eager, busy = opened(graphics), opened(graphics, TileCacheConfig(milliseconds=25.0, least_tiles=2))
+    expected = picture(eager)
+    render(busy)
+    drawn = 0
+    for _ in range(1000):
+        busy.tile_pace.note_frame(200.0)
+        assert busy.tile_pace.is_tight
+        frame = render(busy)
+        drawn += "composite" in frame.timings_ms
+        if not frame.waiting:
+            break
+    decoded = counts(frame).decoded
+    assert frame.waiting == 0
+    assert drawn < decoded / 4
+    np.testing.assert_array_equal(busy.albedo(CACHED), expected)
+    eager.release()
+    busy.release()
+
+
+def test_a_coarser_tile_stands_in_for_a_missing_one(graphics: GraphicsContext) -> None:
+    patient = opened(graphics, TileCacheConfig(milliseconds=0.0, least_tiles=4))
+    render(patient)
+    # `albedo` would finish it: look at what the frame itself shows.
+    image = np.frombuffer(render(patient).image.read(), np.uint8).reshape(72, 120, 4)[::-1, :, :3]
+    whole = opened(graphics)
+    full = np.frombuffer(render(whole).image.read(), np.uint8).reshape(72, 120, 4)[::-1, :, :3]
+    textured = patient.texture_ids() >= 0
+    assert np.array_equal(image[~textured], full[~textured])
+    assert 0 < np.abs(image[textured].astype(int) - full[textured]).mean() < 80
+    for made in (patient, whole):
+        made.release()
+
+
+def test_a_full_cache_lets_the_oldest_tiles_go_and_shows_the_same(graphics: GraphicsContext) -> None:
+    plain = opened(graphics)
+    cameras = (FRONT, INSIDE, replace(ABOVE, eye=(0.0, 90.0, 0.0)), FRONT)
+    alone = [opened(graphics) for _ in cameras]
+    needed = max(counts(render(one, camera)).decoded for one, camera in zip(alone, cameras, strict=True))
+    small = opened(graphics, TileCacheConfig(budget_bytes=needed * PAGE_BYTES))
+    for camera in cameras:
+        np.testing.assert_allclose(picture(small, camera), picture(plain, camera), atol=ELSEWHERE)
+        assert counts(render(small, camera)).resident <= needed
+    assert counts(render(small)).evicted > 0
+    for made in (plain, small, *alone):
+        made.release()
+
+
+def test_a_budget_below_what_is_seen_says_so_and_still_draws(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics, TileCacheConfig(budget_bytes=3 * PAGE_BYTES))
+    for degrees in (0.0, 20.0, 0.0):
+        frame = render(renderer, turned(FRONT, degrees))
+        assert counts(frame).starved > 0
+        assert frame.waiting == 0
+        assert counts(frame).resident == 3
+    assert np.isfinite(renderer.albedo(CACHED)).all()
+    renderer.release()
+
+
+def test_a_changed_group_costs_its_own_tiles_only(graphics: GraphicsContext) -> None:
+    scene = objects()
+    old, other = pack_of(scene), pack_of(scene, seed=5)
+    # Group 1, textures 1 and 3, is trained anew.
+    textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
+    new = replace(old, textures=textures, decoders=(old.decoders[0], other.decoders[1]))
+    renderer = Renderer(graphics, scene)
+    renderer.set_packs({"p": old})
+    before = picture(renderer)
+    decoded = counts(render(renderer)).decoded
+    renderer.set_packs({"p": new})
+    after = picture(renderer)
+    anew = counts(render(renderer)).decoded - decoded
+    ids = renderer.texture_ids()
+    assert 0 < anew < decoded
+    kept = np.isin(ids, (0, 2))
+    np.testing.assert_allclose(after[kept], before[kept], atol=ELSEWHERE)
+    assert not np.array_equal(after[np.isin(ids, (1, 3))], before[np.isin(ids, (1, 3))])
+    fresh = Renderer(graphics, scene)
+    fresh.set_packs({"p": new})
+    np.testing.assert_allclose(picture(fresh), after, atol=ELSEWHERE)
+    for made in (renderer, fresh):
+        made.release()
+
+
+def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = opened(graphics)
+    truth = picture(plain)
+    monkeypatch.setattr(layout, "MOST_TILES_ASKED_FOR", 5)
+    monkeypatch.setattr(decode_cached, "MOST_TILES_ASKED_FOR", 5)
+    few = opened(graphics)
+    np.testing.assert_allclose(picture(few), truth, atol=ELSEWHERE)
+    assert counts(render(few)).waiting == 0
+    for made in (plain, few):
+        made.release()
+
+
+@pytest.mark.parametrize("name", ["between levels, turned", "lod 2, mirror and clamp", "shrunk along y alone"])
+def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, pack: Pack, name: str) -> None:
+    """After EXT_texture_filter_anisotropic."""
+    case, most = CASES[name], 4
+    size = SIZES[case.texture]
+    view = ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED, anisotropy=most)
+    renderer.render(view)
+    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    sides = [np.array(side) for side in (case.map.per_x, case.map.per_y)]
+    lengths = [float(np.linalg.norm(side * size)) for side in sides]
+    count = min(int(np.ceil(max(lengths) / min(lengths) - 1e-4)), most)
+    assert count > 1
+    longer = sides[int(np.argmax(lengths))]
+    offsets = [longer * (number / (count + 1) - 0.5) for number in range(1, count + 1)]
+    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
+    sampler, lod = replace(case.sampler, wrap=case.wrap), float(np.log2(max(lengths) / count))
+    probes = [sample_chain(chain, case.map.uv(SIZE) + offset, lod, sampler) for offset in offsets]
+    error = np.abs(shown - np.mean(probes, axis=0) * [0.9, 1.0, 0.7])
+    assert error.max() <= 2 * STEP + HARDWARE
+    assert error.mean() <= 1e-3
+    # Without it the picture is another.
+    renderer.render(replace(view, anisotropy=1))
+    assert np.abs(renderer.albedo(CACHED).reshape(-1, 3) - shown).mean() > 5e-3
+
+
+def test_a_gpu_without_memory_makes_the_cache_smaller(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = opened(graphics)
+    needed = counts(render(plain)).decoded
+    plain.release()
+    # Pages of a layer are so few here that a second layer is asked for, and refused as a driver would.
+    monkeypatch.setattr(decode_cached, "LAYER_PAGES", needed // 2)
+    grow = SrgbAtlas.grow
+    monkeypatch.setattr(SrgbAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
+    renderer = opened(graphics)
+    frame = render(renderer)
+    assert counts(frame).out_of_memory
+    assert counts(frame).resident == needed // 2
+    assert counts(frame).starved > 0
+    assert frame.waiting == 0
+    assert np.isfinite(renderer.albedo(CACHED)).all()
+    monkeypatch.setattr(SrgbAtlas, "grow", lambda *_: False)
+    none = opened(graphics)
+    with pytest.raises(InputError, match="no memory for a tile cache"):
+        render(none)
+    for made in (renderer, none):
+        made.release()
