@@ -63,7 +63,7 @@ def main() -> None:
             for frame in range(1, options.frames + 1):
                 for path in ("cached", "deferred"):
                     before = tiles
-                    spent, now = milliseconds(moved(camera, frame), path)  # type: ignore[arg-type]
+                    spent, now = milliseconds(moved(camera, frame), path)
                     times[path].append(spent)
                     if path == "cached":
                         fresh.append(now - before)

@@ -128,7 +128,7 @@ def main() -> None:
                 chance.choice(slots),
                 chance.choice(("a", "b", "wipe")),
                 chance.random(),
-                Overlay(chance.choice(("none", "divergence"))),
+                overlay=Overlay(chance.choice(("none", "divergence"))),
             )
         )
     seconds = time.monotonic() - start

@@ -12,7 +12,7 @@ import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import moderngl
 import numpy as np
@@ -132,18 +132,22 @@ class PlainLoop:
         self._framebuffer.clear(depth=1.0)
         gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         for program in self._programs:
-            program["view_projection"].write(matrix)
+            _uniform(program, "view_projection").write(matrix)
         for item in self._draws:
             program = item.array.program
-            program["model"].write(item.model)
-            program["factor"].value = item.factor
+            _uniform(program, "model").write(item.model)
+            _uniform(program, "factor").value = item.factor
             if item.cutoff is not None:
-                program["cutoff"].value = item.cutoff
+                _uniform(program, "cutoff").value = item.cutoff
             item.texture.use(0)
             (gl.disable if item.double_sided else gl.enable)(moderngl.CULL_FACE)
             gl.front_face = "cw" if item.mirrored else "ccw"
             item.array.render()
         gl.front_face = "ccw"
+
+
+def _uniform(program: moderngl.Program, name: str) -> moderngl.Uniform:
+    return cast(moderngl.Uniform, program[name])
 
 
 def measure(

@@ -10,7 +10,17 @@ from lab.benchmarks.fuzzing.mutators import Mutate, mutate_document
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import framed
 from ntc.worker.process import Switchboard, failure, read_request
-from ntc.worker.protocol import Cancel, Failed, Pause, ProgressTaken, Ready, Resume, SnapshotTaken, StartTraining
+from ntc.worker.protocol import (
+    Cancel,
+    Command,
+    Failed,
+    Pause,
+    ProgressTaken,
+    Ready,
+    Resume,
+    SnapshotTaken,
+    StartTraining,
+)
 from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
     REFUSED,
@@ -43,7 +53,7 @@ def talks() -> Iterator[bytes]:
             yield bytes([kind]) + stream(reports)
     yield bytes([TRAINING + KINDS]) + stream([report for report in whole if not isinstance(report, GroupSnapshot)])
     yield bytes([TRAINING + KINDS * 3]) + stream(whole)
-    commands = [*starts(), Pause(), Resume(), SnapshotTaken(1), ProgressTaken(), Cancel()]
+    commands: list[Command] = [*starts(), Pause(), Resume(), SnapshotTaken(1), ProgressTaken(), Cancel()]
     yield bytes([COMMANDS]) + b"".join(framed(encode(command)) for command in commands)
 
 
