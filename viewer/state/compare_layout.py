@@ -1,11 +1,9 @@
 """Which slot is shown where in the picture, and which part of it: one rule for the shader, the mouse and the labels."""
 
 from dataclasses import dataclass
-from typing import Literal
 
-from viewer.state.view_state import CompareMode, Slot, ViewState
+from viewer.state.view_state import CompareMode, Side, Slot, ViewState
 
-Side = Literal["a", "b"]
 WIPES: tuple[CompareMode, ...] = ("wipe", "wipe-horizontal")
 BOTH: tuple[CompareMode, ...] = (*WIPES, "side-by-side", "difference")
 """Modes that show both slots at once."""

@@ -46,7 +46,7 @@ from viewer.state.pack_files import (
 )
 from viewer.state.picture_request import PictureRequest
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, PathChoice, Slot, ViewState
+from viewer.state.view_state import REFERENCE, CompareMode, PathChoice, Slot, ViewState
 from viewer.training.live_training import LiveTraining
 
 TOAST_SECONDS = 6.0
@@ -73,6 +73,15 @@ class FirstLook:
     path: PathChoice = "deferred"
     precision: PrecisionChoice = "fp32"
     """`auto`: fp32 until the cheapest that does not show has been found."""
+
+
+@dataclass(frozen=True)
+class PreviousView:
+    """What was shown before a training run replaced it."""
+
+    slot_a: Slot
+    slot_b: Slot
+    compare: CompareMode
 
 
 def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
@@ -138,6 +147,8 @@ class Session:
         """Where the pixel is that stays in the panel Pixel, as shares of the picture from its upper left corner."""
         self.precision_wishes: frozenset[Side] = frozenset()
         """Slots that are to get the cheapest precision that does not show."""
+        self.previous_views: Mapping[str, PreviousView] = {}
+        """What was shown before the first pack of each training run, by the name of its pack."""
         self.training = LiveTraining()
         self.resolution = 1.0
         self.picture_size = settings.window_size
@@ -152,6 +163,7 @@ class Session:
         self.measurements = {}
         self.inspected = self.kept_pixel = None
         self.motion = None
+        self.previous_views = {}
         self.precision_wishes = frozenset(("a",) if first.precision == "auto" else ())
         self.selected_texture = self.flat_texture = None
         source = self._first_source(first.grouping)

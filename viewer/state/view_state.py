@@ -1,6 +1,6 @@
 """What the user looks at, as immutable values: read by the renderer, the UI, scripts and `render`; changed by commands."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from ntc.codec.precision import Precision as Precision
@@ -8,6 +8,7 @@ from viewer.scene.model import Camera
 from viewer.state.palettes import PaletteName
 from viewer.state.zoom import WHOLE, Zoom
 
+Side = Literal["a", "b"]
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
@@ -77,3 +78,12 @@ class ViewState:
     zoom: Zoom = WHOLE
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
+
+    @property
+    def slots(self) -> dict[Side, Slot]:
+        """Both slots, by their side."""
+        return {"a": self.slot_a, "b": self.slot_b}
+
+    def with_slot(self, side: Side, slot: Slot) -> "ViewState":
+        """This view with another slot on one side."""
+        return replace(self, slot_a=slot) if side == "a" else replace(self, slot_b=slot)

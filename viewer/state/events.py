@@ -1,0 +1,63 @@
+"""What jobs and the renderer report. They know no session: they are given an `EmitEvent`, which applies each event to it.
+
+`viewer.state.event_handlers.apply_event` is the only code besides the commands that changes a session.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ntc.codec.precision import Precision
+from ntc.pack.model import Pack
+from viewer.state.message_log import MessageKind
+from viewer.state.view_state import Side
+
+
+@dataclass(frozen=True)
+class Notification:
+    """A message that is shown for some seconds and kept in the log."""
+
+    text: str
+    """One line."""
+    kind: MessageKind = "message"
+    details: str = ""
+    """More lines, shown on request: the causes of an error."""
+
+
+@dataclass(frozen=True, eq=False)
+class PackUpdated:
+    """A pack was opened under a name, or replaces the one that was open under it."""
+
+    name: str
+    pack: Pack
+    changed_groups: frozenset[int] | None = None
+    """Groups whose latents, decoders or adapters differ from the pack that it replaces; None where that is not known."""
+
+
+@dataclass(frozen=True)
+class PackClosed:
+    """A pack is to be closed. Slots that show it show again what they did when its run began, else the reference."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    """The first pack of a training run is open: slot A shows it, slot B the pack that it goes on from."""
+
+    name: str
+    """Under which the run's pack is open."""
+    base_name: str | None
+    """Under which the pack that it goes on from is open; None for an encoding from nothing: slot B stays."""
+
+
+@dataclass(frozen=True)
+class PrecisionFound:
+    """The search for the cheapest precision of a slot has ended."""
+
+    side: Side
+    precision: Precision | None
+    """None where there is none: the slot keeps its own."""
+
+
+Event = Notification | PackUpdated | PackClosed | RunStarted | PrecisionFound
+EmitEvent = Callable[[Event], None]
