@@ -11,8 +11,8 @@ from ntc.codec.color import linear_to_srgb, linear_to_srgb8, srgb_to_linear
 from ntc.metrics.metrics import finite_or_none
 from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.layout import MATERIAL_SHIFT
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Scene
 from viewer.state.view_state import PathChoice
 

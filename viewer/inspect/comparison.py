@@ -10,7 +10,7 @@ from ntc.codec.color import linear_to_srgb8
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
 from ntc.metrics.metrics import psnr_of_mse
-from viewer.render.passes.visibility import materials_of, texture_ids_of
+from viewer.render.resources.visibility_buffer import materials_of, texture_ids_of
 
 STEPS = 256
 """Values of |A - B| in steps of 8-bit sRGB."""

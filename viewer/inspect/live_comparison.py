@@ -10,7 +10,7 @@ from ntc.pack.model import Pack
 from viewer.inspect.comparison import Comparison, PairOfPictures
 from viewer.inspect.comparison_process import ComparisonProcess
 from viewer.inspect.live_figures import LiveFigures, compared_source
-from viewer.render.error_overlay import FoundErrors
+from viewer.render.error_overlay import ComparisonErrors
 from viewer.render.frame_result import DrawnPair
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import Slot, ViewState
@@ -19,13 +19,13 @@ REST_SECONDS = 0.3
 """A picture rests when neither camera nor slots have changed for so long."""
 
 
-def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> FoundErrors:
+def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> ComparisonErrors:
     by_texture = np.full(len(decoders), np.nan, np.float32)
     for row in comparison.textures:
         by_texture[row.number] = row.rmse
     of_decoder = {row.number: row.rmse for row in comparison.decoders}
     by_decoder = np.array([of_decoder.get(decoder, np.nan) for decoder in decoders], np.float32)
-    return FoundErrors(by_texture, by_decoder)
+    return ComparisonErrors(by_texture, by_decoder)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class LiveComparison:
         if now - self._rested_since < REST_SECONDS or (self._rest_key, wanted) == self._done:
             return False
         try:
-            if renderer.prepare_slots() or renderer.prepare_look():
+            if renderer.prepare_slots() or renderer.prepare_comparison():
                 return False
         except Exception:
             # Said once, and not tried again before something changes.

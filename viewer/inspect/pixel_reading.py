@@ -6,8 +6,8 @@ import numpy as np
 
 from viewer.inspect.block_content import BlockPlace, block_content
 from viewer.inspect.pixel_content import PatchPlace, PixelContent, PixelPatch
-from viewer.render.passes.visibility import materials_of, texture_ids_of
 from viewer.render.renderer import Renderer
+from viewer.render.resources.visibility_buffer import materials_of, texture_ids_of
 from viewer.state.view_state import BLOCKS, REFERENCE, Slot, ViewState
 
 LEAST_FOOTPRINT = 1e-10

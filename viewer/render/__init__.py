@@ -1,1 +1,1 @@
-"""Drawing a view of a scene: the renderer, its passes and what they read."""
+"""RenderContext a view of a scene: the renderer, its passes and what they read."""

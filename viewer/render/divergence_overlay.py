@@ -11,8 +11,9 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
 from viewer.render.passes.composite import HeatmapOverlay
-from viewer.render.passes.divergence import DecoderTables, DivergencePass, DivergenceTarget, Stage
-from viewer.render.passes.visibility import VisibilityTarget
+from viewer.render.passes.divergence import DivergencePass
+from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Camera
 from viewer.state.view_state import BLOCKS, BlockName, Overlay
 
@@ -30,7 +31,7 @@ class CountedGrouping:
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
 
-class ShownDivergence:
+class DivergenceOverlay:
     """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, timer: PassTimer, stage: Stage) -> None:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.composite import MarksOverlay
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.texture_marks import TextureMarks
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.state.view_state import Overlay
 
 LEAST_ERROR = 1e-6
@@ -18,7 +18,7 @@ LEAST_ERROR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class FoundErrors:
+class ComparisonErrors:
     """Root mean square errors between A and B, in steps of 8-bit sRGB; NaN for textures that are not seen."""
 
     by_texture: NDArray[np.float32]
@@ -27,18 +27,18 @@ class FoundErrors:
     """[textures]: of all textures of the texture's decoder."""
 
 
-class ShownErrors:
+class ErrorOverlay:
     """Textures and buffers are made when they are shown, and once."""
 
     def __init__(self, context: GraphicsContext, textures: int) -> None:
         self._context, self._textures = context, textures
-        self._errors: FoundErrors | None = None
+        self._errors: ComparisonErrors | None = None
         self._marks: TextureMarks | None = None
         self._marks_key: object = None
         self._flip: moderngl.Texture | None = None
         self._flip_key: object = None
 
-    def set_errors(self, errors: FoundErrors | None) -> None:
+    def set_errors(self, errors: ComparisonErrors | None) -> None:
         """Show these from now on; None where there are none."""
         self._errors = errors
 

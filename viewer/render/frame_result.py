@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.view_state import PathChoice, Slot
 

@@ -16,14 +16,14 @@ from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
 from viewer.render.passes.needed_levels import NeededLevelsPass
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.culling import DrawList
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.latent_store import LatentBudget, LatentCounts
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts, TilePace
+from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tile_table import TileTable
 from viewer.scene.model import Scene
@@ -38,7 +38,7 @@ FRAMES_AHEAD_OF_MISSING = 4
 
 
 @dataclass(frozen=True, eq=False)
-class SeenSurfaces:
+class VisibilityInputs:
     """What a decode path decodes for."""
 
     visibility: VisibilityTarget
@@ -52,7 +52,7 @@ class SeenSurfaces:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class RenderContext:
     """What draws, for all packs of a scene."""
 
     context: GraphicsContext
@@ -60,17 +60,17 @@ class Drawing:
     scene_buffers: SceneBuffers
     timer: PassTimer
     tile_cache: TileCacheConfig
-    tile_pace: TilePace
+    tile_budget: TileBudget
     latents: LatentBudget
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
 
 
 @dataclass
-class PackOnGpu:
+class GpuPack:
     """Buffers and passes of one pack."""
 
-    drawing: Drawing
+    context: RenderContext
     pack: Pack
     match: PackMatch
     precision: Precision
@@ -80,7 +80,7 @@ class PackOnGpu:
     _bands_left: int = 0
     """Parts of the picture that are still to be drawn."""
     _ahead: int = 0
-    """Times that tiles were decoded since the last drawing, which then decodes none."""
+    """Times that tiles were decoded since the last context, which then decodes none."""
     _asked: object = None
     """The view whose tiles the cache was asked for last."""
     _made: list[PackBuffers | DecoderRanges | DecodeBinnedPass | DecodeCachedPass | NeededLevelsPass] = field(
@@ -96,58 +96,58 @@ class PackOnGpu:
     def buffers(self) -> PackBuffers:
         """Latents, tables and weights."""
         made = PackBuffers(
-            self.drawing.context,
+            self.context.context,
             self.pack,
             self.match.texture_index,
             self.precision,
-            self.drawing.emulate_half,
-            on_demand=self.drawing.latents,
+            self.context.emulate_half,
+            on_demand=self.context.latents,
         )
         self._made.append(made)
         return made
 
     @cached_property
     def _ranges(self) -> DecoderRanges:
-        made = DecoderRanges(self.drawing.context, self.pack, self.precision)
+        made = DecoderRanges(self.context.context, self.pack, self.precision)
         self._made.append(made)
         return made
 
     @property
     def _colors(self) -> bool:
-        return self.drawing.scene_buffers.has_colors
+        return self.context.scene_buffers.has_colors
 
     @cached_property
     def _deferred(self) -> DecodeDeferredPass:
         used = {decoder for decoder in self.decoders if decoder >= 0}
         shared = used.pop() if len(used) == 1 else None
         ranges = self._ranges if shared is not None else None
-        return DecodeDeferredPass(self.drawing.context, self.programs, self.buffers, ranges, self._colors, shared)
+        return DecodeDeferredPass(self.context.context, self.programs, self.buffers, ranges, self._colors, shared)
 
     @cached_property
     def _forward(self) -> DecodeForwardPass:
-        return DecodeForwardPass(self.drawing.context, self.programs, self.buffers, self._colors)
+        return DecodeForwardPass(self.context.context, self.programs, self.buffers, self._colors)
 
     @cached_property
     def _binned(self) -> DecodeBinnedPass:
         made = DecodeBinnedPass(
-            self.drawing.context, self.programs, self.buffers, self._ranges, self.pack, self._colors
+            self.context.context, self.programs, self.buffers, self._ranges, self.pack, self._colors
         )
         self._made.append(made)
         return made
 
     def _tile_cache(self) -> DecodeCachedPass:
         if self._cached is None:
-            table = TileTable.of(self.drawing.scene.materials, self.pack, self.match)
+            table = TileTable.of(self.context.scene.materials, self.pack, self.match)
             self._cached = DecodeCachedPass(
-                self.drawing.context,
+                self.context.context,
                 self.programs,
                 self.buffers,
                 self._ranges,
                 table,
                 self.decoders,
                 self._colors,
-                self.drawing.tile_cache,
-                self.drawing.tile_pace,
+                self.context.tile_cache,
+                self.context.tile_budget,
             )
             self._made.append(self._cached)
         return self._cached
@@ -155,17 +155,17 @@ class PackOnGpu:
     @cached_property
     def _needed_levels(self) -> NeededLevelsPass:
         count = len(self.match.texture_index)
-        made = NeededLevelsPass(self.drawing.context, self.programs, count, self._colors)
+        made = NeededLevelsPass(self.context.context, self.programs, count, self._colors)
         self._made.append(made)
         return made
 
-    def _upload_latents(self, seen: SeenSurfaces) -> None:
+    def _upload_latents(self, seen: VisibilityInputs) -> None:
         """Have the mips on the GPU that this view reads."""
         drawn = dict.fromkeys(self._textures_in(seen.draw_list), 0)
         if self.buffers.has(drawn):
             return
-        with self.drawing.timer.measure("latents"):
-            needed = self._needed_levels.run(seen.visibility, self.drawing.scene_buffers, self.buffers)
+        with self.context.timer.measure("latents"):
+            needed = self._needed_levels.run(seen.visibility, self.context.scene_buffers, self.buffers)
             self.buffers.need(needed)
 
     @property
@@ -213,32 +213,32 @@ class PackOnGpu:
         return path == "cached" and self.tiles is not None and self.tiles.waiting > 0
 
     def decode_ahead(self, path: PathChoice) -> bool:
-        """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
+        """Decode tiles without context, where all are there in an older version, or frames are long; False when it is time to draw.
 
-        Drawing costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
+        RenderContext costs as much as decoding many tiles: the picture is drawn anew once for several times that tiles are decoded.
         """
         cache = self._cached
         if path != "cached" or cache is None or self._bands_left:
             return False
         most = FRAMES_AHEAD if cache.only_stale else 0
-        if cache.is_missing_tiles and self.drawing.tile_pace.is_tight:
+        if cache.is_missing_tiles and self.context.tile_budget.is_tight:
             most = FRAMES_AHEAD_OF_MISSING
         if self._ahead >= most:
             return False
         self._ahead += 1
-        with self.drawing.timer.measure("decode_cached"):
+        with self.context.timer.measure("decode_cached"):
             done = cache.decode(cache.tiles_ahead())
-        cache.note_time(done, self.drawing.timer.last_ms)
+        cache.note_time(done, self.context.timer.last_ms)
         return True
 
     def decode(
-        self, path: PathChoice, seen: SeenSurfaces, target: AlbedoTarget, whole: bool, in_bands: bool = False
+        self, path: PathChoice, seen: VisibilityInputs, target: AlbedoTarget, whole: bool, in_bands: bool = False
     ) -> float:
         """Draw linear albedo; the time in ms. With `whole` path `cached` decodes whatever is missing, however long it takes.
 
         With `in_bands` path `cached` may draw some rows only: `is_half_drawn` until the next calls have drawn the others.
         """
-        drawing, timer = self.drawing, self.drawing.timer
+        context, timer = self.context, self.context.timer
         if path == "cached":
             return self._decode_cached(seen, target, whole, in_bands)
         self._upload_latents(seen)
@@ -252,11 +252,11 @@ class PackOnGpu:
             chosen = self._deferred
         with timer.measure(f"decode_{path}"):
             if isinstance(chosen, DecodeForwardPass):
-                chosen.run(seen.visibility, drawing.scene_buffers, target, seen.matrix)
+                chosen.run(seen.visibility, context.scene_buffers, target, seen.matrix)
             elif isinstance(chosen, DecodeBinnedPass):
-                chosen.run(seen.visibility, drawing.scene_buffers, target, self._decoders_in(seen.draw_list))
+                chosen.run(seen.visibility, context.scene_buffers, target, self._decoders_in(seen.draw_list))
             else:
-                chosen.run(seen.visibility, drawing.scene_buffers, target)
+                chosen.run(seen.visibility, context.scene_buffers, target)
         return timer.last_ms
 
     @property
@@ -264,8 +264,8 @@ class PackOnGpu:
         """Whether the last `decode` left rows of the picture for the next ones."""
         return self._bands_left > 0
 
-    def _decode_cached(self, seen: SeenSurfaces, target: AlbedoTarget, whole: bool, in_bands: bool) -> float:
-        cache, timer, name = self._tile_cache(), self.drawing.timer, "decode_cached"
+    def _decode_cached(self, seen: VisibilityInputs, target: AlbedoTarget, whole: bool, in_bands: bool) -> float:
+        cache, timer, name = self._tile_cache(), self.context.timer, "decode_cached"
         spent = 0.0
         # Only after frames that decoded ahead: else a picture that lacks tiles is to become better in every frame.
         in_bands = in_bands and not whole and self._asked == seen.key and bool(self._ahead or self._bands_left)
@@ -273,9 +273,9 @@ class PackOnGpu:
             return self._sample_band(seen, target)
         self._bands_left = 0
         while True:
-            if self._asked != seen.key or cache.must_ask_again:
+            if self._asked != seen.key or cache.request_overflowed:
                 with timer.measure(name):
-                    cache.request(seen.visibility, self.drawing.scene_buffers, seen.anisotropy)
+                    cache.request(seen.visibility, self.context.scene_buffers, seen.anisotropy)
                 spent += timer.last_ms
                 self._asked = seen.key
             wanted = 0 if self._ahead and not whole else cache.tiles_now(whole)
@@ -285,27 +285,27 @@ class PackOnGpu:
                     done = cache.decode(wanted)
                 cache.note_time(done, timer.last_ms)
                 spent += timer.last_ms
-            if not (whole and wanted and cache.must_ask_again):
+            if not (whole and wanted and cache.request_overflowed):
                 break
         if in_bands:
             self._bands_left = BANDS
             return spent + self._sample_band(seen, target)
         with timer.measure(name):
-            cache.sample(seen.visibility, self.drawing.scene_buffers, target, seen.anisotropy)
+            cache.sample(seen.visibility, self.context.scene_buffers, target, seen.anisotropy)
         return spent + timer.last_ms
 
-    def _sample_band(self, seen: SeenSurfaces, target: AlbedoTarget) -> float:
+    def _sample_band(self, seen: VisibilityInputs, target: AlbedoTarget) -> float:
         """Draw the next rows; the time in ms."""
-        timer = self.drawing.timer
+        timer = self.context.timer
         band = (BANDS - self._bands_left, BANDS)
         self._bands_left -= 1
         with timer.measure("decode_cached"):
-            self._tile_cache().sample(seen.visibility, self.drawing.scene_buffers, target, seen.anisotropy, band)
+            self._tile_cache().sample(seen.visibility, self.context.scene_buffers, target, seen.anisotropy, band)
         return timer.last_ms
 
     def _textures_in(self, draw_list: DrawList) -> list[int]:
         """Encoded textures whose materials are drawn."""
-        materials = self.drawing.scene.materials
+        materials = self.context.scene.materials
         textures = {materials[index].texture_id for index in np.nonzero(draw_list.materials)[0]}
         return sorted(texture for texture in textures if texture >= 0 and self.decoders[texture] >= 0)
 
@@ -313,16 +313,16 @@ class PackOnGpu:
         """Their decoders."""
         return sorted({self.decoders[texture] for texture in self._textures_in(draw_list)})
 
-    def hand_over(self, pack: Pack, match: PackMatch) -> "PackOnGpu":
+    def hand_over(self, pack: Pack, match: PackMatch) -> "GpuPack":
         """Another version of this pack in its place, which this frees. Decoded tiles of textures that are the same are kept.
 
         Raises GpuMemoryError where both do not fit beside each other; then this one is as it was.
         """
-        made = PackOnGpu(self.drawing, pack, match, self.precision, self.programs)
+        made = GpuPack(self.context, pack, match, self.precision, self.programs)
         if self._cached is not None and same_shape(self.pack, pack) and self.match == match:
             changed = changed_textures(self.pack, pack)
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
-            with self.drawing.context.memory.whole():
+            with self.context.context.memory.whole():
                 buffers, ranges = made.buffers, made._ranges
             self._cached.replace_pack(buffers, ranges, made.decoders, ids)
             made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead

@@ -9,7 +9,7 @@ from ntc.pack.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.program import ProgramFactory
 from viewer.render.divergence_overlay import CountedGrouping
-from viewer.render.gpu_pack import Drawing, PackOnGpu
+from viewer.render.gpu_pack import GpuPack, RenderContext
 from viewer.render.resources.pack_buffers import codec_programs
 from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
@@ -17,7 +17,7 @@ from viewer.state.view_state import Precision, Slot
 
 
 @contextmanager
-def refusing(name: str) -> Iterator[None]:
+def naming_memory_errors(name: str) -> Iterator[None]:
     """Say what it is that the GPU has no memory for."""
     try:
         yield
@@ -25,17 +25,17 @@ def refusing(name: str) -> Iterator[None]:
         raise GpuMemoryError(f"{name}: {error}") from error
 
 
-class PacksToDraw:
+class GpuPacks:
     """Packs of one scene. Each is uploaded when it is first asked for, once for every precision."""
 
-    def __init__(self, drawing: Drawing, programs: ProgramFactory, scene: Scene) -> None:
-        self._drawing, self._programs, self._scene = drawing, programs, scene
+    def __init__(self, context: RenderContext, programs: ProgramFactory, scene: Scene) -> None:
+        self._drawing, self._programs, self._scene = context, programs, scene
         self._packs: dict[str, Pack] = {}
         self._versions: dict[str, int] = {}
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
         self._matches: dict[str, PackMatch] = {}
-        self._on_gpu: dict[tuple[str, Precision], PackOnGpu] = {}
+        self._on_gpu: dict[tuple[str, Precision], GpuPack] = {}
         self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
 
     def __contains__(self, name: str) -> bool:
@@ -70,7 +70,7 @@ class PacksToDraw:
         self._matches = {name: match for name, match in self._matches.items() if name in packs}
         self._packs = dict(packs)
 
-    def on_gpu(self, slot: Slot) -> PackOnGpu:
+    def on_gpu(self, slot: Slot) -> GpuPack:
         """The pack that a slot shows, in its precision. Raises GpuMemoryError that names it."""
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
@@ -79,13 +79,13 @@ class PacksToDraw:
             if pack.config not in self._codec_programs:
                 self._codec_programs[pack.config] = codec_programs(self._programs, pack)
             programs = self._codec_programs[pack.config]
-            on_gpu = PackOnGpu(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
-            with refusing(f"pack {slot.source}"):
+            on_gpu = GpuPack(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
+            with naming_memory_errors(f"pack {slot.source}"):
                 on_gpu.make()
             self._on_gpu[key] = on_gpu
         return self._on_gpu[key]
 
-    def uploaded(self, slot: Slot) -> PackOnGpu | None:
+    def uploaded(self, slot: Slot) -> GpuPack | None:
         """The same, if it is on the GPU; None for the reference, too."""
         return self._on_gpu.get((slot.source, slot.precision))
 

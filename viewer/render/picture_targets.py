@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 from viewer.render.passes.composite import CompositeTarget
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.state.view_state import Slot
 
 

@@ -14,27 +14,28 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
-from viewer.render.divergence_overlay import ShownDivergence
-from viewer.render.error_overlay import ShownErrors
+from viewer.render.divergence_overlay import DivergenceOverlay
+from viewer.render.error_overlay import ErrorOverlay
 from viewer.render.frame_result import DrawnPair, FrameResult
-from viewer.render.gpu_pack import Drawing, SeenSurfaces
-from viewer.render.gpu_packs import PacksToDraw, refusing
-from viewer.render.passes.composite import CompositePass, CompositeTarget, Look, ShownDifference
-from viewer.render.passes.divergence import Stage
+from viewer.render.gpu_pack import RenderContext, VisibilityInputs
+from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
+from viewer.render.passes.composite import CompositeParams, CompositePass, CompositeTarget, DifferenceParams
 from viewer.render.passes.reference import ReferencePass
-from viewer.render.passes.visibility import SurfaceContent, VisibilityPass, VisibilityTarget
+from viewer.render.passes.visibility import VisibilityPass
 from viewer.render.path_choice import PathTimes, time_paths
 from viewer.render.picture_targets import DrawnAlbedo, PictureTargets
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.culling import Culling, DrawList
+from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.scene_buffers import SceneBuffers, material_records
-from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts, TilePace
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.resource_files import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import view_projection
-from viewer.state.compare_layout import shown_slots, split_of
+from viewer.state.compare_layout import layout_of, shown_slots
 from viewer.state.view_state import (
     REFERENCE,
     CompareMode,
@@ -85,21 +86,21 @@ class Renderer:
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
         self._timer = PassTimer(context)
         tile_cache = tile_cache or TileCacheConfig()
-        self.tile_pace = TilePace(tile_cache)
+        self.tile_budget = TileBudget(tile_cache)
         """To be told how long frames take, by who knows."""
-        drawing = Drawing(
+        drawing = RenderContext(
             context,
             scene,
             self._scene_buffers,
             self._timer,
             tile_cache,
-            self.tile_pace,
+            self.tile_budget,
             latents or LatentBudget(),
             emulate_half,
         )
-        self._divergence = ShownDivergence(context, self._programs, self._timer, divergence_stage)
-        self._errors = ShownErrors(context, len(scene.textures))
-        self._packs = PacksToDraw(drawing, self._programs, scene)
+        self._divergence = DivergenceOverlay(context, self._programs, self._timer, divergence_stage)
+        self._errors = ErrorOverlay(context, len(scene.textures))
+        self._packs = GpuPacks(drawing, self._programs, scene)
         self._draws = 0
         self._prepared: set[Slot] = set()
         self._path_times: dict[tuple[str, Precision], PathTimes] = {}
@@ -311,7 +312,7 @@ class Renderer:
             target = AlbedoTarget(self._context, PREPARED_SIZE)
         try:
             self._visibility.run(visibility, self._matrix)
-            seen = SeenSurfaces(visibility, self._draw_list, self._matrix, 1, ("prepared", slot))
+            seen = VisibilityInputs(visibility, self._draw_list, self._matrix, 1, ("prepared", slot))
             self._packs.on_gpu(slot).decode(slot.path, seen, target, whole=False)
         finally:
             self._timer.take()
@@ -347,17 +348,17 @@ class Renderer:
         targets.drawn.pop(slot, None)
         if on_gpu is None:
             visible = np.nonzero(draw_list.materials)[0].tolist()
-            with self._timer.measure("upload"), refusing("the reference"):
+            with self._timer.measure("upload"), naming_memory_errors("the reference"):
                 self._reference.upload(visible)
-            with self._timer.measure("reference"), refusing("the reference"):
+            with self._timer.measure("reference"), naming_memory_errors("the reference"):
                 self._reference.run(targets.visibility, self._scene_buffers, target, visible, anisotropy)
             targets.slot_ms[slot] = self._timer.last_ms
         else:
-            seen = SeenSurfaces(
+            seen = VisibilityInputs(
                 targets.visibility, draw_list, self._matrix, anisotropy, (view.camera, view.size, anisotropy)
             )
             # A composite of the picture before is shown until all rows are drawn.
-            with refusing(f"pack {slot.source}"):
+            with naming_memory_errors(f"pack {slot.source}"):
                 spent = on_gpu.decode(slot.path, seen, target, whole, in_bands=still)
             self._prepared.add(slot)
             if on_gpu.is_half_drawn:
@@ -401,16 +402,16 @@ class Renderer:
         statistics = self._divergence.statistics
         return {source: statistics[source] for source in groupings if source != REFERENCE}
 
-    def _look(self, view: ViewState, targets: PictureTargets) -> Look:
+    def _look(self, view: ViewState, targets: PictureTargets) -> CompositeParams:
         """How the albedos of the shown slots come together."""
         overlay = None
         if view.overlay.kind == "divergence":
             overlay = self._divergence.overlay(view.overlay, *(slot.source for slot in shown_slots(view)))
         difference = None
         if view.compare == "difference":
-            difference = ShownDifference(view.difference, self._errors.flip_map(self._pair_key(view, targets)))
+            difference = DifferenceParams(view.difference, self._errors.flip_map(self._pair_key(view, targets)))
         marks = self._errors.marks(view.overlay, view.highlight, targets.visibility)
-        return Look(split_of(view), difference, overlay, marks, view.zoom)
+        return CompositeParams(layout_of(view), difference, overlay, marks, view.zoom)
 
     def _pair_key(self, view: ViewState, targets: PictureTargets) -> object:
         """Stands for what A and B are at each pixel."""
@@ -421,7 +422,7 @@ class Renderer:
         key = (
             first,
             second,
-            split_of(view),
+            layout_of(view),
             targets.drawn.get(first),
             targets.drawn.get(second),
             (view.overlay, self._divergence.key) if view.overlay.kind == "divergence" else None,
@@ -451,7 +452,7 @@ class Renderer:
                 return True
         return False
 
-    def prepare_look(self) -> bool:
+    def prepare_comparison(self) -> bool:
         """Compile a program that another way to compare the last view would need; whether there was one.
 
         Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
@@ -488,7 +489,7 @@ class Renderer:
         return None if self._targets is None or self._view is None else self._pair_key(self._view, self._targets)
 
     @property
-    def errors(self) -> ShownErrors:
+    def errors(self) -> ErrorOverlay:
         """What a comparison of A and B has found, for overlays and the FLIP map."""
         return self._errors
 

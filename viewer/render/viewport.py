@@ -105,7 +105,7 @@ class ShownPicture:
         whole = self._session.measure_requested or bool(self._session.picture_requests)
         if view == self.last_view and not self.is_waiting:
             return
-        renderer.tile_pace.note_frame(self._times.last_ms)
+        renderer.tile_budget.note_frame(self._times.last_ms)
         # Nothing can be asked about a view that could not be drawn.
         self.last_view = None
         try:

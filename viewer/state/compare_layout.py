@@ -10,7 +10,7 @@ BOTH: tuple[CompareMode, ...] = (*WIPES, "side-by-side", "difference")
 
 
 @dataclass(frozen=True)
-class Split:
+class CompareLayout:
     """A line that parts the picture."""
 
     vertical: bool
@@ -21,12 +21,12 @@ class Split:
     """As a share of the width: how much further to the right of the picture the first part looks, the second to the left."""
 
 
-def split_of(view: ViewState) -> Split | None:
+def layout_of(view: ViewState) -> CompareLayout | None:
     """The line of a view; None where one slot, or the difference, fills the picture."""
     if view.compare == "side-by-side":
         # Each half shows the middle of the same picture, pixel by pixel: nothing need be drawn at another size.
-        return Split(True, 0.5, 0.25)
-    return Split(view.compare == "wipe", view.wipe_position) if view.compare in WIPES else None
+        return CompareLayout(True, 0.5, 0.25)
+    return CompareLayout(view.compare == "wipe", view.wipe_position) if view.compare in WIPES else None
 
 
 def shown_slots(view: ViewState) -> tuple[Slot, Slot]:
@@ -44,19 +44,19 @@ def shown_sides(view: ViewState) -> tuple[Side, Side]:
     return ("b", "a") if view.flipped else ("a", "b")
 
 
-def _shift_at(split: Split | None, second: bool) -> float:
+def _shift_at(split: CompareLayout | None, second: bool) -> float:
     if split is None:
         return 0.0
     return -split.shift if second else split.shift
 
 
-def _is_second(split: Split | None, x: float, y: float) -> bool:
+def _is_second(split: CompareLayout | None, x: float, y: float) -> bool:
     return split is not None and (x if split.vertical else y) >= split.position
 
 
 def seen_at(view: ViewState, x: float, y: float) -> tuple[float, float]:
     """What of the picture is shown at (x, y) of the window; both as shares from the upper left corner."""
-    split = split_of(view)
+    split = layout_of(view)
     return view.zoom.seen_at(x + _shift_at(split, _is_second(split, x, y)), y)
 
 
@@ -65,7 +65,7 @@ def shown_at(view: ViewState, x: float, y: float) -> tuple[tuple[float, float], 
 
     A place outside the window is none.
     """
-    split = split_of(view)
+    split = layout_of(view)
     shown_x, shown_y = view.zoom.shown_at(x, y)
     if split is None or split.shift == 0.0:
         return ((shown_x, shown_y),)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.state.compare_layout import WIPES, shown_at, shown_sides, split_of
+from viewer.state.compare_layout import WIPES, layout_of, shown_at, shown_sides
 from viewer.state.session import Session, Toast
 from viewer.state.view_state import REFERENCE, Slot, ViewState
 from viewer.ui.area import Area
@@ -73,7 +73,7 @@ def draw_labels(session: Session, area: Area, items: ItemPlaces) -> None:
 
     sides = shown_sides(view)
     names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
-    split = split_of(view)
+    split = layout_of(view)
     if split is None:
         text = names[0] if view.compare in ("a", "b") else f"{_difference_label(view)}: {names[0]} - {names[1]}"
         plate(middle.x - imgui.calc_text_size(text).x / 2, top, text)

@@ -67,7 +67,7 @@ COMPUTED += [
     for name in ("count", "scan", "scatter")
 ]
 COMPUTED += [
-    ("passes/decode_cached/forget.comp", {}),
+    ("passes/decode_cached/invalidate.comp", {}),
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 0}),
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
     ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),

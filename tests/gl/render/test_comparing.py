@@ -11,7 +11,7 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.color import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
-from viewer.render.error_overlay import FoundErrors
+from viewer.render.error_overlay import ComparisonErrors
 from viewer.render.frame_result import read_picture
 from viewer.render.passes.composite import FLIP_PALETTE, LEAST_LIGHT
 from viewer.render.renderer import Renderer
@@ -142,7 +142,7 @@ def test_errors_colour_textures(renderer: Renderer, kind: str) -> None:
     by_texture[0] = np.nan
     by_decoder = by_texture[::-1].copy()
     overlay = Overlay("error-texture" if kind == "error-texture" else "error-decoder", opacity=0.75)
-    renderer.errors.set_errors(FoundErrors(by_texture, by_decoder))
+    renderer.errors.set_errors(ComparisonErrors(by_texture, by_decoder))
     picture = shown(renderer, replace(VIEW, compare="a", overlay=overlay))
     values = by_texture if kind == "error-texture" else by_decoder
     shares = np.append(values / np.nanmax(values), np.nan)[renderer.texture_ids()]
@@ -193,13 +193,13 @@ def test_what_rests_is_prepared(graphics: GraphicsContext) -> None:
     made.set_packs({"p": random_pack(sizes, (0,) * len(sizes), hashes=[t.pixel_hash for t in scene.textures])})
     before = shown(made, replace(VIEW, compare="a"))
     assert made.drawn_pair() is None
-    assert not made.prepare_look()
+    assert not made.prepare_comparison()
     assert made.prepare_slots()
     assert not made.prepare_slots()
     pair = made.drawn_pair()
     assert pair is not None
     looks = 0
-    while made.prepare_look():
+    while made.prepare_comparison():
         looks += 1
     assert looks >= 4
     frame = made.render(replace(VIEW, compare="b"))

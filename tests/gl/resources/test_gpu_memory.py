@@ -182,7 +182,7 @@ class Window:
         for name in VIEWS:
             self._try(lambda name=name: self._draw(name))
             self._try(renderer.prepare_slots)
-            self._try(renderer.prepare_look)
+            self._try(renderer.prepare_comparison)
 
     def draw_again(self) -> dict[str, NDArray[np.uint8]]:
         """With all the memory there is; without pictures that say themselves that they are coarser."""

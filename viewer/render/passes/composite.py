@@ -7,12 +7,12 @@ import numpy as np
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.divergence import DivergenceTarget
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.divergence_maps import DivergenceTarget
 from viewer.render.resources.layout import PALETTE_STEPS, TextureUnit
 from viewer.render.resources.texture_marks import TextureMarks
-from viewer.state.compare_layout import Split
+from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.state.compare_layout import CompareLayout
 from viewer.state.palettes import PaletteName, palette_colors
 from viewer.state.view_state import Difference
 from viewer.state.zoom import WHOLE, Zoom
@@ -80,7 +80,7 @@ class MarksOverlay:
 
 
 @dataclass(frozen=True, eq=False)
-class ShownDifference:
+class DifferenceParams:
     """The difference of A and B in place of a slot."""
 
     difference: Difference
@@ -103,11 +103,11 @@ class ShownDifference:
 
 
 @dataclass(frozen=True)
-class Look:
+class CompositeParams:
     """How the slots come together in one picture. Without `split` and `difference` slot A is shown alone."""
 
-    split: Split | None = None
-    difference: ShownDifference | None = None
+    split: CompareLayout | None = None
+    difference: DifferenceParams | None = None
     overlay: HeatmapOverlay | None = None
     marks: MarksOverlay | None = None
     zoom: Zoom = WHOLE
@@ -129,7 +129,7 @@ def palette_steps(name: PaletteName) -> bytes:
     return palette_colors(name, np.linspace(0.0, 1.0, PALETTE_STEPS)).astype("<f4").tobytes()
 
 
-def _split_uniforms(split: Split, size: tuple[int, int]) -> dict[str, object]:
+def _split_uniforms(split: CompareLayout, size: tuple[int, int]) -> dict[str, object]:
     width, height = size
     # Rows of the shader count from below.
     line = (1.0, 0.0, split.position * width) if split.vertical else (0.0, -1.0, (split.position - 1.0) * height)
@@ -146,7 +146,7 @@ class CompositePass:
         self._drawn: set[object] = set()
         self._scratch = CompositeTarget(context, SCRATCH)
 
-    def prepare(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look) -> bool:
+    def prepare(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams) -> bool:
         """Draw a few pixels to nowhere, unless something like it has been drawn; whether it was."""
         if self._kind(albedo_a, albedo_b, look) in self._drawn:
             return False
@@ -154,11 +154,13 @@ class CompositePass:
         return True
 
     @staticmethod
-    def _kind(albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look) -> object:
+    def _kind(albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams) -> object:
         """Drivers may compile a program anew for other formats of textures."""
         return tuple(look.defines.items()), albedo_a.texture.dtype, albedo_b.texture.dtype
 
-    def run(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: Look, target: CompositeTarget) -> None:
+    def run(
+        self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams, target: CompositeTarget
+    ) -> None:
         """Draw the picture; `albedo_b` is not read where slot A is shown alone."""
         overlay, marks, zoom = look.overlay, look.marks, look.zoom
         self._drawn.add(self._kind(albedo_a, albedo_b, look))

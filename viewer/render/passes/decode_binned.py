@@ -10,12 +10,12 @@ import numpy as np
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 FOLDER = "passes/decode_binned"
 PIXEL_BYTES = 4

@@ -2,12 +2,12 @@
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 
 class DecodeDeferredPass:

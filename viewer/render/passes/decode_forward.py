@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 
 class DecodeForwardPass:

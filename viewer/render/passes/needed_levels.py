@@ -4,10 +4,10 @@ import numpy as np
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.layout import GROUP_SIDE, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 NOT_SEEN = 127
 

@@ -13,11 +13,11 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_texture_array import SrgbTextureArray
-from viewer.render.passes.visibility import SurfaceContent, VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.scene.model import Sampler, Scene
 
 LAYERS_AT_MOST = 256

@@ -1,135 +1,13 @@
-"""The visibility pass: what surface is seen at each pixel. All later passes read only this."""
-
-import ctypes
-from dataclasses import dataclass
+"""The visibility pass: which surface each pixel shows. All later passes read only this."""
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.gl import functions as names
-from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.resources.layout import MATERIAL_SHIFT, TextureUnit
 from viewer.render.resources.scene_buffers import SceneBuffers
-
-
-@dataclass(frozen=True)
-class SurfaceContent:
-    """What a visibility buffer holds besides ids, uv and footprint."""
-
-    colors: bool
-    """Vertex colours."""
-    gradients: bool
-    """Changes of uv from pixel to pixel, for anisotropic filtering."""
-
-    def defines(self) -> dict[str, int]:
-        """Defines for shaders that write or read it."""
-        return {"VERTEX_COLORS": int(self.colors), "GRADIENTS": int(self.gradients)}
-
-
-def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Texture ids in first words of the visibility buffer, any shape; -1 for none."""
-    return (words & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
-
-
-def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Materials in first words of the visibility buffer, any shape; -1 for the background."""
-    return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
-
-
-class VisibilityTarget:
-    """The visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
-
-    def __init__(self, context: GraphicsContext, size: tuple[int, int], content: SurfaceContent) -> None:
-        self._functions = context.functions
-        self.size = size
-        self.content = content
-        with context.memory.whole():
-            self._make_textures(context.memory)
-        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
-        self.clear()
-
-    def _make_textures(self, memory: GpuMemory) -> None:
-        what, size = f"what is seen in a picture of {self.size[0]} x {self.size[1]}", self.size
-        self._words = memory.texture(what, size, 4, dtype="u4")
-        self._textures = {TextureUnit.SURFACE: self._words}
-        if self.content.colors:
-            self._textures[TextureUnit.SURFACE_COLOR] = memory.texture(what, size, 1, dtype="u4")
-        if self.content.gradients:
-            self._textures[TextureUnit.SURFACE_GRADIENTS] = memory.texture(what, size, 4, dtype="f4")
-        for texture in self._textures.values():
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self.depth = memory.depth_texture(what, size)
-        self.framebuffer = memory.framebuffer(what, list(self._textures.values()), self.depth)
-
-    def clear(self) -> None:
-        """Background everywhere: zero ids, farthest depth. What lies behind zero ids is never read."""
-        self.framebuffer.use()
-        self.framebuffer.clear(depth=1.0)
-        # glClear is undefined for integer targets.
-        zero = (ctypes.c_uint * 4)()
-        self._functions("glClearBufferuiv", names.GL_COLOR, 0, ctypes.addressof(zero))
-
-    def write(self, words: NDArray[np.uint32]) -> None:
-        """Replace what is seen by `words` [H, W, 4] (docs/decode-paths.md), row 0 at the bottom: for benchmarks and tests."""
-        self._words.write(np.ascontiguousarray(words, np.uint32).tobytes())
-
-    def bind(self) -> None:
-        """Bind for reading by `common/visibility.glsl`."""
-        for unit, texture in self._textures.items():
-            texture.use(int(unit))
-
-    def words(self) -> NDArray[np.uint32]:
-        """[H, W, 4] uint32, row 0 on top: what is seen (docs/decode-paths.md)."""
-        return np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)[::-1]
-
-    def colors(self) -> NDArray[np.float64] | None:
-        """[H, W, 3] linear vertex colours, row 0 on top; None where the scene has none."""
-        if not self.content.colors:
-            return None
-        words = np.frombuffer(self._textures[TextureUnit.SURFACE_COLOR].read(), np.uint32)
-        bits = words.reshape(self.size[1], self.size[0])[::-1]
-        roots = np.stack([(bits >> np.uint32(shift)) & np.uint32(1023) for shift in (0, 10, 20)], axis=-1)
-        return (roots / 1023.0) ** 2
-
-    def _ids(self) -> NDArray[np.uint32]:
-        return self.words()[..., 0]
-
-    def read_id_bytes(self) -> bytes:
-        """First word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
-        return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
-
-    def words_at(self, x: int, y: int) -> NDArray[np.uint32]:
-        """[4] uint32 of one pixel, counted from the upper left corner: ids, uv and footprint (docs/decode-paths.md)."""
-        viewport = (x, self.size[1] - 1 - y, 1, 1)
-        return np.frombuffer(
-            self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4"), np.uint32
-        )
-
-    def texture_ids(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture id of each pixel, -1 where no texture is seen."""
-        return texture_ids_of(self._ids())
-
-    def texture_ids_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.int32]:
-        """[bottom - top, right - left] int32: texture ids of a part of the picture, in pixels from the upper left corner."""
-        size = (right - left, bottom - top)
-        viewport = (left, self.size[1] - bottom, *size)
-        words = self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4")
-        ids = np.frombuffer(words, np.uint32).reshape(size[1], size[0], 4)[::-1, :, 0]
-        return texture_ids_of(ids)
-
-    def materials(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
-        return materials_of(self._ids())
-
-    def release(self) -> None:
-        """Free the textures."""
-        self.framebuffer.release()
-        self.depth.release()
-        for texture in self._textures.values():
-            texture.release()
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 
 class VisibilityPass:

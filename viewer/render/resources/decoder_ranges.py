@@ -7,8 +7,7 @@ from ntc.codec.rescale import stored_pack
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import StorageBinding, UniformBinding
-from viewer.render.resources.network import NetworkLayout, weight_bytes
-from viewer.render.resources.network_config import DEFAULT_NETWORK, NetworkConfig
+from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig, NetworkLayout, weight_bytes
 from viewer.state.view_state import Precision
 
 LARGEST_ALIGNMENT = 256

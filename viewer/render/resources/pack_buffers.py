@@ -20,8 +20,14 @@ from viewer.render.resources.layout import (
     codec_layout_glsl,
     texture_record,
 )
-from viewer.render.resources.network import NetworkLayout, network_glsl, shared_network_glsl, weight_bytes
-from viewer.render.resources.network_config import DEFAULT_NETWORK, NetworkConfig
+from viewer.render.resources.network import (
+    DEFAULT_NETWORK,
+    NetworkConfig,
+    NetworkLayout,
+    network_glsl,
+    shared_network_glsl,
+    weight_bytes,
+)
 from viewer.render.resources.precision import precision_defines
 from viewer.state.view_state import Precision
 

@@ -22,7 +22,7 @@ LEAST_SHARE = 0.125
 """Of what a frame takes besides: where that is long, tiles are not what makes it so."""
 
 
-class TilePace:
+class TileBudget:
     """How long a frame may decode for tiles now: what the rest of a frame leaves, whatever that goes to."""
 
     def __init__(self, config: TileCacheConfig) -> None:

@@ -10,7 +10,6 @@ from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.srgb_atlas import SrgbAtlas
-from viewer.render.passes.visibility import VisibilityTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
@@ -27,7 +26,8 @@ from viewer.render.resources.layout import (
 )
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import MaterialsSource
-from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts, TilePace
+from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.page_pool import PagePool
 from viewer.render.tile_cache.tile_table import TileTable
 
@@ -60,7 +60,7 @@ class DecodeCachedPass:
         decoder_of_texture: Iterable[int],
         colors: bool,
         config: TileCacheConfig,
-        pace: TilePace,
+        pace: TileBudget,
     ) -> None:
         self._gl = context.gl
         self._buffers, self._ranges, self._table, self._config, self._pace = buffers, ranges, table, config, pace
@@ -72,7 +72,7 @@ class DecodeCachedPass:
         }
         self._programs, self._defines = programs, defines
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
-        self._forget = programs.compute(f"{FOLDER}/forget.comp")
+        self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
@@ -126,7 +126,7 @@ class DecodeCachedPass:
             buffer.bind_to_storage_buffer(int(binding))
 
     @property
-    def must_ask_again(self) -> bool:
+    def request_overflowed(self) -> bool:
         """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
         return self._unheard > 0 and not len(self._waiting)
 
@@ -136,7 +136,7 @@ class DecodeCachedPass:
         With `anisotropy` above 1 the visibility buffer must hold gradients.
         """
         program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
-        self._forget_entries(self._waiting)
+        self._invalidate_entries(self._waiting)
         self._frame += 1
         self._starved, self._kept = 0, self._pool.taken
         visibility.bind()
@@ -200,12 +200,12 @@ class DecodeCachedPass:
             self._out_of_memory = True
         read = self._places[StorageBinding.PAGE_USED]
         pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
-        self._forget_entries(gone)
+        self._invalidate_entries(gone)
         self._evicted += len(gone)
         if len(pages) < len(entries):
             # Nothing can make room before the view changes.
             self._starved = len(self._waiting) - len(pages)
-            self._forget_entries(self._waiting[len(pages) :])
+            self._invalidate_entries(self._waiting[len(pages) :])
             self._waiting = self._waiting[: len(pages)]
         if not len(pages):
             return 0
@@ -244,7 +244,7 @@ class DecodeCachedPass:
         read = np.frombuffer(self._places[StorageBinding.PAGE_USED].read(), np.uint32)
         seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
         self._pool.drop(stale[~seen])
-        self._forget_entries(stale[~seen])
+        self._invalidate_entries(stale[~seen])
         self._stale = stale[seen]
 
     def note_time(self, tiles: int, milliseconds: float) -> None:
@@ -271,13 +271,13 @@ class DecodeCachedPass:
         self._tiles.write(data)
         self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
 
-    def _forget_entries(self, entries: NDArray[np.int64]) -> None:
+    def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:
         if not len(entries):
             return
         self._places[StorageBinding.TILE_ENTRIES].bind_to_storage_buffer(int(StorageBinding.TILE_ENTRIES))
         self._write_tiles(entries.astype(np.uint32).tobytes())
-        set_uniforms(self._forget, {"count": len(entries)})
-        self._forget.run(-(-len(entries) // TEXEL_GROUP))
+        set_uniforms(self._invalidate, {"count": len(entries)})
+        self._invalidate.run(-(-len(entries) // TEXEL_GROUP))
         self._gl.memory_barrier()
 
     def sample(

@@ -2,17 +2,17 @@
 
 import pytest
 
-from viewer.render.tile_cache.budget import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileCacheConfig, TilePace
+from viewer.render.tile_cache.budget import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileBudget, TileCacheConfig
 
 
 def paced(rest: float, limit: float | None = 25.0, frames: int = 20) -> float | None:
     """Time for tiles after frames that took `rest` ms besides."""
-    pace = TilePace(TileCacheConfig(milliseconds=limit))
+    budget = TileBudget(TileCacheConfig(milliseconds=limit))
     for _ in range(frames):
-        pace.note_tiles(5.0)
-        pace.note_tiles(2.0)
-        pace.note_frame(rest + 7.0)
-    return pace.milliseconds
+        budget.note_tiles(5.0)
+        budget.note_tiles(2.0)
+        budget.note_frame(rest + 7.0)
+    return budget.milliseconds
 
 
 def test_tiles_get_what_the_rest_of_a_frame_leaves() -> None:
@@ -28,9 +28,9 @@ def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
 
 
 def test_one_long_frame_changes_little() -> None:
-    pace = TilePace(TileCacheConfig(milliseconds=25.0))
-    pace.note_frame(32.0)
-    assert pace.milliseconds == pytest.approx(0.5 * (25.0 + LEAST_MILLISECONDS))
+    budget = TileBudget(TileCacheConfig(milliseconds=25.0))
+    budget.note_frame(32.0)
+    assert budget.milliseconds == pytest.approx(0.5 * (25.0 + LEAST_MILLISECONDS))
 
 
 def test_what_has_no_limit_keeps_none_and_a_small_one_stays() -> None:

@@ -1,0 +1,75 @@
+"""Divergence maps of one picture under several groupings, and the texture -> decoder tables they are counted from."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.metrics.divergence import DivergenceStatistics
+from viewer.gl.context import GraphicsContext
+from viewer.render.resources.layout import StorageBinding
+
+Stage = Literal["compute", "fragment"]
+"""Which kind of shader counts: `fragment` is for drivers whose compute shaders are slow or missing."""
+
+
+class DivergenceTarget:
+    """Divergence maps of a picture of `picture` (width, height) pixels under several groupings, and their statistics.
+
+    `block` is (width, height) in pixels. Row 0 of a map is at the top.
+    """
+
+    def __init__(
+        self, context: GraphicsContext, picture: tuple[int, int], block: tuple[int, int], groupings: int = 1
+    ) -> None:
+        self.picture, self.block, self.groupings = picture, block, groupings
+        self.size = (-(-picture[0] // block[0]), -(-picture[1] // block[1]))
+        """(columns, rows) of blocks of one map."""
+        self._counts = block[0] * block[1] + 1
+        what, memory = "divergence maps", context.memory
+        with memory.whole():
+            self.texture = memory.texture(what, (self.size[0], self.size[1] * groupings), 1, dtype="u4")
+            self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.framebuffer = memory.framebuffer(what, [self.texture])
+            self.histogram = memory.buffer(what, reserve=4 * self._counts * groupings)
+        self.counted_by: Stage = "compute"
+        """Which stage wrote the maps; only `compute` fills the histogram."""
+
+    def read(self, grouping: int = 0) -> NDArray[np.uint16]:
+        """[ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
+        columns, rows = self.size
+        words = np.frombuffer(self.texture.read(alignment=1), np.uint32).reshape(self.groupings, rows, columns)
+        return words[grouping].astype(np.uint16)
+
+    def statistics(self, grouping: int = 0) -> DivergenceStatistics:
+        """Statistics of one map; a few hundred bytes are read back, not the map."""
+        if self.counted_by == "fragment":
+            return DivergenceStatistics.of(self.read(grouping))
+        counts = np.frombuffer(self.histogram.read(), np.uint32).reshape(self.groupings, self._counts)
+        return DivergenceStatistics(tuple(counts[grouping].tolist()))
+
+    def release(self) -> None:
+        """Free texture and buffer."""
+        self.framebuffer.release()
+        self.texture.release()
+        self.histogram.release()
+
+
+class DecoderTables:
+    """Decoder of every texture of a scene under each of several groupings; -1 where nothing is decoded."""
+
+    def __init__(self, context: GraphicsContext, groupings: Sequence[Sequence[int]]) -> None:
+        # One entry more than there are textures: an empty buffer cannot be bound.
+        self.textures = len(groupings[0]) + 1
+        numbers = np.array([[*decoders, -1] for decoders in groupings], "<i4")
+        self._buffer = context.memory.buffer("decoders of the textures", numbers.tobytes())
+
+    def bind(self) -> None:
+        """Bind to its storage binding."""
+        self._buffer.bind_to_storage_buffer(int(StorageBinding.DECODERS))
+
+    def release(self) -> None:
+        """Free the buffer."""
+        self._buffer.release()
