@@ -1,9 +1,11 @@
-"""Where the program keeps files of the user."""
+"""Where files lie: the user's settings and caches, and the shaders and assets of the installation."""
 
 import os
 from pathlib import Path
 
 import platformdirs
+
+from ntc.errors import InputError
 
 CONFIG_FOLDER_VARIABLE = "NTC_VIEWER_CONFIG_DIR"
 CACHE_FOLDER_VARIABLE = "NTC_VIEWER_CACHE_DIR"
@@ -31,3 +33,22 @@ def scene_roots() -> tuple[Path, ...]:
 def features_cache() -> Path:
     """Where features of textures are kept, by pixel hash."""
     return cache_folder() / "features"
+
+
+def _installed_folder(name: str) -> Path:
+    # A checkout has it at its top level, an installed wheel inside the package.
+    package = Path(__file__).resolve().parent
+    for candidate in (package / "_resources" / name, package.parent / name):
+        if candidate.is_dir():
+            return candidate
+    raise InputError(f"{package}: the folder {name}/ is missing from this installation; install ntc-viewer again")
+
+
+def shaders_folder() -> Path:
+    """Folder of the GLSL files."""
+    return _installed_folder("shaders")
+
+
+def assets_folder() -> Path:
+    """Folder of the built-in scene and its packs."""
+    return _installed_folder("assets")

@@ -11,6 +11,7 @@ from ntc.codec.config import CodecConfig
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.albedo_target import AlbedoTarget
@@ -24,7 +25,6 @@ from viewer.render.resources.layout import (
 )
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
-from viewer.resource_files import shaders_folder
 from viewer.state.view_state import Precision
 
 StandPath = Literal["deferred", "deferred, shared", "binned"]

@@ -14,11 +14,11 @@ from ntc.errors import InputError
 from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
+from viewer.locations import shaders_folder
 from viewer.render.passes.divergence import DivergencePass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.layout import scene_layout_glsl
-from viewer.resource_files import shaders_folder
 from viewer.scene.load import load_scene
 from viewer.state.view_state import BLOCKS, ViewState
 

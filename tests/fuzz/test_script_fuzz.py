@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ntc.errors import InputError
 from tests.support.scenes import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
-from viewer.resource_files import assets_folder
+from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import DIRECTIONS
 from viewer.script.parse import parse_script

@@ -1,10 +1,15 @@
 """`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
 
+import signal
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
 
 import torch
 from rich.console import Console
@@ -21,7 +26,6 @@ from ntc.pack.model import Pack
 from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
 from ntc.training.progress import TrainingCancelledError, TrainingProgress
 from ntc.training.trainer import peak_memory_bytes, train
-from viewer.cli.interrupts import interrupt_as_question
 from viewer.cli.options import EncodeOptions
 from viewer.locations import features_cache
 from viewer.scene.images import folder_textures
@@ -145,6 +149,30 @@ class _ProgressReport:
         elif int(share * LINES_PER_RUN) > self._last_line:
             self._last_line = int(share * LINES_PER_RUN)
             self._console.print(f"{share:4.0%}  {status}", highlight=False)
+
+
+@contextmanager
+def interrupt_as_question() -> Iterator[Callable[[], bool]]:
+    """Inside the block the first Ctrl-C makes the yielded question answer yes; a second one interrupts at once.
+
+    Off the main thread, where Python delivers no signals, the answer is always no.
+    """
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def encode(options: EncodeOptions) -> int:

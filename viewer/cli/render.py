@@ -19,8 +19,7 @@ from ntc.metrics.metrics import psnr_db
 from ntc.pack.model import Pack
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.options import RenderOptions
-from viewer.cli.precision import resolve_precision
-from viewer.cli.sources import choose_camera, choose_source, open_scene, packs_for
+from viewer.cli.sources import choose_camera, choose_source, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import decoder_ids
 from viewer.render.frame_result import FrameResult, read_picture

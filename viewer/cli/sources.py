@@ -1,15 +1,19 @@
-"""What the options name: scene, packs, camera."""
+"""What the options name: scene, packs, camera, precision."""
 
 import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from ntc.accuracy.precision_choice import chosen_precision
+from ntc.codec.precision import Precision, PrecisionChoice
 from ntc.errors import InputError
 from ntc.pack.match import require_match
 from ntc.pack.model import Pack
 from viewer.cli.options import RenderOptions
-from viewer.resource_files import assets_folder
+from viewer.gl.context import GraphicsContext
+from viewer.locations import assets_folder
+from viewer.render.resources.precision import EVERYWHERE, supported_precisions
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
@@ -91,3 +95,17 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
     if options.camera is not None:
         return find_camera(cameras, options.camera)
     return cameras[0] if cameras else frame_all(scene.bounds)
+
+
+def resolve_precision(choice: PrecisionChoice, pack: Pack | None, context: GraphicsContext | None) -> Precision:
+    """The precision that `choice` means for `pack`; for `auto` it is said which one was taken, and why.
+
+    Without a pack nothing is decoded; without a context only what every driver can do is taken.
+    """
+    if choice != "auto":
+        return choice
+    if pack is None:
+        return "fp32"
+    chosen = chosen_precision(pack, EVERYWHERE if context is None else supported_precisions(context))
+    sys.stdout.write(f"precision {chosen.precision}: {chosen.reason}\n")
+    return chosen.precision

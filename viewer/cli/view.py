@@ -1,17 +1,22 @@
 """`ntc-viewer view`: the window; without a display, pictures in a folder."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from ntc.errors import InputError
 from viewer.cli.doctor import has_display
 from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
-from viewer.cli.sources import choose_source, open_scene, packs_for
+from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
+from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
+from viewer.script.parse import Script, parse_exec, read_script
 from viewer.state.session import FirstLook
 from viewer.state.view_state import REFERENCE
 
 PICTURES_SIZE = (960, 540)
+WITHOUT_SCRIPT = "wait settled; screenshot window.png"
+"""What is played where nothing is given: one picture."""
 
 
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
@@ -22,10 +27,36 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
     render(RenderOptions(out=folder / "original", grouping=REFERENCE, **common))  # type: ignore[arg-type]
 
 
+def script_of(options: ViewOptions) -> Script:
+    """The script that the options ask for, empty for none. Raises InputError before anything is opened."""
+    parts: Sequence[Script] = (
+        *((read_script(options.script),) if options.script is not None else ()),
+        *(parse_exec(text) for text in options.exec),
+    )
+    return tuple(step for part in parts for step in part)
+
+
+def play_headless(options: ViewOptions, pictures: Path) -> int:
+    """Play the script of `options` without a window. Raises InputError where it, or one of its lines, is wrong."""
+    from viewer.app.headless import HeadlessApp
+
+    if options.size is not None and not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in options.size):
+        raise InputError(f"--size: each side must be {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
+    script = script_of(options) or parse_exec(WITHOUT_SCRIPT)
+    scene = open_scene(options.scene)
+    packs = packs_for(scene, options.pack)
+    source = choose_source(packs, options.grouping, options.pack)
+    first = FirstLook(source, options.path, resolve_precision(options.precision, packs.get(source), None))
+    app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, first=first)
+    try:
+        app.play(script)
+    finally:
+        app.close()
+    return 0
+
+
 def view(options: ViewOptions) -> int:
     """Run `ntc-viewer view`. Raises InputError for bad input."""
-    from viewer.cli.play import play_headless, script_of
-
     if options.headless:
         return play_headless(options, options.out)
     script = script_of(options)

@@ -14,6 +14,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
+from viewer.locations import shaders_folder
 from viewer.render.divergence_overlay import DivergenceOverlay
 from viewer.render.error_overlay import ErrorOverlay
 from viewer.render.frame_result import DrawnPair, FrameResult
@@ -32,7 +33,6 @@ from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
-from viewer.resource_files import shaders_folder
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import view_projection
 from viewer.state.compare_layout import layout_of, shown_slots

@@ -10,17 +10,16 @@ from viewer.scene.bounds import world_bounds
 from viewer.scene.gltf.accessors import Accessors
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.cameras import read_cameras
-from viewer.scene.gltf.container import GltfFile, parse_gltf, read_gltf
-from viewer.scene.gltf.extensions import check_required, ignored_extensions, names_of
+from viewer.scene.gltf.container import GltfFile, check_required, ignored_extensions, names_of, parse_gltf, read_gltf
 from viewer.scene.gltf.geometry import GeometryReader
 from viewer.scene.gltf.images import read_images
 from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
 from viewer.scene.model import Instances, Primitive, Scene
-from viewer.scene.report_notes import ReportNotes
+from viewer.scene.report import ReportNotes
 
-FOREIGN_SUFFIXES = frozenset({".obj", ".ply", ".stl"})
-"""Formats that are turned into GLB first."""
+MESH_SUFFIXES = frozenset({".obj", ".ply", ".stl"})
+"""Formats that trimesh converts to GLB first."""
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
 """Instances that any file may have; more only in proportion to its bytes, one each."""
@@ -40,11 +39,28 @@ def load_scene(path: Path) -> Scene:
 
 
 def _load(path: Path) -> Scene:
-    if path.suffix.lower() in FOREIGN_SUFFIXES:
-        from viewer.scene.mesh_import import foreign_to_glb
-
-        return build_scene(parse_gltf(foreign_to_glb(path), str(path), None), path.stem, path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        return build_scene(parse_gltf(mesh_to_glb(path), str(path), None), path.stem, path)
     return build_scene(read_gltf(path), path.stem, path)
+
+
+def mesh_to_glb(path: Path) -> bytes:
+    """The OBJ, PLY or STL file at `path` as GLB bytes in memory. Raises InputError where it cannot be read or holds no triangles."""
+    if not path.is_file():
+        raise InputError(f"{path}: cannot be read (no such file); check the path")
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        meshes = [geometry for geometry in scene.geometry.values() if isinstance(geometry, trimesh.Trimesh)]
+        data = scene.export(file_type="glb") if any(len(mesh.faces) for mesh in meshes) else None
+    except Exception as error:  # trimesh's readers let any exception through on broken files.
+        raise InputError(
+            f"{path}: not a readable {path.suffix[1:].upper()} file ({error}); convert it to glTF"
+        ) from error
+    if not isinstance(data, bytes):
+        raise InputError(f"{path}: holds no triangles to draw; open a file with meshes")
+    return data
 
 
 def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:

@@ -7,9 +7,8 @@ import numpy as np
 
 from ntc.errors import InputError
 from viewer.scene.model import Camera, Scene
-from viewer.viewpoints.candidates import Places, orbit
+from viewer.viewpoints.candidates import Places, ViewpointConfig, orbit
 from viewer.viewpoints.choice import RULES, Pictures, See, choose
-from viewer.viewpoints.config import ViewpointConfig
 from viewer.viewpoints.surfaces import Surfaces
 
 __all__ = ["See", "ViewpointConfig", "sample_viewpoints"]

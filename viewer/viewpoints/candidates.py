@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.model import Camera, Scene
-from viewer.viewpoints.config import ViewpointConfig
 from viewer.viewpoints.surfaces import Surfaces
 from viewer.viewpoints.surroundings import HIGH_UP
 
@@ -44,6 +43,20 @@ ASIDE = 0.7
 SAME_PLACE = 1.0
 """Views closer than this many eye heights, and alike in direction, are one view."""
 SAME_DIRECTION = math.cos(math.radians(30.0))
+
+
+@dataclass(frozen=True)
+class ViewpointConfig:
+    """How viewpoints are sampled."""
+
+    count: int = 24
+    """Most viewpoints returned."""
+    seed: int = 0
+    candidates_per_view: int = 6
+    """Views drawn for each one asked for."""
+    size: tuple[int, int] = (160, 90)
+    """Width and height in pixels of the pictures that candidates are judged by."""
+    fov_degrees: float = 60.0
 
 
 def _direction(turn: Array, pitch: Array) -> Array:

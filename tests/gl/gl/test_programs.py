@@ -9,9 +9,9 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
+from viewer.locations import shaders_folder
 from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
 from viewer.render.resources.pack_buffers import codec_programs
-from viewer.resource_files import shaders_folder
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 PRECISIONS = [{"PRECISION_FP16": 0}, {"PRECISION_FP16": 1}]

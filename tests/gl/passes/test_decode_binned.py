@@ -11,6 +11,7 @@ from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.albedo_target import AlbedoTarget
@@ -18,7 +19,6 @@ from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
-from viewer.resource_files import shaders_folder
 from viewer.state.view_state import Precision
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)

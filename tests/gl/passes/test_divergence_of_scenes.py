@@ -10,11 +10,11 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import assets_folder, shaders_folder
 from viewer.render.passes.divergence import DivergencePass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
 from viewer.render.resources.layout import scene_layout_glsl
-from viewer.resource_files import assets_folder, shaders_folder
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures

@@ -8,11 +8,11 @@ import pytest
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.passes.divergence import DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
 from viewer.render.resources.layout import MATERIAL_SHIFT, scene_layout_glsl
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
-from viewer.resource_files import shaders_folder
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.resources.layout import WRAP_CODES, scene_layout_glsl
-from viewer.resource_files import shaders_folder
 
 STEPS = 1 << 32
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")

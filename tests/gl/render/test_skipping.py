@@ -15,10 +15,10 @@ from ntc.pack.model import Pack
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
+from viewer.locations import shaders_folder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import StorageBinding
-from viewer.resource_files import shaders_folder
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
 from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState

@@ -6,6 +6,7 @@ import pytest
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.resources.layout import (
     LEVEL_RECORD,
     MATERIAL_RECORD,
@@ -14,7 +15,6 @@ from viewer.render.resources.layout import (
     scene_layout_glsl,
     texture_record,
 )
-from viewer.resource_files import shaders_folder
 
 CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
 RECORDS = {

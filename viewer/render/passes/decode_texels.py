@@ -12,9 +12,9 @@ from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
+from viewer.locations import shaders_folder
 from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.resource_files import shaders_folder
 from viewer.state.view_state import Precision
 
 TEXELS_AT_ONCE = 1 << 18

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.nodes import NodePlacements
 from viewer.scene.model import Camera
-from viewer.scene.report_notes import ReportNotes
+from viewer.scene.report import ReportNotes
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64] | None:

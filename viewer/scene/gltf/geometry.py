@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.buffers import Buffers
-from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.container import GltfFile, names_of
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco, draco_available
-from viewer.scene.gltf.extensions import names_of
 from viewer.scene.gltf.materials import MaterialSource, UvTransform
 from viewer.scene.model import Geometry, Primitive
-from viewer.scene.report_notes import ReportNotes
-from viewer.scene.triangles import TRIANGLES, triangle_list
+from viewer.scene.report import ReportNotes
 
+TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+"""glTF primitive modes."""
 MODE_NAMES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 MAX_VALUES = 1 << 27
 """Most vertices, and most indices, of a whole scene."""
@@ -26,6 +26,29 @@ VALUES_PER_BYTE = 16
 several into one, and accessors may share bytes)."""
 
 _VertexKey = tuple[Any, ...]
+
+
+def triangle_list(indices: NDArray[np.uint32], mode: int) -> NDArray[np.uint32]:
+    """[3 T] indices of the triangles that `indices` [N] stand for in `mode`, wound as glTF says.
+
+    Left-over vertices are dropped, and so are strip triangles that join strips (two equal corners).
+    """
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3]
+    count = max(0, len(indices) - 2)
+    step = np.arange(count)
+    if mode == TRIANGLE_STRIP:
+        odd = step % 2
+        corners = np.stack([step, step + 1 + odd, step + 2 - odd], axis=1)
+    elif mode == TRIANGLE_FAN:
+        corners = np.stack([step + 1, step + 2, np.zeros_like(step)], axis=1)
+    else:
+        raise ValueError(f"mode {mode} is no triangle mode")
+    triangles = indices[corners]
+    if mode == TRIANGLE_STRIP:
+        a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+        triangles = triangles[(a != b) & (b != c) & (a != c)]
+    return np.ascontiguousarray(triangles).reshape(-1)
 
 
 class GeometryReader:

@@ -18,7 +18,7 @@ from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.images import LARGE_EXPANSION, decode_image, is_constant, map_in_threads, split_alpha
 from viewer.scene.model import Material, SceneTexture
-from viewer.scene.report_notes import ReportNotes
+from viewer.scene.report import ReportNotes
 
 FREE_PIXEL_BYTES = 1 << 29
 """Bytes of pixels that any scene may keep, however small its images are as files; beyond, LARGE_EXPANSION holds."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from viewer.scene.gltf.container import GltfFile, describe
 from viewer.scene.model import AlphaMode, Material, Sampler
-from viewer.scene.report_notes import ReportNotes
+from viewer.scene.report import ReportNotes
 
 WRAP_MODES: dict[int, WrapMode] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 MINIFY: dict[int, tuple[bool, Literal["none", "nearest", "linear"]]] = {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.report_notes import ReportNotes
+from viewer.scene.report import ReportNotes
 
 MAX_DEPTH = 1 << 14
 """Deepest nesting of nodes; rigs have a few hundred."""

@@ -14,7 +14,7 @@ from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer import cli
 from viewer.cli import info_all
 from viewer.cli.info import pack_json, pack_lines
-from viewer.cli.precision import resolve_precision
+from viewer.cli.sources import resolve_precision
 from viewer.cli.table import Column, Table
 
 HALVES = CodecConfig(hidden_width=16, weight_bits=16)

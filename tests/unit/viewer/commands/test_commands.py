@@ -5,7 +5,7 @@ import pytest
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, find_command, run_line
 from viewer.commands.command import words
-from viewer.resource_files import assets_folder
+from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.state.session import FirstLook, Session
 from viewer.state.settings import ViewerSettings

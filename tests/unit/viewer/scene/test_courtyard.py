@@ -10,7 +10,7 @@ from assets.build.__main__ import encode_image
 from assets.build.courtyard import cameras
 from assets.build.glb import GlbWriter
 from assets.build.materials import recipes
-from viewer.resource_files import assets_folder
+from viewer.locations import assets_folder
 from viewer.scene.images import decode_image
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene

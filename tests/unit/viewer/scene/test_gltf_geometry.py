@@ -11,8 +11,8 @@ import trimesh
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, TRIANGLE_UVS, GltfBuilder, noise, png
 from tests.support.scenes import built, sorted_triangles, world_triangles
+from viewer.scene.gltf.geometry import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
 from viewer.scene.load import load_scene
-from viewer.scene.triangles import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
 
 
 def grid_builder() -> GltfBuilder:
