@@ -15,7 +15,7 @@ from ntc.pack.model import Pack
 from viewer.cli.info_all import info_all
 from viewer.cli.options import InfoOptions
 from viewer.cli.table import Column, Table
-from viewer.scene.gltf.container import printable
+from viewer.scene.json_text import printable
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
 from viewer.state.pack_files import PACK_SUFFIX

@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.io import is_partial
 from ntc.pack.file import read_pack
 from viewer.cli.table import Column, Table
-from viewer.scene.gltf.container import printable
+from viewer.scene.json_text import printable
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import PACK_SUFFIX
 

@@ -10,6 +10,7 @@ import tyro
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.codec.precision import PrecisionChoice
 from viewer.state.palettes import PaletteName
+from viewer.state.settings import Anisotropy
 from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision
 
 LARGEST_SIDE = 16384
@@ -124,7 +125,7 @@ class RenderOptions:
     """Colours of the divergence overlay; viridis is fit for the colour-blind."""
     block: BlockName = Overlay.block
     """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
-    anisotropy: Literal[1, 2, 4, 8, 16] = 1
+    anisotropy: Anisotropy = 1
     """Anisotropic filtering of the reference and of path `cached`; 1 is trilinear, as the other paths filter."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""

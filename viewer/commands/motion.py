@@ -6,7 +6,7 @@ from pathlib import Path
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter
 from viewer.scene.cameras_file import read_cameras
-from viewer.scene.gltf.container import printable
+from viewer.scene.json_text import printable
 from viewer.state.actions import SetCamera
 from viewer.state.camera_motion import Playback, Turntable
 from viewer.state.session import Session

@@ -4,68 +4,57 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+import msgspec
 
 from ntc.errors import InputError
 from ntc.reading import read_file
-from viewer.scene.gltf.container import describe, printable
+from viewer.scene.json_text import Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera
 
 LARGEST_FILE = 1 << 26
 """Bytes: half a million cameras."""
 NAMES_SHOWN = 20
 """Names that the message about a missing camera lists."""
+REMEDY = "give a list of cameras, each with name, eye, target and fov"
 
 
-def _vector(value: Any, where: str) -> tuple[float, float, float]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f"{where}: must be three numbers")
-    x, y, z = (_number(component, where) for component in value)
-    return x, y, z
+class Viewpoint(msgspec.Struct):
+    """What every camera in JSON states. Lengths in scene units."""
+
+    name: str
+    eye: Vector
+    target: Vector
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for an empty name and where the viewing direction is undefined."""
+        self.name = nonempty_line(self.name)
+        if math.dist(self.eye, self.target) == 0.0:
+            raise ValueError("eye and target are the same point: move one")
 
 
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e30:
-        raise InputError(f"{where}: must be a finite number, not {describe(value)}")
-    return float(value)
+class CameraEntry(Viewpoint):
+    """One entry of a cameras file."""
 
-
-def _camera(entry: Any, where: str) -> Camera:
-    if not isinstance(entry, dict):
-        raise InputError(f"{where}: must be an object with name, eye, target and fov")
-    for key in ("name", "eye", "target"):
-        if key not in entry:
-            raise InputError(f"{where}: lacks {key!r}")
-    name = printable(entry["name"]) if isinstance(entry["name"], str) else ""
-    if not name:
-        raise InputError(f"{where}.name: must be a text")
-    eye = _vector(entry["eye"], f"{where}.eye")
-    target = _vector(entry["target"], f"{where}.target")
-    fov = _number(entry.get("fov", 60.0), f"{where}.fov")
-    if not 0.0 < fov < 180.0:
-        raise InputError(f"{where}.fov: {fov:g} must lie between 0 and 180 degrees")
-    if math.dist(eye, target) == 0.0:
-        raise InputError(f"{where}: eye and target are the same point; move one")
-    return Camera(name=name, eye=eye, target=target, fov_degrees=fov)
+    fov: Annotated[float, msgspec.Meta(gt=0.0, lt=180.0)] = 60.0
 
 
 def read_cameras(path: Path) -> tuple[Camera, ...]:
     """Cameras of the file at `path`, at least one, with distinct names. Raises InputError."""
     try:
-        content = json.loads(read_file(Path(path), LARGEST_FILE).decode("utf-8"))
+        data = read_file(Path(path), LARGEST_FILE)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not valid JSON ({error})") from error
-    if not isinstance(content, list) or not content:
-        raise InputError(f"{path}: must be a list of cameras, each with name, eye, target and fov")
-    cameras = tuple(_camera(entry, f"{path}: camera {index}") for index, entry in enumerate(content))
-    taken: set[str] = set()
-    for camera in cameras:
-        if camera.name in taken:
-            raise InputError(f"{path}: two cameras are called {camera.name!r}; rename one")
-        taken.add(camera.name)
-    return cameras
+    entries = convert(parse_json(data, str(path), REMEDY), list[CameraEntry], str(path), REMEDY)
+    if not entries:
+        raise InputError(f"{path}: holds no camera; {REMEDY}")
+    cameras: dict[str, Camera] = {}
+    for entry in entries:
+        if entry.name in cameras:
+            raise InputError(f"{path}: two cameras are called {entry.name!r}; rename one")
+        cameras[entry.name] = Camera(entry.name, entry.eye, entry.target, fov_degrees=entry.fov)
+    return tuple(cameras.values())
 
 
 def find_camera(cameras: Sequence[Camera], name: str) -> Camera:

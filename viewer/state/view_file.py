@@ -1,19 +1,25 @@
-"""How a scene is looked at, as JSON: what `view.save` writes and `view.load` reads."""
+"""A saved view as JSON: what `view.save` writes and `view.load` reads."""
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+from msgspec.structs import asdict
 
 from ntc.errors import InputError
+from viewer.scene.cameras_file import Viewpoint
+from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera
-from viewer.state.json_fields import JsonFields
-from viewer.state.palettes import PALETTES
-from viewer.state.settings import ANISOTROPIES, GAIN_RANGE
+from viewer.state.palettes import PaletteName
+from viewer.state.settings import GAIN_RANGE, Anisotropy
 from viewer.state.view_state import (
-    BLOCKS,
     REFERENCE,
+    BlockName,
     CompareMode,
     Difference,
     DifferenceKind,
@@ -35,22 +41,25 @@ LARGEST_VIEW = 1 << 20
 """Bytes: a view is about a thousand, a bookmark 200."""
 MOST_BOOKMARKS = 1000
 SMALLEST_RESOLUTION = 0.05
+REMEDY = "give what view.save or view.copy made"
+
+Distance = Annotated[float, Meta(ge=1e-12, le=1e30)]
 
 
 @dataclass(frozen=True)
 class SavedView:
-    """What is saved of a view."""
+    """A view with its scene, resolution and bookmarks."""
 
     scene: str
-    """Name of the scene it was made in."""
+    """Name of the scene that was open."""
     view: ViewState
     resolution: float
-    """Pixels of the picture along one side, as a share of the window's."""
+    """Rendered pixels along one side, as a share of the window's."""
     bookmarks: Mapping[str, Camera]
 
 
 def present_view(session: "Session") -> SavedView:
-    """What is seen in a session now."""
+    """The current view of a session."""
     return SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
 
 
@@ -102,101 +111,126 @@ def view_json(saved: SavedView) -> str:
     return json.dumps(content, indent=1) + "\n"
 
 
-def _camera(fields: JsonFields, default: Camera, where: str) -> Camera:
-    height = fields.number("orthographic_height", 0.0, 1e-9, 1e30) if "orthographic_height" in fields else None
-    near = fields.number("near", 0.0, 1e-12, 1e30) if "near" in fields else None
-    far = fields.number("far", 0.0, 1e-12, 1e30) if "far" in fields else None
-    camera = Camera(
-        fields.text("name", default.name),
-        fields.vector("eye", default.eye),
-        fields.vector("target", default.target),
-        fields.vector("up", default.up),
-        fields.number("fov", default.fov_degrees, 1.0, 179.0),
-        height,
-        near,
-        far,
-    )
-    if math.dist(camera.eye, camera.target) == 0.0:
-        raise InputError(f"{where}: eye and target are the same place; move one")
-    if math.hypot(*camera.up) == 0.0:
-        raise InputError(f"{where}.up: must point somewhere")
-    if near is not None and far is not None and near >= far:
-        raise InputError(f"{where}: near must be less than far")
-    return camera
+class _Camera(Viewpoint):
+    up: Vector
+    fov: Annotated[float, Meta(ge=1.0, le=179.0)]
+    orthographic_height: Annotated[float, Meta(ge=1e-9, le=1e30)] | None = None
+    near: Distance | None = None
+    far: Distance | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if math.hypot(*self.up) == 0.0:
+            raise ValueError("up must not be zero")
+        if self.near is not None and self.far is not None and self.near >= self.far:
+            raise ValueError("near must be less than far")
+
+    def camera(self) -> Camera:
+        return Camera(
+            self.name, self.eye, self.target, self.up, self.fov, self.orthographic_height, self.near, self.far
+        )
 
 
-def _slot(fields: JsonFields, default: Slot) -> Slot:
-    return Slot(
-        fields.text("source", default.source),
-        fields.choice("path", default.path, get_args(PathChoice)),
-        fields.choice("precision", default.precision, get_args(Precision)),
-    )
+class _Slot(msgspec.Struct):
+    source: str
+    path: PathChoice
+    precision: Precision
+
+    def __post_init__(self) -> None:
+        self.source = nonempty_line(self.source)
 
 
-def _bookmarks(entries: tuple[JsonFields, ...], default: Camera, where: str) -> dict[str, Camera]:
-    bookmarks: dict[str, Camera] = {}
-    for index, entry in enumerate(entries):
-        at = f"{where}.bookmarks[{index}]"
-        camera = _camera(entry, replace(default, name=""), at)
-        if not camera.name:
-            raise InputError(f"{at}: lacks name")
-        if camera.name in bookmarks:
-            raise InputError(f"{at}.name: {camera.name!r} is there twice")
-        bookmarks[camera.name] = camera
-    return bookmarks
+class _Slots(msgspec.Struct):
+    a: _Slot
+    b: _Slot
+
+
+class _Difference(msgspec.Struct):
+    kind: DifferenceKind
+    gain: Annotated[float, Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
+
+
+class _Overlay(msgspec.Struct):
+    kind: OverlayKind
+    opacity: Share
+    palette: PaletteName
+    block: BlockName
+
+
+class _Zoom(msgspec.Struct):
+    factor: Annotated[float, Meta(ge=1.0, le=LARGEST)]
+    x: Annotated[float, Meta(ge=-1.0, le=2.0)]
+    y: Annotated[float, Meta(ge=-1.0, le=2.0)]
+
+
+class _ViewFile(msgspec.Struct):
+    version: Literal[1]
+    scene: str
+    slots: _Slots
+    compare: CompareMode
+    divider: Share
+    difference: _Difference
+    overlay: _Overlay
+    zoom: _Zoom
+    anisotropy: Anisotropy
+    resolution: Annotated[float, Meta(ge=SMALLEST_RESOLUTION, le=1.0)]
+    camera: _Camera | None = None
+    bookmarks: Annotated[list[_Camera], Meta(max_length=MOST_BOOKMARKS)] | None = None
+
+    def __post_init__(self) -> None:
+        self.scene = nonempty_line(self.scene)
+        names = Counter(camera.name for camera in self.bookmarks or ())
+        if len(names) < names.total():
+            raise ValueError(f"bookmarks: two are called {names.most_common(1)[0][0]!r}")
+
+
+def _merged(defaults: Any, given: Any) -> Any:
+    """`given`; where both are objects, with the fields that only `defaults` has, at every depth."""
+    if not (isinstance(defaults, dict) and isinstance(given, dict)):
+        return given
+    return {**defaults, **{name: _merged(defaults.get(name), value) for name, value in given.items()}}
 
 
 def parse_view(text: str, where: str, present: SavedView) -> SavedView:
     """The view that `text` describes; fields that are absent are as in `present`, unknown ones are ignored.
 
     `where` names the text in messages. Raises InputError, one line, for text that is no view and for values that are
-    out of range. Whether its sources are open is not asked here.
+    out of range. Whether its sources are open is not checked.
     """
     if len(text) > LARGEST_VIEW:
         raise InputError(f"{where}: too long for a view ({len(text)} characters)")
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not JSON ({error}); give what view.save or view.copy made") from error
-    fields = JsonFields(content, where)
-    if fields.choice("format", None, (FORMAT,)) is None:
-        raise InputError(f"{where}: is no view: lacks format {FORMAT!r}")
-    fields.choice("version", VERSION, (VERSION,))
+    content = parse_json(text, where, REMEDY)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{where}: not a saved view (its format is not {FORMAT!r}); {REMEDY}")
     view = present.view
-    slots, overlay, zoom = fields.object("slots"), fields.object("overlay"), fields.object("zoom")
-    camera, difference = fields.object("camera"), fields.object("difference")
-    seen = replace(
-        view,
-        camera=_camera(camera, replace(view.camera, near=None, far=None), f"{where}.camera")
-        if "camera" in fields
-        else view.camera,
-        slot_a=_slot(slots.object("a"), view.slot_a),
-        slot_b=_slot(slots.object("b"), view.slot_b),
-        compare=fields.choice("compare", view.compare, get_args(CompareMode)),
-        wipe_position=fields.number("divider", view.wipe_position, 0.0, 1.0),
-        difference=Difference(
-            difference.choice("kind", view.difference.kind, get_args(DifferenceKind)),
-            difference.number("gain", view.difference.gain, *GAIN_RANGE),
-        ),
-        overlay=Overlay(
-            overlay.choice("kind", view.overlay.kind, get_args(OverlayKind)),
-            overlay.number("opacity", view.overlay.opacity, 0.0, 1.0),
-            overlay.choice("palette", view.overlay.palette, tuple(PALETTES)),
-            overlay.choice("block", view.overlay.block, tuple(BLOCKS)),
-        ),
-        zoom=Zoom(
-            zoom.number("factor", view.zoom.factor, 1.0, LARGEST),
-            (zoom.number("x", view.zoom.centre[0], -1.0, 2.0), zoom.number("y", view.zoom.centre[1], -1.0, 2.0)),
-        ),
-        anisotropy=fields.choice("anisotropy", view.anisotropy, ANISOTROPIES),
-    )
+    defaults = json.loads(view_json(replace(present, bookmarks={})))
+    camera = {name: defaults["camera"][name] for name in ("name", "eye", "target", "up", "fov")}
+    del defaults["camera"], defaults["bookmarks"]
+    merged = _merged(defaults, content)
+    if "camera" in merged:
+        merged["camera"] = _merged(camera, merged["camera"])
+    if isinstance(merged.get("bookmarks"), list):
+        del camera["name"]
+        merged["bookmarks"] = [_merged(camera, bookmark) for bookmark in merged["bookmarks"]]
+    saved = convert(merged, _ViewFile, where, REMEDY)
     return SavedView(
-        fields.text("scene", present.scene),
-        seen,
-        fields.number("resolution", present.resolution, SMALLEST_RESOLUTION, 1.0),
-        _bookmarks(fields.objects("bookmarks", MOST_BOOKMARKS), view.camera, where)
-        if "bookmarks" in fields
-        else present.bookmarks,
+        saved.scene,
+        replace(
+            view,
+            camera=view.camera if saved.camera is None else saved.camera.camera(),
+            slot_a=Slot(**asdict(saved.slots.a)),
+            slot_b=Slot(**asdict(saved.slots.b)),
+            compare=saved.compare,
+            wipe_position=saved.divider,
+            difference=Difference(**asdict(saved.difference)),
+            overlay=Overlay(**asdict(saved.overlay)),
+            zoom=Zoom(saved.zoom.factor, (saved.zoom.x, saved.zoom.y)),
+            anisotropy=saved.anisotropy,
+        ),
+        saved.resolution,
+        present.bookmarks
+        if saved.bookmarks is None
+        else {bookmark.name: bookmark.camera() for bookmark in saved.bookmarks},
     )
 
 

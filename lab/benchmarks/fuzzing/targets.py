@@ -27,7 +27,6 @@ WATCHED_SCRIPTS = [
     "viewer.commands",
     "viewer.script",
     "viewer.state.view_file",
-    "viewer.state.json_fields",
     "viewer.state.session",
 ]
 WATCHED_MESSAGES = [

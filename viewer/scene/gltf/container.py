@@ -10,6 +10,7 @@ from typing import Any
 from ntc.errors import InputError
 from ntc.reading import read_file
 from viewer.locations import scene_roots
+from viewer.scene.json_text import describe, printable
 
 GLB_MAGIC = b"glTF"
 CHUNK_JSON = 0x4E4F534A
@@ -163,22 +164,6 @@ class GltfFile:
         if name not in extensions:
             return None
         return self.object(extensions, name, f"{where}.extensions")
-
-
-def printable(text: str) -> str:
-    """`text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
-    line = " ".join(text.encode("utf-8", "replace").decode().split())
-    return "".join(character for character in line if character.isprintable())[:200]
-
-
-def describe(value: Any) -> str:
-    """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
-    if isinstance(value, list):
-        return "an array"
-    if isinstance(value, dict):
-        return "an object"
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."
 
 
 def _parse_json(data: bytes, name: str) -> dict[str, Any]:

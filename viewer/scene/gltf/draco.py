@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.gltf.buffers import Buffers
-from viewer.scene.gltf.container import GltfFile, describe, printable
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.json_text import describe, printable
 
 EXTENSION = "KHR_draco_mesh_compression"
 HEADER = struct.Struct("<5sBBBBH")

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from viewer.scene.gltf.container import GltfFile, describe
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.json_text import describe
 from viewer.scene.model import AlphaMode, Material, Sampler
 from viewer.scene.report import ReportNotes
 

@@ -1,0 +1,75 @@
+"""JSON that anybody may have written: parsed, checked against a schema, and quoted in error messages."""
+
+import json
+import re
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from ntc.errors import InputError
+
+Finite = Annotated[float, msgspec.Meta(gt=-1e30, lt=1e30)]
+Vector = tuple[Finite, Finite, Finite]
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+_Schema = TypeVar("_Schema")
+_TYPE_WORDS = {"float": "number", "int": "whole number", "str": "text", "bool": "true or false", "array": "list"}
+
+
+def printable(text: str) -> str:
+    """`text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
+    line = " ".join(text.encode("utf-8", "replace").decode().split())
+    return "".join(character for character in line if character.isprintable())[:200]
+
+
+def describe(value: Any) -> str:
+    """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
+    if isinstance(value, list):
+        return "an array"
+    if isinstance(value, dict):
+        return "an object"
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def nonempty_line(text: str) -> str:
+    """`printable(text)`. Raises ValueError where nothing is left."""
+    line = printable(text)
+    if not line:
+        raise ValueError("names and sources must not be empty")
+    return line
+
+
+def parse_json(data: str | bytes, where: str, remedy: str) -> Any:
+    """The JSON value in `data` (UTF-8). Raises InputError that names `where` and ends in `remedy`."""
+    try:
+        text = data.decode("utf-8") if isinstance(data, bytes) else data.encode("utf-8", "replace").decode()
+        value = json.loads(text)
+        if "\\ud" in text or "\\uD" in text:
+            # Half a surrogate pair: JSON can express it, UTF-8 (and so msgspec) cannot.
+            value = json.loads(json.dumps(value, ensure_ascii=False).encode("utf-8", "replace"))
+        return value
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not valid JSON ({error}); {remedy}") from error
+
+
+def convert(content: Any, schema: type[_Schema], where: str, remedy: str) -> _Schema:
+    """JSON values as an instance of `schema`, a msgspec struct or a dataclass; unknown fields are ignored.
+
+    Raises InputError, one line that names `where` and the field and ends in `remedy`.
+    """
+    try:
+        return msgspec.convert(content, schema)
+    except ValueError as error:
+        problem, _, place = str(error).partition(" - at `$")
+        field = place.rstrip("`").lstrip(".")
+        problem = re.sub(r"`(\w+)`", lambda match: _TYPE_WORDS.get(match[1], match[1]), printable(problem))
+        choices = _choices(schema, field) if problem.startswith("Invalid enum value") else ""
+        raise InputError(f"{where}: {field + ': ' if field else ''}{problem}{choices}; {remedy}") from error
+
+
+def _choices(schema: Any, field: str) -> str:
+    """The values that a field like "slots.a.path" may take; empty inside of lists."""
+    for name in field.split("."):
+        schema = get_type_hints(schema).get(name)
+    return f", must be one of {', '.join(map(str, get_args(schema)))}" if get_origin(schema) is Literal else ""
