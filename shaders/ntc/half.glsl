@@ -33,41 +33,41 @@ float to_half(float value) {
 #endif
 
 #if HALF_ARITHMETIC && !HALF_EMULATED
-#define FACTOR float16_t
-#define FACTORS f16vec4
+#define MUL_SCALAR float16_t
+#define MUL_T f16vec4
 #else
-#define FACTOR float
-#define FACTORS vec4
+#define MUL_SCALAR float
+#define MUL_T vec4
 #endif
 #if HALF_ARITHMETIC == 2 && !HALF_EMULATED
-#define SUMS f16vec4
-#define SUM float16_t
+#define ACC_T f16vec4
+#define ACC_SCALAR float16_t
 #else
-#define SUMS vec4
-#define SUM float
+#define ACC_T vec4
+#define ACC_SCALAR float
 #endif
 
 #if HALF_ARITHMETIC == 0
 #define ADD_PRODUCT(sum, w, value) sum += w * value
 #define ADAPTED(sum, scale, bias) (scale * sum + bias)
 #define LEAKY(sum, slope) max(sum, slope * sum)
-#define AS_FACTORS(sum) (sum)
+#define AS_MUL_T(sum) (sum)
 #define PRODUCT_SUM(values, w) dot(values, w)
 #elif !HALF_EMULATED
-#define ADD_PRODUCT(sum, w, value) sum += SUMS(w * value)
-#define ADAPTED(sum, scale, bias) (SUMS(scale) * sum + SUMS(bias))
-#define LEAKY(sum, slope) max(sum, SUM(slope) * sum)
-#define AS_FACTORS(sum) FACTORS(sum)
-SUM product_sum(FACTORS values, FACTORS w) {
-    SUMS products = SUMS(values * w);
+#define ADD_PRODUCT(sum, w, value) sum += ACC_T(w * value)
+#define ADAPTED(sum, scale, bias) (ACC_T(scale) * sum + ACC_T(bias))
+#define LEAKY(sum, slope) max(sum, ACC_SCALAR(slope) * sum)
+#define AS_MUL_T(sum) MUL_T(sum)
+ACC_SCALAR product_sum(MUL_T values, MUL_T w) {
+    ACC_T products = ACC_T(values * w);
     return (products.x + products.y) + (products.z + products.w);
 }
-#define PRODUCT_SUM(values, w) float(product_sum(FACTORS(values), FACTORS(w)))
+#define PRODUCT_SUM(values, w) float(product_sum(MUL_T(values), MUL_T(w)))
 #elif HALF_ARITHMETIC == 1
 #define ADD_PRODUCT(sum, w, value) sum += to_half(w * value)
 #define ADAPTED(sum, scale, bias) (scale * sum + bias)
 #define LEAKY(sum, slope) max(sum, slope * sum)
-#define AS_FACTORS(sum) to_half(sum)
+#define AS_MUL_T(sum) to_half(sum)
 float product_sum(vec4 values, vec4 w) {
     vec4 products = to_half(to_half(values) * w);
     return (products.x + products.y) + (products.z + products.w);
@@ -77,7 +77,7 @@ float product_sum(vec4 values, vec4 w) {
 #define ADD_PRODUCT(sum, w, value) sum = to_half(sum + to_half(w * value))
 #define ADAPTED(sum, scale, bias) to_half(to_half(scale * sum) + bias)
 #define LEAKY(sum, slope) max(sum, to_half(to_half(slope) * sum))
-#define AS_FACTORS(sum) (sum)
+#define AS_MUL_T(sum) (sum)
 float product_sum(vec4 values, vec4 w) {
     vec4 products = to_half(values * w);
     return to_half(to_half(products.x + products.y) + to_half(products.z + products.w));
@@ -87,15 +87,15 @@ float product_sum(vec4 values, vec4 w) {
 
 // Two sums for each neuron where they are halves, of inputs with even and with odd numbers: half as many roundings on the way.
 #if HALF_ARITHMETIC == 2
-#define ODD_SUM(odd) SUMS odd = SUMS(0.0);
+#define ODD_ACCUMULATOR(odd) ACC_T odd = ACC_T(0.0);
 #define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(odd, w, value)
 #if HALF_EMULATED
-#define JOIN_SUMS(sum, odd) sum = to_half(sum + odd);
+#define JOIN_ACCUMULATORS(sum, odd) sum = to_half(sum + odd);
 #else
-#define JOIN_SUMS(sum, odd) sum += odd;
+#define JOIN_ACCUMULATORS(sum, odd) sum += odd;
 #endif
 #else
-#define ODD_SUM(odd)
+#define ODD_ACCUMULATOR(odd)
 #define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(sum, w, value)
-#define JOIN_SUMS(sum, odd)
+#define JOIN_ACCUMULATORS(sum, odd)
 #endif

@@ -19,7 +19,7 @@ import moderngl
 
 from viewer.app.loss_recovery import LossHistory
 from viewer.app.window_app import WindowApp, WindowContent, run_window
-from viewer.gl.thumbnails import Thumbnails
+from viewer.gl.ui_textures import Thumbnails
 from viewer.scene.load import load_scene
 from viewer.script.parse import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
@@ -69,15 +69,15 @@ def often(app: WindowApp, losses: int) -> dict[str, Any]:
     session, used, handles = app.session, [], []
     app.run(FRAMES)
     checks = app._losses
-    strikes = checks.strikes
+    next_is_lost = checks.next_is_lost
 
     def dying() -> bool:
-        struck = strikes()
+        struck = next_is_lost()
         if struck:
             glfw.make_context_current(None)
         return struck
 
-    checks.strikes = dying  # type: ignore[method-assign]
+    checks.next_is_lost = dying  # type: ignore[method-assign]
     for number in range(losses):
         checks._at = frozenset({checks._checks + 1 + 2 * number})
         session.view = replace(session.view, wipe_position=0.3 + 0.01 * number)

@@ -13,7 +13,7 @@ import pytest
 from ntc.errors import InputError
 from ntc.pack.file import write_pack
 from tests.ui.conftest import run_window
-from viewer.app.loss_recovery import RECOVERED, LossHistory, last_words, open_again
+from viewer.app.loss_recovery import RECOVERED, LossHistory, context_lost_error, open_again
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import ViewOptions
 from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError
@@ -138,13 +138,13 @@ def test_three_losses_within_a_minute_are_too_many() -> None:
     assert [history.add() for _ in range(8)] == [False, False, False, True, False, False, False, True]
 
 
-def test_the_last_words_name_all_that_was_open(scene: Scene, scene_path: Path, tmp_path: Path) -> None:
+def test_the_context_lost_error_names_all_that_was_open(scene: Scene, scene_path: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "a pack.ntc"
     pack = next(iter(open_packs(packs_beside(scene_path)).values()))
     write_pack(elsewhere, pack)
     session = Session(scene, open_packs([*packs_beside(scene_path), elsewhere]), ViewerSettings(), FirstLook())
     session.pictures_folder = tmp_path / "pictures"
-    line = str(last_words(session, ContextLostError("guilty"), "no window could be opened"))
+    line = str(context_lost_error(session, ContextLostError("guilty"), "no window could be opened"))
     assert "\n" not in line
     options = parse_arguments(shlex.split(line[line.index("ntc-viewer view") :])[1:])
     assert isinstance(options, ViewOptions)
@@ -158,7 +158,7 @@ def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) ->
     session = Session(scene, {}, ViewerSettings(), FirstLook())
     session.pictures_folder = tmp_path / "file"
     session.pictures_folder.write_text("")
-    line = str(last_words(session, ContextLostError("unknown"), "no window could be opened"))
+    line = str(context_lost_error(session, ContextLostError("unknown"), "no window could be opened"))
     assert "could not be kept" in line
     assert list(tmp_path.iterdir()) == [session.pictures_folder]
     session.close()

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
-from viewer.gl.named_images import NamedImages
+from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent
 from viewer.inspect.block_reading import BlockReader
 from viewer.inspect.live_figures import LiveFigures
@@ -85,8 +85,8 @@ class FactsReader:
     def take_problems(self) -> tuple[str, ...]:
         """What could not be shown for want of memory since the last call: lines."""
         thumbnails = self._picture.thumbnails
-        spares = [self._images.spare, *([] if thumbnails is None else [thumbnails.spare])]
-        return tuple(problem for spare in spares if (problem := spare.take_problem()) is not None)
+        fallbacks = [self._images.fallback, *([] if thumbnails is None else [thumbnails.fallback])]
+        return tuple(problem for fallback in fallbacks if (problem := fallback.take_problem()) is not None)
 
     def release(self) -> None:
         """Free the images of panels."""

@@ -52,7 +52,7 @@ class HeadlessApp:
 
     def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
         memory, what = self._context.memory, f"a window of {size[0]} x {size[1]}"
-        with memory.whole():
+        with memory.transaction():
             return memory.framebuffer(what, [memory.texture(what, size, 4)])
 
     @property

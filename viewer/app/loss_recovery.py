@@ -67,7 +67,7 @@ def _command(session: Session, view: Path) -> str:
     return shlex.join(arguments)
 
 
-def last_words(session: Session, lost: ContextLostError, why: str) -> InputError:
+def context_lost_error(session: Session, lost: ContextLostError, why: str) -> InputError:
     """The error to end with when `why` there is no new window; writes the view as a file that can be opened again."""
     path = session.dated_file("-view", ".json").resolve()
     try:

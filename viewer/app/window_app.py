@@ -20,7 +20,7 @@ from viewer.app.loss_recovery import (
     RECOVERED,
     RESET_SECONDS,
     LossHistory,
-    last_words,
+    context_lost_error,
     open_again,
 )
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
@@ -205,11 +205,11 @@ class WindowApp:
         window.context.reset.wait_until_over(RESET_SECONDS)
         self._close_window()
         if self._lost_before.add():
-            raise last_words(self.session, lost, f"{MOST_LOSSES} times within a minute") from lost
+            raise context_lost_error(self.session, lost, f"{MOST_LOSSES} times within a minute") from lost
         try:
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
-            raise last_words(self.session, lost, str(error)) from error
+            raise context_lost_error(self.session, lost, str(error)) from error
         earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.session.pictures_folder)
         self.frontend.interface.take_over(earlier.interface)
         self.session.say(RECOVERED, details=str(lost))

@@ -1,4 +1,4 @@
-"""Where all memory of the GPU is asked for: moderngl gives objects without memory and leaves it to its callers to notice."""
+"""Allocation of GPU memory. moderngl returns objects even where the driver had no memory for them: here that is checked."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -10,24 +10,24 @@ import moderngl
 from ntc.errors import InputError
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
-"""Environment variable: never ask for more than so many MB in all, for trying what happens then."""
+"""Environment variable: a limit in MB on all GPU memory, for trying what happens without memory."""
 NO_ERROR = "GL_NO_ERROR"
 OUT_OF_MEMORY = "GL_OUT_OF_MEMORY"
 REFUSALS = (OUT_OF_MEMORY, "GL_INVALID_VALUE")
-"""Other errors, as of a framebuffer that was bound when it was freed, take no memory away."""
+"""OpenGL errors that mean a failed allocation. Others, such as those of freeing a bound framebuffer, do not."""
 REMEDY = "close packs or other programs, or make the picture or the window smaller"
 MOST_ERRORS = 16
-"""Flags that a driver may hold at once."""
+"""Error flags that a driver may hold at once."""
 TEXEL_TYPES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}
 """Bytes of a channel."""
 
 
 class GpuMemoryError(InputError):
-    """The GPU has no memory, or no textures that large. Nothing of what was asked for is there."""
+    """The GPU has no memory, or no textures that large. Nothing of the request was allocated."""
 
 
 class Releasable(Protocol):
-    """What has memory of the GPU."""
+    """An object with GPU memory."""
 
     def release(self) -> None:
         """Free it; a second time does nothing."""
@@ -47,19 +47,19 @@ def limit_from_environment() -> int | None:
 
 
 def is_released(made: Releasable) -> bool:
-    """Whether an object that GpuMemory gave has been freed."""
+    """Whether an object from GpuMemory has been freed."""
     return isinstance(getattr(made, "mglo", None), moderngl.InvalidObject) or getattr(made, "is_released", False)
 
 
 class GpuMemory:
-    """Makes the buffers, textures and framebuffers of one context.
+    """Allocates the buffers, textures and framebuffers of one context.
 
-    Every request is checked once, when it is made: drawing asks OpenGL for no errors. All raise GpuMemoryError with one line that
+    Errors of OpenGL are read at each allocation, never while drawing. All methods that allocate raise GpuMemoryError, whose one line
     says for what there was no memory, and how much.
     """
 
     def __init__(self, gl: moderngl.Context, limit_bytes: int | None = None) -> None:
-        """`limit_bytes`: never give more in all; None: what the driver has."""
+        """`limit_bytes`: never allocate more in all; None: as much as the driver has."""
         self._gl = gl
         self._limit = limit_bytes
         self._given: list[tuple[Releasable, int]] = []
@@ -67,7 +67,7 @@ class GpuMemory:
 
     @property
     def bytes_given(self) -> int:
-        """Bytes of all that has not been freed; known only where there is a limit."""
+        """Bytes of all objects that have not been freed; known only where there is a limit."""
         self._given = [(made, size) for made, size in self._given if not is_released(made)]
         return sum(size for _, size in self._given)
 
@@ -76,12 +76,12 @@ class GpuMemory:
         """Objects that have not been freed; known only where there is a limit."""
         return sum(not is_released(made) for made, _ in self._given)
 
-    def allows(self, what: str, size: int) -> bool:
-        """Whether the limit has room for `size` bytes more; `what` is for those who refuse by name."""
+    def allows(self, _what: str, size: int, /) -> bool:
+        """Whether the limit has room for `size` bytes more. `_what` lets tests reject allocations by label."""
         return self._limit is None or self.bytes_given + size <= self._limit
 
     def _take_errors(self) -> set[str]:
-        """OpenGL's errors since the last call, which are then forgotten."""
+        """OpenGL's errors since the last call."""
         errors: set[str] = set()
         for _ in range(MOST_ERRORS):
             error = str(self._gl.error)
@@ -91,10 +91,10 @@ class GpuMemory:
         return errors
 
     def made(self, what: str, size: int, make: Callable[[], Made]) -> Made:
-        """What `make` makes of `size` bytes, if OpenGL has no error to tell of afterwards; else it is freed again."""
+        """The object of `size` bytes that `make` returns; freed again where OpenGL reports an error afterwards."""
         if not self.allows(what, size):
             raise self._refusal(what, size)
-        # What others have left behind is not this request's.
+        # Errors of earlier calls are not this allocation's.
         self._take_errors()
         try:
             thing = make()
@@ -108,7 +108,7 @@ class GpuMemory:
         return thing
 
     def check(self, what: str, size: int, thing: Releasable) -> None:
-        """Free `thing` and raise where OpenGL says that it has no memory for it, or nothing as large."""
+        """Free `thing` and raise GpuMemoryError where OpenGL reports that an allocation has failed."""
         errors = self._take_errors().intersection(REFUSALS)
         if errors:
             thing.release()
@@ -122,8 +122,8 @@ class GpuMemory:
         return GpuMemoryError(f"{what}: the GPU has no memory for {amount} MB{reason}; {REMEDY}")
 
     @contextmanager
-    def whole(self) -> Iterator[None]:
-        """Nothing half-done: if the block ends with an exception, all that was made in it is freed."""
+    def transaction(self) -> Iterator[None]:
+        """If the block ends with an exception, all that was allocated in it is freed."""
         made: list[Releasable] = []
         self._open.append(made)
         try:
@@ -138,12 +138,12 @@ class GpuMemory:
             self._open[-1].extend(made)
 
     def buffer(self, what: str, data: Any = None, reserve: int = 0, dynamic: bool = False) -> moderngl.Buffer:
-        """A buffer of `data`, or of `reserve` bytes of anything. `what` names it in the message."""
+        """A buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below."""
         size = reserve if data is None else memoryview(data).nbytes
         return self.made(what, size, lambda: self._gl.buffer(data, reserve=reserve, dynamic=dynamic))
 
     def grown(self, what: str, old: moderngl.Buffer, size: int, dynamic: bool = False) -> moderngl.Buffer:
-        """`old`, or where it is smaller than `size` bytes another in its place, without its content."""
+        """`old`, or where it is smaller than `size` bytes a new buffer without its content; `old` is freed then."""
         if old.size >= size:
             return old
         made = self.buffer(what, reserve=size, dynamic=dynamic)
@@ -151,7 +151,7 @@ class GpuMemory:
         return made
 
     def check_size(self, what: str, size: tuple[int, int]) -> None:
-        """Raises GpuMemoryError where the driver has no textures of this (width, height)."""
+        """Raise GpuMemoryError where the driver has no textures of this (width, height)."""
         most = int(self._gl.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > most:
             raise GpuMemoryError(
@@ -160,9 +160,16 @@ class GpuMemory:
             )
 
     def texture(
-        self, what: str, size: tuple[int, int], components: int, data: Any = None, dtype: str = "f1", alignment: int = 1
+        self,
+        what: str,
+        size: tuple[int, int],
+        components: int,
+        data: Any = None,
+        *,
+        dtype: str = "f1",
+        alignment: int = 1,
     ) -> moderngl.Texture:
-        """A texture of `size` (width, height), as moderngl makes it."""
+        """A texture of `size` (width, height); `dtype` as in TEXEL_TYPES, `alignment` of the rows of `data` in bytes."""
         self.check_size(what, size)
         number = size[0] * size[1] * components * TEXEL_TYPES[dtype]
         return self.made(

@@ -1,5 +1,6 @@
 """OpenGL contexts: headless under EGL, or one that a window has made."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,13 +15,13 @@ from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
 REQUIRED_VERSION = 430
 VERSION = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION // 10 % 10}"
 OLDEST_VERSION = 330
-"""Asked for to say what is there."""
+"""Requested to name the version that the machine has, where REQUIRED_VERSION is missing."""
 SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swr", "swiftshader")
 
 
 @dataclass(frozen=True)
 class ContextInformation:
-    """Who draws."""
+    """The driver's own description of a context."""
 
     renderer: str
     vendor: str
@@ -34,22 +35,22 @@ class ContextInformation:
 
 @dataclass(frozen=True, eq=False)
 class GraphicsContext:
-    """A moderngl context, what it is, and the functions that moderngl lacks."""
+    """A moderngl context with all that modules of `viewer` need of it."""
 
     gl: moderngl.Context
     info: ContextInformation
     functions: GlFunctions
     features: Features
     reset: ResetStatus
-    """Whether it is lost."""
+    """Tells whether the context is lost."""
     memory: GpuMemory
-    """Whom to ask for buffers and textures."""
+    """GPU allocator: all buffers, textures and framebuffers come from it."""
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:
-    """A GraphicsContext around a current moderngl context. Raises InputError where it lacks something that is needed.
+    """A GraphicsContext around a current moderngl context. Raises InputError where the driver lacks a required function.
 
-    `losses` None: those that the environment asks for.
+    `losses`: simulated losses of the context; None: those that the environment asks for.
     """
     reset = ResetStatus(load, SimulatedLosses.of_environment() if losses is None else losses)
     information = ContextInformation(gl.info["GL_RENDERER"], gl.info["GL_VENDOR"], gl.info["GL_VERSION"])
@@ -63,7 +64,7 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
 
 
 def create_headless_context() -> GraphicsContext:
-    """A context without a window. Raises InputError where EGL or OpenGL 4.3 are not to be had."""
+    """A context without a window. Raises InputError where EGL or OpenGL 4.3 is not available."""
     try:
         settings: Any = {"backend": "egl"}
         gl = moderngl.create_standalone_context(require=REQUIRED_VERSION, **settings)
@@ -82,12 +83,12 @@ def create_headless_context() -> GraphicsContext:
 
 
 def _older_context() -> str | None:
-    """Version and renderer of what the machine offers below what is needed; None for nothing at all."""
-    try:
+    """Version and renderer of the context that the machine offers below REQUIRED_VERSION; None where it offers none."""
+    # glcontext raises plain Exceptions.
+    with suppress(Exception):
         settings: Any = {"backend": "egl"}
         gl = moderngl.create_standalone_context(require=OLDEST_VERSION, **settings)
-    except Exception:
-        return None
-    found = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
-    gl.release()
-    return found
+        found = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
+        gl.release()
+        return found
+    return None

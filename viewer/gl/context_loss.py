@@ -1,4 +1,4 @@
-"""Whether the OpenGL context is lost: the GPU was reset, or the driver restarted. Nothing that was drawn since is to be trusted."""
+"""Detection of a lost OpenGL context: the GPU was reset, or the driver restarted. What was drawn since is invalid."""
 
 import ctypes
 import functools
@@ -6,13 +6,13 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Concatenate, Final, Literal, ParamSpec, TypeVar
+from typing import Concatenate, Final, Literal, ParamSpec, Protocol, TypeVar
 
 from ntc.errors import InputError
 from viewer.gl.functions import FunctionLoader
 
 LOSE_VARIABLE: Final = "NTC_VIEWER_LOSE_CONTEXT_AT"
-"""Environment variable for tests: numbers, separated by commas, of the checks that find the context lost, counted from 1."""
+"""Environment variable for tests: which checks find the context lost: their numbers from 1, separated by commas."""
 GL_NO_ERROR = 0
 GL_CONTEXT_LOST = 0x0507
 GL_UNKNOWN_RESET: Final = 0x8255
@@ -20,22 +20,22 @@ MOST_NUMBERS = 1000
 
 Blame = Literal["guilty", "innocent", "unknown"]
 BLAMES: Final[Mapping[int, Blame]] = {0x8253: "guilty", 0x8254: "innocent", GL_UNKNOWN_RESET: "unknown"}
-"""By what glGetGraphicsResetStatus returns; 0 is none."""
+"""By the value of glGetGraphicsResetStatus; 0: not lost."""
 CAUSES: Final[Mapping[Blame, str]] = {
     "guilty": "what this program drew was too much for it",
     "innocent": "another program was the cause",
     "unknown": "the cause is not known",
 }
 STATUS_NAMES = ("glGetGraphicsResetStatus", "glGetGraphicsResetStatusKHR", "glGetGraphicsResetStatusARB")
-"""OpenGL 4.5, and the extensions that it comes from."""
+"""The function of OpenGL 4.5, and those of the extensions before it."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
-S = TypeVar("S")
+S = TypeVar("S", bound="_ContextUser")
 
 
 class ContextLostError(Exception):
-    """The OpenGL context is lost with all that was on the GPU. The message is one line that says what happened."""
+    """The OpenGL context is lost, with all objects on the GPU. The message is one line that names the cause."""
 
     def __init__(self, blame: Blame) -> None:
         super().__init__(f"the graphics driver was reset ({CAUSES[blame]})")
@@ -43,29 +43,29 @@ class ContextLostError(Exception):
 
 
 class SimulatedLosses:
-    """Which checks find a context lost that is not. One for the whole run: it counts on over contexts."""
+    """Checks that report an intact context as lost. One object for the whole run: it counts on over contexts."""
 
     def __init__(self, at: frozenset[int] = frozenset()) -> None:
         self._at, self._checks = at, 0
 
     @classmethod
     def of_environment(cls, environment: Mapping[str, str] = os.environ) -> "SimulatedLosses":
-        """What LOSE_VARIABLE says. Raises InputError for anything but numbers."""
+        """The checks that LOSE_VARIABLE lists. Raises InputError for anything but numbers."""
         given = [part.strip() for part in environment.get(LOSE_VARIABLE, "").split(",") if part.strip()]
         if len(given) > MOST_NUMBERS or not all(part.isascii() and part.isdigit() and len(part) < 10 for part in given):
             raise InputError(f"{LOSE_VARIABLE}: must be numbers of checks, separated by commas, such as 40,80")
         return cls(frozenset(map(int, given)))
 
-    def strikes(self) -> bool:
-        """Whether the context is lost at this check, the next one."""
+    def next_is_lost(self) -> bool:
+        """Count one check; whether it reports a loss."""
         self._checks += 1
         return self._checks in self._at
 
 
 class ResetStatus:
-    """What the driver says of one context. All calls belong to its thread, with the context current.
+    """Reset status of one context. Call from its thread only, with the context current.
 
-    A driver without the function, and a context that is not robust, never tell: the context then counts as whole.
+    Drivers without the function, and contexts without robustness, never report a loss.
     """
 
     def __init__(self, load: FunctionLoader, simulated: SimulatedLosses | None = None) -> None:
@@ -76,21 +76,21 @@ class ResetStatus:
         error = load("glGetError")
         self._error: Callable[[], int] = call(error) if error else lambda: GL_NO_ERROR
         self._blame: Blame | None = None
-        self.can_tell: Final = bool(address)
+        self.is_supported: Final = bool(address)
         """Whether the driver has the function."""
 
     def check(self) -> None:
-        """Raise ContextLostError if the context is lost; once it was, always."""
+        """Raise ContextLostError if the context is lost, or was at an earlier check."""
         if self._blame is None:
-            # The driver says it once or until the reset is over, so that it must be kept.
-            status = GL_UNKNOWN_RESET if self._simulated.strikes() else self._status()
+            # The driver reports a loss once, or until the reset is over: keep it.
+            status = GL_UNKNOWN_RESET if self._simulated.next_is_lost() else self._status()
             if status == GL_NO_ERROR:
                 return
             self._blame = BLAMES.get(status, "unknown")
         raise ContextLostError(self._blame)
 
     def check_after(self, error: BaseException) -> None:
-        """Raise ContextLostError where a lost context is behind `error`: also if only OpenGL's own error says so."""
+        """Raise ContextLostError where a lost context caused `error`, also if only glGetError reports it."""
         try:
             if self._blame is None and self._error() == GL_CONTEXT_LOST:
                 self._blame = BLAMES.get(self._status(), "unknown")
@@ -100,7 +100,7 @@ class ResetStatus:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """Check at the end of a block; ContextLostError takes the place of every error that has a lost context behind it."""
+        """Check at the end of the block. ContextLostError replaces every error that a lost context caused."""
         try:
             yield
         except ContextLostError:
@@ -111,7 +111,7 @@ class ResetStatus:
         self.check()
 
     def wait_until_over(self, seconds: float) -> bool:
-        """Wait for the end of the reset, before which no new context is to be had; False if it goes on for `seconds`."""
+        """Wait for the end of the reset, before which no context can be created; False if it takes longer than `seconds`."""
         end = time.monotonic() + seconds
         while self._status() != GL_NO_ERROR:
             if time.monotonic() >= end:
@@ -120,16 +120,17 @@ class ResetStatus:
         return True
 
 
-def checks_context(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """For methods of what has a GraphicsContext as `_context`: nothing that a lost context drew is returned.
+class _ContextUser(Protocol):
+    reset: ResetStatus
 
-    ContextLostError is raised instead, and in place of every error that has a lost context behind it.
-    """
+
+def checks_context(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """Decorator for methods of objects with the attribute `reset`: raises ContextLostError instead of returning what a lost context
+    drew, and in place of every error that a lost context caused."""
 
     @functools.wraps(method)
-    def checked(drawing: S, /, *arguments: P.args, **named: P.kwargs) -> R:
-        reset: ResetStatus = drawing._context.reset  # type: ignore[attr-defined]
-        with reset.watched():
-            return method(drawing, *arguments, **named)
+    def checked(owner: S, /, *arguments: P.args, **named: P.kwargs) -> R:
+        with owner.reset.watched():
+            return method(owner, *arguments, **named)
 
     return checked

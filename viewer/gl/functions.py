@@ -1,4 +1,4 @@
-"""OpenGL functions that moderngl does not offer, called by their addresses: arrays of sRGB textures, views of them, integer clears."""
+"""OpenGL functions that moderngl lacks, called by their addresses: sRGB texture arrays, texture views, integer clears."""
 
 import ctypes
 import ctypes.util
@@ -42,28 +42,12 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glActiveTexture": (_UINT,),
     "glBindTexture": (_UINT, _UINT),
     "glTexStorage3D": (_UINT, _INT, _UINT, _INT, _INT, _INT),
-    "glTexSubImage3D": (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER),
+    "glTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _UINT, _POINTER),
     "glTexParameteri": (_UINT, _UINT, _INT),
     "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
     "glTextureView": (_UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT),
     "glBindImageTexture": (_UINT, _UINT, _INT, ctypes.c_ubyte, _INT, _UINT, _UINT),
-    "glCopyImageSubData": (
-        _UINT,
-        _UINT,
-        _INT,
-        _INT,
-        _INT,
-        _INT,
-        _UINT,
-        _UINT,
-        _INT,
-        _INT,
-        _INT,
-        _INT,
-        _INT,
-        _INT,
-        _INT,
-    ),
+    "glCopyImageSubData": (_UINT, _UINT, *[_INT] * 4, _UINT, _UINT, *[_INT] * 7),
     "glPixelStorei": (_UINT, _INT),
     "glClearBufferuiv": (_UINT, _INT, _POINTER),
 }

@@ -9,12 +9,13 @@ import moderngl
 
 Defines = Mapping[str, int | float | str]
 EXTENSION = "extension"
-"""A define of this name is none: its value is a GLSL extension that the shader requires."""
+"""Key of `Defines` that becomes `#extension VALUE : require` instead of a `#define`."""
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
 _VERSION = re.compile(r"^\s*#\s*version\b.*$")
 # Mesa writes "0:12(5): error", NVIDIA "0(12) : error", others "ERROR: 0:12: ...".
 _LOCATION = re.compile(r"\b(\d+)(?::(\d+)|\((\d+)\))")
+_UNIFORM = re.compile(r"\buniform\s+(?:\w+\s+)+(\w+)\s*(?:\[[^\]]*\]\s*)?;")
 
 
 class ShaderError(Exception):
@@ -28,6 +29,11 @@ class ShaderSource:
     text: str
     files: tuple[str, ...]
     """File of each source number that the text's `#line` directives use."""
+
+    @property
+    def uniforms(self) -> frozenset[str]:
+        """Names of the uniforms that the text declares, also inside an `#if` that is false."""
+        return frozenset(_UNIFORM.findall(self.text))
 
     def explain(self, log: str) -> str:
         """A compiler's log with source numbers replaced by file names."""
@@ -117,6 +123,7 @@ class ProgramFactory:
                 log = str(error)
                 source = sources[0] if "vertex_shader" in log else sources[1]
                 raise ShaderError(f"{vertex} + {fragment}: {source.explain(log)}") from error
+            made.extra = sources[0].uniforms | sources[1].uniforms
             self._programs[key] = made
         found = self._programs[key]
         assert isinstance(found, moderngl.Program)
@@ -128,9 +135,11 @@ class ProgramFactory:
         if key not in self._programs:
             source = self._library.assemble(name, defines)
             try:
-                self._programs[key] = self._gl.compute_shader(source.text)
+                made = self._gl.compute_shader(source.text)
             except moderngl.Error as error:
                 raise ShaderError(f"{name}: {source.explain(str(error))}") from error
+            made.extra = source.uniforms
+            self._programs[key] = made
         found = self._programs[key]
         assert isinstance(found, moderngl.ComputeShader)
         return found
@@ -143,11 +152,16 @@ class ProgramFactory:
 
 
 def set_uniforms(program: moderngl.Program | moderngl.ComputeShader, values: Mapping[str, object]) -> None:
-    """Set the uniforms that the program has; the compiler may have dropped one that has no effect."""
+    """Set uniforms of a program that a ProgramFactory made; bytes are written as they are, other values by moderngl.
+
+    Drivers remove uniforms that have no effect: those are skipped. Raises ShaderError for a name that the source does not declare.
+    """
     for name, value in values.items():
-        if name in program:
-            uniform = program[name]
+        uniform = program.get(name, None)
+        if isinstance(uniform, moderngl.Uniform):
             if isinstance(value, bytes):
-                uniform.write(value)  # type: ignore[union-attr]
+                uniform.write(value)
             else:
-                uniform.value = value  # type: ignore[union-attr]
+                uniform.value = value
+        elif name not in (program.extra or ()):
+            raise ShaderError(f"the program has no uniform {name!r}")

@@ -11,7 +11,7 @@ TimerKind = Literal["gpu timer query", "wall time around finish"]
 
 
 class PassTimer:
-    """Collects the times of the passes of one frame."""
+    """Collects the times of the passes of one frame in ms."""
 
     def __init__(self, context: GraphicsContext) -> None:
         self._gl = context.gl
@@ -19,16 +19,16 @@ class PassTimer:
         self._query = None if self._by_wall else context.gl.query(time=True)
         self._times: dict[str, float] = {}
         self.last_ms = 0.0
-        """Time of the pass that was measured last."""
+        """Time of the last measured pass."""
 
     @property
     def kind(self) -> TimerKind:
-        """How the times are taken, for reports."""
+        """How times are measured, for reports."""
         return "wall time around finish" if self._by_wall else "gpu timer query"
 
     @contextmanager
     def measure_cpu(self, name: str) -> Iterator[None]:
-        """Add the wall time of a block that OpenGL does not take part in."""
+        """Add the wall time of the block, which makes no OpenGL calls, to the pass `name`."""
         start = time.perf_counter()
         yield
         self._times[name] = self._times.get(name, 0.0) + (time.perf_counter() - start) * 1e3

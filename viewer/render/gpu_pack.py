@@ -322,7 +322,7 @@ class GpuPack:
         if self._cached is not None and same_shape(self.pack, pack) and self.match == match:
             changed = changed_textures(self.pack, pack)
             ids = [texture for texture, index in enumerate(match.texture_index) if index in changed]
-            with self.context.context.memory.whole():
+            with self.context.context.memory.transaction():
                 buffers, ranges = made.buffers, made._ranges
             self._cached.replace_pack(buffers, ranges, made.decoders, ids)
             made._cached, made._asked, made._ahead = self._cached, self._asked, self._ahead

@@ -75,12 +75,13 @@ class Renderer:
         emulate_half: bool = False,
     ) -> None:
         self._context, self._scene = context, scene
+        self.reset = context.reset
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         self._programs = ProgramFactory(context.gl, library)
         self._culling = Culling(scene)
         materials = material_records(scene)
         self._reference = ReferencePass(context, self._programs, scene, materials)
-        with context.memory.whole():
+        with context.memory.transaction():
             self._scene_buffers = SceneBuffers(context, scene, materials)
             self._composite = CompositePass(context, self._programs)
         self._visibility = VisibilityPass(context, self._programs, self._scene_buffers)
@@ -265,7 +266,7 @@ class Renderer:
         targets = self._targets
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
             self._leave_targets()
-            with self._context.memory.whole():
+            with self._context.memory.transaction():
                 visibility = VisibilityTarget(self._context, view.size, content)
                 targets = self._targets = PictureTargets(visibility, CompositeTarget(self._context, view.size))
         return targets
@@ -307,7 +308,7 @@ class Renderer:
         if slot in self._prepared or slot.source not in self._packs:
             return False
         self._prepared.add(slot)
-        with self._context.memory.whole():
+        with self._context.memory.transaction():
             visibility = VisibilityTarget(self._context, PREPARED_SIZE, self._targets.visibility.content)
             target = AlbedoTarget(self._context, PREPARED_SIZE)
         try:

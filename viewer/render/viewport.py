@@ -15,7 +15,7 @@ from ntc.pack.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
-from viewer.gl.thumbnails import Thumbnails
+from viewer.gl.ui_textures import Thumbnails
 from viewer.jobs.background import Background
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
@@ -179,7 +179,7 @@ class ShownPicture:
         if self.renderer is None or self._scene is not session.scene:
             tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS, LEAST_TILES)
             try:
-                with self._context.memory.whole():
+                with self._context.memory.transaction():
                     textures = session.scene.textures
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
                     made = Renderer(self._context, session.scene, tile_cache=tiles)

@@ -1,10 +1,10 @@
 #version 430
-// Entries of tiles that were evicted, or whose request is void.
+// Clears the table entries of evicted tiles and of dropped requests.
 #include "generated/layout.glsl"
 layout(local_size_x = TEXEL_GROUP) in;
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Invalidated {
-    uint invalidated[];   // entries
+    uint invalidated[];   // indices into tile_entries
 };
 layout(std430, binding = BINDING_TILE_ENTRIES) writeonly buffer TileEntries {
     uint tile_entries[];

@@ -45,7 +45,7 @@ class Driver:
 )
 def test_each_status_says_who_was_the_cause(name: str, status: int, blame: str, words: str) -> None:
     reset = ResetStatus(Driver(**{name: lambda: status}))
-    assert reset.can_tell
+    assert reset.is_supported
     with pytest.raises(ContextLostError, match=words) as caught:
         reset.check()
     assert caught.value.blame == blame
@@ -64,7 +64,7 @@ def test_a_loss_that_is_said_once_stays() -> None:
 
 def test_without_the_function_no_context_counts_as_lost() -> None:
     reset = ResetStatus(Driver())
-    assert not reset.can_tell
+    assert not reset.is_supported
     reset.check()
     reset.check_after(ValueError())
     assert reset.wait_until_over(0.0)
@@ -102,7 +102,7 @@ def test_simulated_losses_count_on_over_contexts() -> None:
         reset.check()
         with pytest.raises(ContextLostError, match="not known"):
             reset.check()
-    assert not SimulatedLosses.of_environment({}).strikes()
+    assert not SimulatedLosses.of_environment({}).next_is_lost()
 
 
 def test_a_renderer_returns_nothing_that_a_lost_context_drew(graphics: GraphicsContext) -> None:

@@ -13,7 +13,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
-from viewer.gl.half_arithmetic import EXTENSIONS, half_arithmetic
+from viewer.gl.features import HALF_EXTENSIONS, half_arithmetic
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.precision import precision_defines
 from viewer.state.view_state import Precision
@@ -27,7 +27,7 @@ MODES: tuple[Precision, ...] = ("fp16-arithmetic", "fp16-accumulate")
 
 
 def test_the_probe_names_an_extension_or_none(graphics: GraphicsContext) -> None:
-    assert half_arithmetic(graphics.gl) in (None, *EXTENSIONS)
+    assert half_arithmetic(graphics.gl) in (None, *HALF_EXTENSIONS)
     if "llvmpipe" in graphics.info.renderer:
         assert half_arithmetic(graphics.gl) is None
 

@@ -3,12 +3,13 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource
+from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource, set_uniforms
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
 from viewer.render.resources.pack_buffers import codec_programs
@@ -228,3 +229,27 @@ def test_errors_of_drawing_programs_name_the_right_stage(graphics: GraphicsConte
 def test_what_cannot_be_assembled_says_why(text: str, message: str) -> None:
     with pytest.raises(ShaderError, match=message):
         library_of(main__comp=text).assemble("main.comp")
+
+
+def test_unknown_uniforms_are_errors(graphics: GraphicsContext) -> None:
+    text = """#version 430
+layout(local_size_x = 1) in;
+layout(std430, binding = 0) buffer Out { float value[]; };
+uniform float used;
+uniform float removed;
+uniform vec3 steps[2];
+void main() { value[0] = used + steps[gl_LocalInvocationID.x].x + 0.0 * removed; }
+"""
+    factory = ProgramFactory(graphics.gl, library_of(main__comp=text))
+    program = factory.compute("main.comp")
+    output = graphics.memory.buffer("output", reserve=4)
+    output.bind_to_storage_buffer(0)
+    set_uniforms(program, {"used": 2.5, "removed": 1.0, "steps": np.array([0.5, 0, 0, 0, 0, 0], "<f4").tobytes()})
+    program.run(1)
+    graphics.gl.memory_barrier()
+    assert np.frombuffer(output.read(), "<f4")[0] == 3.0
+    for name in ("unused", "value", "steps[0]", ""):
+        with pytest.raises(ShaderError, match=re.escape(f"no uniform {name!r}")):
+            set_uniforms(program, {"used": 1.0, name: 1.0})
+    output.release()
+    factory.release()

@@ -17,9 +17,8 @@ from tests.gl.small_scenes import FRONT, INSIDE, masks
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import egl_loader
-from viewer.gl.named_images import NamedImages
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
-from viewer.gl.thumbnails import Thumbnails
+from viewer.gl.ui_textures import NamedImages, Thumbnails
 from viewer.render import renderer as renderer_module
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.passes.decode_texels import GlTexelDecoder
@@ -370,14 +369,14 @@ def test_the_interface_shows_grey_without_memory(graphics: GraphicsContext) -> N
     context = replace(graphics, memory=memory)
     thumbnails = Thumbnails(context, lambda _: np.zeros((8, 8, 3), np.uint8))
     assert thumbnails[3].size == (1, 1)
-    assert (thumbnails.spare.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
-    assert thumbnails.spare.take_problem() is None
+    assert (thumbnails.fallback.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
+    assert thumbnails.fallback.take_problem() is None
     thumbnails.release()
     images = NamedImages(context)
     memory.word = "image"
     for _ in range(2):
         assert images.get("flat", np.zeros((4, 4, 3), np.uint8)).size == (1, 1)
-    assert (images.spare.take_problem() or "").startswith("image 'flat': ")
+    assert (images.fallback.take_problem() or "").startswith("image 'flat': ")
     images.release()
     assert memory.objects_given == 0
 

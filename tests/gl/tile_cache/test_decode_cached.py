@@ -19,7 +19,7 @@ from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.context import GraphicsContext
-from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.gl.srgb_arrays import SrgbAtlas
 from viewer.render.frame_result import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources import layout

@@ -30,7 +30,7 @@ class CompositeTarget:
     def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
         self.size = size
         what = f"a picture of {size[0]} x {size[1]}"
-        with context.memory.whole():
+        with context.memory.transaction():
             self.texture = context.memory.texture(what, size, 4)
             self.framebuffer = context.memory.framebuffer(what, [self.texture])
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.

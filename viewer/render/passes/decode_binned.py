@@ -45,7 +45,7 @@ class DecodeBinnedPass:
         self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         what = "path binned"
-        with self._memory.whole():
+        with self._memory.transaction():
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
             self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
 

@@ -34,7 +34,7 @@ class GlTexelDecoder:
     ) -> None:
         """`programs` are those of `codec_programs` for the pack's codec, where several packs share them; `rescale` as for
         the PackBuffers."""
-        self._context = context
+        self._context, self.reset = context, context.reset
         self._gl: moderngl.Context = context.gl
         self._memory = context.memory
         self._pack = pack
@@ -68,7 +68,7 @@ class GlTexelDecoder:
     def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int) -> NDArray[np.float32]:
         requests = np.zeros(len(uv), REQUEST_RECORD)
         requests["uv"], requests["lod"], requests["texture_wrap"] = uv, lod, code
-        with self._memory.whole():
+        with self._memory.transaction():
             request_buffer = self._memory.buffer("texels to decode", requests.tobytes())
             result_buffer = self._memory.buffer("decoded texels", reserve=16 * len(uv))
         try:

@@ -12,7 +12,7 @@ from ntc.codec.mips import mip_chain
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.gl.srgb_texture_array import SrgbTextureArray
+from viewer.gl.srgb_arrays import SrgbTextureArray
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.samplers import SamplerCache

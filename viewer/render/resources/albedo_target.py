@@ -17,7 +17,7 @@ class AlbedoTarget:
         self.size = size
         self._type: np.dtype[np.floating] = np.dtype(np.float16 if half else np.float32)
         what = f"the colours of a picture of {size[0]} x {size[1]}"
-        with context.memory.whole():
+        with context.memory.transaction():
             self.texture = context.memory.texture(what, size, 4, dtype="f2" if half else "f4")
             self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self.framebuffer = context.memory.framebuffer(what, [self.texture])

@@ -29,7 +29,7 @@ class DivergenceTarget:
         """(columns, rows) of blocks of one map."""
         self._counts = block[0] * block[1] + 1
         what, memory = "divergence maps", context.memory
-        with memory.whole():
+        with memory.transaction():
             self.texture = memory.texture(what, (self.size[0], self.size[1] * groupings), 1, dtype="u4")
             self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self.framebuffer = memory.framebuffer(what, [self.texture])

@@ -119,10 +119,10 @@ def network_glsl(config: CodecConfig) -> str:
 
     def start(bias: int) -> list[str]:
         first = "0.0" if config.adapters else f"weight(base + {bias} + k)"
-        return [f"        SUMS sum = SUMS({first});", "        ODD_SUM(odd)"]
+        return [f"        ACC_T sum = ACC_T({first});", "        ODD_ACCUMULATOR(odd)"]
 
     def finish(hidden_layer: int) -> list[str]:
-        join = "        JOIN_SUMS(sum, odd)"
+        join = "        JOIN_ACCUMULATORS(sum, odd)"
         if not config.adapters:
             return [join]
         scales = 2 * hidden_layer * layout.hidden_blocks
@@ -136,16 +136,16 @@ def network_glsl(config: CodecConfig) -> str:
         "// Generated from viewer/render/resources/network.py for one CodecConfig.",
         "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
         f"    int base = decoder * {layout.blocks};",
-        f"    FACTORS hidden[{layout.hidden_blocks}];",
+        f"    MUL_T hidden[{layout.hidden_blocks}];",
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + k * {layout.inputs};",
         *start(layout.first_bias),
         *[
-            f"        {_add_product('sum', 'odd', i, f'FACTORS(weight(row + {i}))', f'FACTOR(x[{i}])')}"
+            f"        {_add_product('sum', 'odd', i, f'MUL_T(weight(row + {i}))', f'MUL_SCALAR(x[{i}])')}"
             for i in range(layout.inputs)
         ],
         *finish(0),
-        f"        hidden[k] = AS_FACTORS(LEAKY(sum, {slope}));",
+        f"        hidden[k] = AS_MUL_T(LEAKY(sum, {slope}));",
         "    }",
         f"    vec4 result = weight({third_bias});",
         "    for (int k = 0; k < blocks; ++k) {",
@@ -153,10 +153,10 @@ def network_glsl(config: CodecConfig) -> str:
         *start(layout.second_bias),
     ]
     for block in range(layout.hidden_blocks):
-        lines.append(f"        {{ FACTORS h = hidden[{block}];")
+        lines.append(f"        {{ MUL_T h = hidden[{block}];")
         lines += [
             "          "
-            + _add_product("sum", "odd", part, f"FACTORS(weight(row + {4 * block + part}))", f"h.{PARTS[part]}")
+            + _add_product("sum", "odd", part, f"MUL_T(weight(row + {4 * block + part}))", f"h.{PARTS[part]}")
             for part in range(4)
         ]
         lines.append("        }")
@@ -183,8 +183,8 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
 
     def start(bias: int) -> list[str]:
         first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
-        sums = [f"        SUMS sum{p} = first; ODD_SUM(odd{p})" for p in pixels]
-        return [f"        SUMS first = SUMS({first});", *sums]
+        sums = [f"        ACC_T sum{p} = first; ODD_ACCUMULATOR(odd{p})" for p in pixels]
+        return [f"        ACC_T first = ACC_T({first});", *sums]
 
     def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
         """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
@@ -192,7 +192,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
         for first in range(0, len(values[0]), network.chunk):
             numbers = range(first, min(first + network.chunk, len(values[0])))
             lines.append("        {")
-            lines += [f"          FACTORS w{i - first} = FACTORS(decoder_weight({row} + {i}));" for i in numbers]
+            lines += [f"          MUL_T w{i - first} = MUL_T(decoder_weight({row} + {i}));" for i in numbers]
             lines += [
                 "          "
                 + " ".join(_add_product(f"sum{p}", f"odd{p}", i, f"w{i - first}", values[p][i]) for i in numbers)
@@ -204,7 +204,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     def finish(hidden_layer: int) -> list[str]:
         lines = []
         for p in pixels:
-            lines.append(f"        JOIN_SUMS(sum{p}, odd{p})")
+            lines.append(f"        JOIN_ACCUMULATORS(sum{p}, odd{p})")
             if config.adapters:
                 scales = 2 * hidden_layer * layout.hidden_blocks
                 biases = scales + layout.hidden_blocks
@@ -221,7 +221,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
         f"#define PIXELS {network.pixels}",
         '#include "ntc/decoder_weights.glsl"',
         "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
-        *(f"    FACTORS hidden{p}_{k} = FACTORS(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
+        *(f"    MUL_T hidden{p}_{k} = MUL_T(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
         f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
     for number in range(unrolled):
@@ -229,13 +229,13 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
             f"        {{ int k = step + {number};",
             f"        int row = k * {layout.inputs};",
             *start(layout.first_bias),
-            *products("row", [[f"FACTOR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
+            *products("row", [[f"MUL_SCALAR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
             *finish(0),
         ]
         # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
         for k in range(number, layout.hidden_blocks, unrolled):
             lines.append(f"        bool at{k} = k == {k};")
-            lines += [f"        hidden{p}_{k} = at{k} ? AS_FACTORS(sum{p}) : hidden{p}_{k};" for p in pixels]
+            lines += [f"        hidden{p}_{k} = at{k} ? AS_MUL_T(sum{p}) : hidden{p}_{k};" for p in pixels]
         lines.append("        }")
     lines.append("    }")
     for p in pixels:

@@ -61,7 +61,7 @@ class PackBuffers:
         self.hidden_blocks = network.hidden_blocks
         self.precision = precision
         textures = [pack.textures[index] if index >= 0 else None for index in texture_index]
-        with context.memory.whole():
+        with context.memory.transaction():
             self._make(context, pack, textures, weights_in_image, on_demand)
         self.defines = {
             **precision_defines(context, precision, emulate_half),

@@ -56,7 +56,7 @@ class SceneBuffers:
         self._scene = scene
         geometry = scene.geometry
         vertices = np.concatenate([geometry.positions, geometry.uvs], axis=1).astype("<f4")
-        with self._memory.whole():
+        with self._memory.transaction():
             self._vertices = self._buffer("vertices", vertices)
             self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors.astype("<f4"))
             self._indices = self._buffer("indices", geometry.indices.astype("<u4"))

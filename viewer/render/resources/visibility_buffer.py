@@ -44,7 +44,7 @@ class VisibilityTarget:
         self._functions = context.functions
         self.size = size
         self.content = content
-        with context.memory.whole():
+        with context.memory.transaction():
             self._make_textures(context.memory)
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.clear()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.gl.srgb_atlas import SrgbAtlas
+from viewer.gl.srgb_arrays import SrgbAtlas
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
@@ -77,7 +77,7 @@ class DecodeCachedPass:
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
         self._out_of_memory = self._coarse_latents = False
-        with context.memory.whole():
+        with context.memory.transaction():
             if not self._atlas.grow(1):
                 raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
             self._make_tables(context.memory)

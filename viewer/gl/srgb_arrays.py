@@ -1,0 +1,156 @@
+"""Arrays of sRGB textures, which moderngl cannot make: of images with given mips, and of tiles that compute shaders write."""
+
+import ctypes
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl import functions as names
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import GlFunctions
+
+
+class _TextureArray:
+    """An OpenGL texture array in GL_SRGB8_ALPHA8, and with `levels` of uninitialised memory."""
+
+    def __init__(self, call: GlFunctions, size: tuple[int, int], layers: int, levels: int = 1) -> None:
+        self._call, self.layers = call, layers
+        self.texture = self._new_name()
+        self.view = 0
+        self.use(0)
+        call("glTexStorage3D", names.GL_TEXTURE_2D_ARRAY, levels, names.GL_SRGB8_ALPHA8, *size, layers)
+
+    def _new_name(self) -> int:
+        name = ctypes.c_uint()
+        self._call("glGenTextures", 1, ctypes.addressof(name))
+        return name.value
+
+    def make_view(self) -> None:
+        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units."""
+        target = names.GL_TEXTURE_2D_ARRAY
+        for name, value in (
+            (names.GL_TEXTURE_MIN_FILTER, names.GL_LINEAR),
+            (names.GL_TEXTURE_MAG_FILTER, names.GL_LINEAR),
+            (names.GL_TEXTURE_WRAP_S, names.GL_CLAMP_TO_EDGE),
+            (names.GL_TEXTURE_WRAP_T, names.GL_CLAMP_TO_EDGE),
+        ):
+            self._call("glTexParameteri", target, name, value)
+        self.view = self._new_name()
+        self._call("glTextureView", self.view, target, self.texture, names.GL_RGBA8, 0, 1, 0, self.layers)
+
+    def use(self, unit: int) -> None:
+        """Bind to a texture unit: samplers see linear light."""
+        self._call("glActiveTexture", names.GL_TEXTURE0 + unit)
+        self._call("glBindTexture", names.GL_TEXTURE_2D_ARRAY, self.texture)
+
+    @property
+    def is_released(self) -> bool:
+        """Whether it has been freed."""
+        return self.texture == 0
+
+    def release(self) -> None:
+        """Free it; a second time does nothing."""
+        for name in filter(None, (self.view, self.texture)):
+            self._call("glDeleteTextures", 1, ctypes.addressof(ctypes.c_uint(name)))
+        self.texture = self.view = 0
+
+
+class SrgbTextureArray:
+    """`layers` textures of (width, height) texels in GL_SRGB8_ALPHA8, each with its whole mip chain."""
+
+    def __init__(self, context: GraphicsContext, size: tuple[int, int], layers: int) -> None:
+        """Raises GpuMemoryError."""
+        self.size = size
+        self.levels = max(size).bit_length()
+        self._call, self._memory = context.functions, context.memory
+        self._what = f"{layers} source images of {size[0]} x {size[1]}"
+        self._bytes = 4 * layers * size[0] * size[1] * 4 // 3
+        self._memory.check_size(self._what, size)
+        self._array = self._memory.made(
+            self._what, self._bytes, lambda: _TextureArray(self._call, size, layers, self.levels)
+        )
+
+    @property
+    def is_released(self) -> bool:
+        """Whether it has been freed."""
+        return self._array.is_released
+
+    def use(self, unit: int) -> None:
+        """Bind to a texture unit: samplers see linear light."""
+        self._array.use(unit)
+
+    def write(self, layer: int, mips: Sequence[NDArray[np.uint8]]) -> None:
+        """Upload the mips [h, w, 3] uint8 sRGB of one layer, largest first.
+
+        Raises GpuMemoryError where there is no memory after all; the array is freed then.
+        """
+        self.use(0)
+        self._call("glPixelStorei", names.GL_UNPACK_ALIGNMENT, 1)
+        for level, mip in enumerate(mips):
+            pixels = np.ascontiguousarray(mip)
+            height, width = pixels.shape[:2]
+            target, place, extent = names.GL_TEXTURE_2D_ARRAY, (level, 0, 0, layer), (width, height, 1)
+            texels = (names.GL_RGB, names.GL_UNSIGNED_BYTE, pixels.ctypes.data)
+            self._call("glTexSubImage3D", target, *place, *extent, *texels)
+        # Some drivers allocate memory only when there is something to put there.
+        self._memory.check(self._what, self._bytes, self._array)
+
+    def release(self) -> None:
+        """Free the textures."""
+        self._array.release()
+
+
+class SrgbAtlas:
+    """Layers of `side` x `side` texels in GL_SRGB8_ALPHA8. Shaders cannot store into that: they write sRGB-coded numbers through a
+    view of the same memory as GL_RGBA8. Grows without losing its content."""
+
+    def __init__(self, context: GraphicsContext, side: int) -> None:
+        self._memory, self._call, self._side = context.memory, context.functions, side
+        self._array: _TextureArray | None = None
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return 0 if self._array is None else self._array.layers
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Bytes of all layers."""
+        return self.layers * self._side * self._side * 4
+
+    def grow(self, layers: int) -> bool:
+        """Have at least this many layers; False, and all as before, where the driver has no memory for them."""
+        if layers <= self.layers:
+            return True
+        side, old = self._side, self._array
+        try:
+            made = self._memory.made(
+                "decoded tiles", layers * side * side * 4, lambda: _TextureArray(self._call, (side, side), layers)
+            )
+        except GpuMemoryError:
+            return False
+        made.make_view()
+        self._array = made
+        if old is not None:
+            place = (names.GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0)
+            self._call("glCopyImageSubData", old.texture, *place, made.texture, *place, side, side, old.layers)
+            old.release()
+        return True
+
+    def use(self, unit: int) -> None:
+        """Bind to a texture unit: samplers see linear light."""
+        if self._array is not None:
+            self._array.use(unit)
+
+    def bind_image(self, unit: int) -> None:
+        """Bind all layers to an image unit, for writing sRGB-coded numbers."""
+        view = self._array.view if self._array is not None else 0
+        self._call("glBindImageTexture", unit, view, 0, 1, 0, names.GL_WRITE_ONLY, names.GL_RGBA8)
+
+    def release(self) -> None:
+        """Free the layers."""
+        if self._array is not None:
+            self._array.release()
+            self._array = None
