@@ -1,5 +1,10 @@
-"""Which golden pictures there are, and how one is drawn."""
+"""Which golden pictures there are, how one is drawn, and how it is compared with its accepted version.
 
+`python -m tests.golden.pictures` draws all of them anew. Look at them before committing.
+"""
+
+import json
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -7,16 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
+from ntc.io import write_text
 from viewer.cli.sources import builtin_scene_path
 from viewer.gl.context import create_headless_context
 from viewer.render.frame_result import read_picture
 from viewer.render.renderer import Renderer
+from viewer.scene.images import read_image, write_png
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
+from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState
+
+FOLDER = Path(__file__).parent / "llvmpipe"
+FAILED = Path(__file__).parent / "failed"
+"""What was drawn in place of an accepted picture, and the difference of the two."""
 
 SIZE = (320, 180)
-FOLDER = Path(__file__).parent / "llvmpipe"
+SMALL_SIZE = (160, 90)
+SMALL_CAMERAS = ("entrance", "grazing")
+
 SLOTS = (
     Slot(REFERENCE),
     Slot("clustered", "deferred"),
@@ -24,7 +37,15 @@ SLOTS = (
     Slot("clustered", "binned"),
     Slot("baseline", "deferred"),
 )
+"""Drawn from every camera of the scene."""
 
+CACHED_SLOTS = (Slot("clustered", "cached"), Slot("baseline", "cached"))
+HALF_PATHS: dict[Precision, tuple[DecodePath, ...]] = {
+    "fp16": ("deferred", "forward", "binned", "cached"),
+    "fp16-arithmetic": ("deferred", "forward", "binned", "cached"),
+    "fp16-accumulate": ("deferred", "forward"),
+}
+"""Paths of each precision of halves. Emulated halves take llvmpipe long to compile: `fp16-accumulate` has two of them."""
 
 PLAIN = Overlay()
 OVERLAYS = (
@@ -41,32 +62,64 @@ class GoldenPicture:
     camera: str
     slot: Slot
     overlay: Overlay = PLAIN
+    size: tuple[int, int] = SIZE
+    """(width, height) in pixels."""
+    anisotropy: int = 1
 
     @property
     def path(self) -> Path:
-        """Where its accepted version lies."""
+        """File of its accepted version."""
         if self.overlay.kind != "none":
             return FOLDER / f"{self.camera}.divergence-{self.overlay.palette}-{self.overlay.block}.png"
-        way = self.slot.source if self.slot.source == REFERENCE else f"{self.slot.source}-{self.slot.path}"
-        return FOLDER / f"{self.camera}.{way}.png"
+        parts = [self.slot.source]
+        if self.slot.source != REFERENCE:
+            parts.append(self.slot.path)
+        if self.slot.precision != "fp32":
+            parts.append(self.slot.precision)
+        if self.anisotropy > 1:
+            parts.append(f"anisotropy-{self.anisotropy}")
+        return FOLDER / f"{self.camera}.{'-'.join(parts)}.png"
+
+    def share_beyond(self, image: NDArray[np.uint8], tolerance: int) -> float:
+        """Share of the pixels of `image` [H, W, 3] sRGB that differ from the accepted ones by more than `tolerance` of 255.
+
+        Where any does, `image` and the difference, amplified so that the largest is white, are kept in FAILED.
+        """
+        accepted = read_image(self.path)[..., :3]
+        difference = np.abs(image.astype(int) - accepted.astype(int))
+        share = float((difference.max(axis=-1) > tolerance).mean())
+        kept = {"drawn": image, "difference": (difference * 255 // max(1, int(difference.max()))).astype(np.uint8)}
+        for kind, pixels in kept.items():
+            file = FAILED / f"{self.path.stem}.{kind}.png"
+            if share > 0.0:
+                FAILED.mkdir(exist_ok=True)
+                write_png(file, pixels)
+            else:
+                file.unlink(missing_ok=True)
+        return share
 
 
 class Studio:
-    """The built-in scene with its packs, ready to draw."""
+    """The built-in scene with its packs, ready to draw. What the driver lacks of half arithmetic is emulated."""
 
     def __init__(self) -> None:
         path = builtin_scene_path()
         self.scene = load_scene(path)
         self.context = create_headless_context()
-        self.renderer = Renderer(self.context, self.scene)
+        self.renderer = Renderer(self.context, self.scene, emulate_half=True)
         self.renderer.set_packs(open_packs(packs_beside(path)))
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        self.renderer.release()
+        self.context.gl.release()
 
     def renderer_description(self) -> dict[str, str]:
         """What the comparison depends on: the names of renderer and driver version."""
         return {"renderer": self.context.info.renderer, "version": self.context.info.version}
 
     def pictures(self) -> tuple[GoldenPicture, ...]:
-        """Every camera of the scene in every way of drawing."""
+        """Every camera of the scene in every fp32 way of drawing that decodes pixels."""
         return tuple(GoldenPicture(camera.name, slot) for camera in self.scene.cameras for slot in SLOTS)
 
     def maps(self) -> tuple[GoldenPicture, ...]:
@@ -74,12 +127,51 @@ class Studio:
         names = [camera.name for camera in self.scene.cameras][:2]
         return tuple(GoldenPicture(name, SLOTS[1], overlay) for name in names for overlay in OVERLAYS)
 
+    def cached(self) -> tuple[GoldenPicture, ...]:
+        """Path `cached` at a small size, with and without anisotropic filtering."""
+        filtered = (GoldenPicture("grazing", slot, PLAIN, SMALL_SIZE, 8) for slot in (SLOTS[0], CACHED_SLOTS[0]))
+        return (*small(CACHED_SLOTS), *filtered)
+
+    def halves(self, precision: Precision) -> tuple[GoldenPicture, ...]:
+        """Decode paths in a precision of halves, at a small size."""
+        return small(Slot("clustered", path, precision) for path in HALF_PATHS[precision])
+
+    def all_pictures(self) -> tuple[GoldenPicture, ...]:
+        """All of them."""
+        halves = (picture for precision in HALF_PATHS for picture in self.halves(precision))
+        return (*self.pictures(), *self.maps(), *self.cached(), *halves)
+
     def draw(self, picture: GoldenPicture) -> NDArray[np.uint8]:
         """[H, W, 3] uint8 sRGB."""
         camera = next(camera for camera in self.scene.cameras if camera.name == picture.camera)
-        view = ViewState(camera=camera, size=SIZE, slot_a=picture.slot, overlay=picture.overlay)
+        view = ViewState(
+            camera=camera,
+            size=picture.size,
+            slot_a=picture.slot,
+            overlay=picture.overlay,
+            anisotropy=picture.anisotropy,
+        )
         if picture.overlay.kind != "none":
             frame = self.renderer.render(replace(view, slot_b=SLOTS[3], compare="wipe"))
             return read_picture(frame.image)
-        self.renderer.render(view)
+        self.renderer.render(view, whole=True)
         return linear_to_srgb8(self.renderer.albedo(picture.slot))
+
+
+def small(slots: Iterable[Slot]) -> tuple[GoldenPicture, ...]:
+    """`slots` from the few cameras that small pictures are drawn from."""
+    return tuple(GoldenPicture(camera, slot, size=SMALL_SIZE) for slot in slots for camera in SMALL_CAMERAS)
+
+
+def main() -> None:
+    """Replace the accepted pictures by new ones."""
+    studio = Studio()
+    for old in FOLDER.glob("*.png"):
+        old.unlink()
+    for picture in studio.all_pictures():
+        write_png(picture.path, studio.draw(picture))
+    write_text(FOLDER / "renderer.json", json.dumps(studio.renderer_description(), indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
