@@ -102,13 +102,13 @@ def main() -> None:
         run_line(encode, session)
         window_rows = window.frames_while(lambda: training.state == "preparing", 120.0)
         rows.append(summary("preparing", window_rows))
-        work = training.work
-        waiting = window.frames_while(lambda: work is not None and not work.groups_seen, 120.0)
+        run = training.active
+        waiting = window.frames_while(lambda: run is not None and not run.groups_seen, 120.0)
         # The frame of the first snapshot compiles shaders: it is shown apart.
         rows.append(summary("until the first picture", waiting[:-1]))
         rows.append(summary("the first picture itself", waiting[-1:]))
-        first = work.first_picture_seconds if work is not None else None
-        rows.append(summary("encoding", window.frames_while(lambda: training.work is not None, 600.0)))
+        first = run.first_picture_seconds if run is not None else None
+        rows.append(summary("encoding", window.frames_while(lambda: training.active is not None, 600.0)))
         curves = training.curves
         mean_db = [curves.mean_db[0], curves.mean_db[-1]] if curves is not None and curves.mean_db else []
         session.view = replace(session.view, compare="a")
@@ -117,7 +117,7 @@ def main() -> None:
         rows.append(summary("without training", window.frames_while(lambda: True, 15.0)))
         run_line(f"training.retrain all {options.seconds:g}s", session)
         rows.append(summary("preparing again", window.frames_while(lambda: training.state == "preparing", 120.0)))
-        rows.append(summary("retraining", window.frames_while(lambda: training.work is not None, 600.0)))
+        rows.append(summary("retraining", window.frames_while(lambda: training.active is not None, 600.0)))
         rows.append(summary("without, again", window.frames_while(lambda: True, 15.0)))
         loads.append(os.getloadavg()[0])
         facts = {
@@ -127,7 +127,7 @@ def main() -> None:
             "cores": os.cpu_count(),
             "first_picture_seconds": first,
             "psnr_db_first_and_last": mean_db,
-            "runs": [(run.title, run.outcome, run.psnr_db) for run in training.runs],
+            "runs": [(run.title, run.outcome, run.psnr_db) for run in training.log.runs],
             "load_average": loads,
             "toasts": [toast.text for toast in session.toasts],
         }

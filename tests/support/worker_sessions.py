@@ -36,7 +36,7 @@ from ntc.worker.protocol import (
 )
 from ntc.worker.shared_arrays import BLOCK_NAME, SharedBlock, without_arrays
 from ntc.worker.wire import decode_command, encode
-from viewer.training.runs import Curves
+from viewer.training.run_log import Curves
 
 CODEC = CodecConfig(
     hidden_width=4, latent_bits=4, positional_octaves=1, output_channels=3, adapters=True, adapter_output=True

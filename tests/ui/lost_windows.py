@@ -144,7 +144,7 @@ def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     session.run_command("training.encode", ("single", "auto", "32", "40steps"))
     workers, states = set(), []
     began = time.monotonic()
-    while session.training.work is not None and time.monotonic() - began < PATIENCE:
+    while session.training.active is not None and time.monotonic() - began < PATIENCE:
         app.run(3)
         if session.training.state == "training" and len(states) < losses:
             states.append(session.training.state)
@@ -152,7 +152,7 @@ def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
             die(app)
             app.run(3)
             workers.add(session.training.process_id)
-    run = session.training.run_numbered(1)
+    run = session.training.log[1]
     return {"states": states, "workers": len(workers), "outcome": run.outcome, "has_pack": run.pack is not None}
 
 

@@ -18,13 +18,15 @@ from viewer.app import frontend
 from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.inspect import live_comparison
-from viewer.inspect.comparison_process import ComparisonProcess
+from viewer.inspect.comparison import Comparison, PicturePair, compare
+from viewer.jobs.function_process import FunctionProcess
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import CompareMode, Slot
 
+ComparisonProcess = FunctionProcess[PicturePair, Comparison]
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 PATIENCE_SECONDS = 60.0
 
@@ -40,7 +42,7 @@ def until(app: HeadlessApp, reached: Callable[[], bool]) -> None:
 @pytest.fixture(scope="module")
 def shared_process() -> Iterator[ComparisonProcess]:
     """Starting it takes longer than what it is asked for."""
-    made = ComparisonProcess()
+    made: ComparisonProcess = FunctionProcess(compare, "comparison")
     yield made
     made.close()
 
@@ -50,7 +52,7 @@ def live(
     scene: Scene, scene_path: Path, tmp_path: Path, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[HeadlessApp]:
     """With live figures; the camera looks at both squares from the front."""
-    monkeypatch.setattr(live_comparison, "ComparisonProcess", lambda: shared_process)
+    monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
     monkeypatch.setattr(shared_process, "close", lambda: None)
     made = HeadlessApp(
         scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path, ViewerSettings(coarse_while_moving=False)
@@ -59,7 +61,7 @@ def live(
     made.session.view = replace(made.session.view, camera=camera)
     made.settle()
     yield made
-    until(made, lambda: not shared_process.busy)
+    until(made, lambda: not made.frontend.live.is_computing)
     made.close()
 
 
@@ -194,17 +196,15 @@ def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
         assert row.largest == difference.max()
     assert sum(row.pixels for row in found.decoders) == sum(row.pixels for row in found.textures)
     # Other modes are of the same picture.
-    drawn = live.frontend.live._process
     for mode in ("a", "b", "side-by-side", "difference"):
         run_line(f"compare.mode {mode}", live.session)
         live.settle()
         assert live.frontend.facts().live.comparison is found
         assert live.frontend.facts().live.is_current
-        assert not drawn.busy
+        assert not live.frontend.live.is_computing
 
 
 def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_dropped(live: HeadlessApp) -> None:
-    process = live.frontend.live._process
     started = time.monotonic()
     number = 0
     while time.monotonic() - started < 0.8:
@@ -212,8 +212,8 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
         camera = replace(live.session.view.camera, eye=(0.001 * number, 0.0, 1.5))
         live.session.view = replace(live.session.view, camera=camera)
         live.frame()
-        assert not process.busy
-    until(live, lambda: process.busy)
+        assert not live.frontend.live.is_computing
+    until(live, lambda: live.frontend.live.is_computing)
     live.session.view = replace(live.session.view, camera=replace(live.session.view.camera, eye=(0.2, 0.0, 1.5)))
     live.frame()
     figures = live.frontend.facts().live
@@ -233,7 +233,7 @@ def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
     time.sleep(0.35)
     live.frame(8)
     assert live.frontend.facts().live.comparison is None
-    assert not live.frontend.live._process.busy
+    assert not live.frontend.live.is_computing
 
 
 def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> None:

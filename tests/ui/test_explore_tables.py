@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,8 @@ from viewer.inspect.memory_table import mip_sizes, pack_memory, scene_memory
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.inspect.visible_part import visible_part
-from viewer.jobs.background import Background, Finished, JobReport
+from viewer.jobs.background import Background
+from viewer.jobs.job import Job, JobReport
 from viewer.render.frame_history import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
@@ -117,7 +119,7 @@ def test_groups_and_their_distances(scene: Scene) -> None:
     assert (first.members, first.mean_db, first.worst_db, first.absent) == ((0, 2), 31.0, 30.0, 1)
     assert (second.members, second.absent) == ((1,), 0)
     assert grouping_features(pack) == ("low_level", "")
-    distances = group_distances(scene, match.decoders(pack), "low_level", "", JobReport(lambda: None)).by_texture
+    distances = group_distances(scene, match.decoders(pack), "low_level", "", JobReport()).by_texture
     assert set(distances) == {0, 1, 2}
     assert distances[1] == 0.0
     # Of two members the middle is equally far.
@@ -134,7 +136,7 @@ def test_features_that_need_a_network_have_a_stand_in() -> None:
 
 def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None:
     pack = random_pack(((32, 32),), (0,), hashes=[scene.textures[3].pixel_hash])
-    flat = decode_flat(scene.textures[3], pack, 0, JobReport(lambda: None))
+    flat = decode_flat(scene.textures[3], pack, 0, JobReport())
     expected = decode_image(pack, 0)[..., :3]
     np.testing.assert_array_equal(flat.mips[0], expected)
     assert flat.psnr_db == pytest.approx(psnr_db(scene.textures[3].pixels, expected))
@@ -143,7 +145,7 @@ def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None
 
 def test_a_reduced_texture_is_compared_with_the_reduced_original(scene: Scene) -> None:
     pack = random_pack(((16, 16),), (0,), hashes=[scene.textures[3].pixel_hash])
-    flat = decode_flat(scene.textures[3], pack, 0, JobReport(lambda: None))
+    flat = decode_flat(scene.textures[3], pack, 0, JobReport())
     assert flat.mips[0].shape == (16, 16, 3)
     assert flat.reduced
     assert flat.psnr_db is not None
@@ -152,7 +154,7 @@ def test_a_reduced_texture_is_compared_with_the_reduced_original(scene: Scene) -
 def test_a_large_texture_is_shown_coarse_first() -> None:
     large = texture(512, 300, 9)
     pack = random_pack(((512, 300),), (0,), hashes=[large.pixel_hash])
-    report = JobReport(lambda: None)
+    report = JobReport()
     flat = decode_flat(large, pack, 0, report)
     assert isinstance(report.partial, FlatTexture)
     assert report.partial.level == 1
@@ -160,11 +162,11 @@ def test_a_large_texture_is_shown_coarse_first() -> None:
     assert flat.mips[0].shape == (300, 512, 3)
 
 
-def wait_for(background: Background, key: str, job: object) -> Finished[object]:
+def wait_for(background: Background, key: str, work: Callable[[JobReport], int]) -> Job[int]:
     for _ in range(500):
-        answer = background.ask(key, job)  # type: ignore[arg-type]
-        if isinstance(answer, Finished):
-            return answer
+        job = background.ask(key, work)
+        if job.done:
+            return job
         time.sleep(0.01)
     raise AssertionError("nothing came of it")
 
@@ -180,14 +182,16 @@ def test_work_in_the_background_is_done_once_and_errors_are_results() -> None:
     def broken(_report: JobReport) -> int:
         raise InputError("no weights") from OSError("disk")
 
-    assert wait_for(background, "a", job).value == 7
-    assert wait_for(background, "a", job).value == 7
+    assert wait_for(background, "a", job).result() == 7
+    assert wait_for(background, "a", job).result() == 7
     assert len(calls) == 1
     assert calls[0] is not threading.main_thread()
     assert background.take_news()
     failed = wait_for(background, "b", broken)
     assert failed.problem == "no weights"
-    assert "OSError: disk" in failed.details
+    error = failed.future.exception()
+    assert error is not None
+    assert "OSError: disk" in details_of(error)
     background.close()
 
 
@@ -207,7 +211,7 @@ def test_work_that_nobody_waits_for_ends() -> None:
     background.ask("a", endless)
     assert started.wait(5.0)
     background.cancel("a")
-    assert wait_for(background, "b", lambda _report: 3).value == 3
+    assert wait_for(background, "b", lambda _report: 3).result() == 3
     assert ended == [True]
     background.close()
 

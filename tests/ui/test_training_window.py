@@ -63,7 +63,7 @@ def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraini
 def run(app: HeadlessApp, line: str) -> LiveTraining:
     """Run a command that trains, to its end."""
     run_line(line, app.session)
-    return wait(app, lambda training: training.work is None)
+    return wait(app, lambda training: training.active is None)
 
 
 def messages(app: HeadlessApp) -> str:
@@ -104,12 +104,12 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     run_line("training.encode baseline auto 32 60steps", session)
     app.settle()
     assert "Encode it now" not in app.frontend.interface.items.labels()
-    training = wait(app, lambda t: t.work is None or t.work.groups_seen)
+    training = wait(app, lambda t: t.active is None or t.active.groups_seen)
     assert session.view.slot_a.source == "run 1"
     assert session.view.slot_b.source == REFERENCE
-    training = wait(app, lambda t: t.work is None)
-    assert [r.outcome for r in training.runs] == ["done"]
-    assert training.undecided == 1
+    training = wait(app, lambda t: t.active is None)
+    assert [r.outcome for r in training.log.runs] == ["done"]
+    assert training.log.undecided == 1
     assert training.curves is not None
     assert training.curves.seconds
     assert (picture_at_rest(app) != before).any()
@@ -120,13 +120,13 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     run_line(f"training.accept {folder / 'file' / 'pack.ntc'}", session)
     wait(app, lambda t: not t.saving)
     assert "cannot be written" in messages(app)
-    assert training.undecided == 1
+    assert training.log.undecided == 1
     if os.geteuid() != 0:  # root may write anywhere
         folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
         run_line("training.accept", session)
         wait(app, lambda t: not t.saving)
         folder.chmod(stat.S_IRWXU)
-        assert training.undecided == 1
+        assert training.log.undecided == 1
 
     app.click("Accept")
     wait(app, lambda t: not t.saving)
@@ -153,14 +153,14 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert "run 2" not in session.packs
     app.click("run 2 into B")
     assert session.view.slot_b.source == "run 2"
-    assert [r.outcome for r in training.runs] == ["done, accepted", "done, discarded"]
+    assert [r.outcome for r in training.log.runs] == ["done, accepted", "done, discarded"]
 
     run(app, "training.move 1 0 20steps")
     assert session.packs["run 3"].grouping.groups == (0, 0)
     run(app, "training.regroup baseline auto 20steps")
     assert session.packs["run 4"].grouping.groups == (0, 1)
     run_line("training.regroup baseline auto 20steps", session)
-    wait(app, lambda t: t.work is None)
+    wait(app, lambda t: t.active is None)
     assert "nothing is to be trained" in messages(app)
 
 
@@ -169,23 +169,23 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     run_line("training.encode single auto 32 600s", session)
     with pytest.raises(InputError, match="another one is under way"):
         run_line("training.encode", session)
-    training = wait(app, lambda t: t.work is not None and t.work.groups_seen)
+    training = wait(app, lambda t: t.active is not None and t.active.groups_seen)
     app.click("Pause")
     wait(app, lambda t: t.state == "paused")
     app.settle()
-    work = training.work
-    assert work is not None
-    stood = work.progress
+    active = training.active
+    assert active is not None
+    stood = active.progress
     app.frame(20)
-    assert work.progress == stood
+    assert active.progress == stood
     app.click("Resume")
-    wait(app, lambda t: work.progress != stood)
+    wait(app, lambda t: active.progress != stood)
     app.click("Cancel")
     began = time.monotonic()
-    wait(app, lambda t: t.work is None)
+    wait(app, lambda t: t.active is None)
     assert time.monotonic() - began < 2.0
     assert "was cancelled" in messages(app)
-    assert training.runs[-1].outcome == "cancelled"
+    assert training.log.runs[-1].outcome == "cancelled"
     assert session.view.slot_a.source == "run 1"
     run_line("training.discard", session)
     app.settle()
@@ -193,15 +193,15 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     assert not session.packs
 
     run_line("training.encode single auto 32 600s", session)
-    wait(app, lambda t: t.work is not None and t.work.groups_seen)
+    wait(app, lambda t: t.active is not None and t.active.groups_seen)
     process = training.process_id
     assert process is not None
     os.kill(process, signal.SIGKILL)
-    wait(app, lambda t: t.work is None)
+    wait(app, lambda t: t.active is None)
     assert "killed by signal 9" in messages(app)
     assert session.view.slot_a.source == "run 2"
-    assert training.runs[-1].outcome == "failed"
-    assert training.runs[-1].pack is not None
+    assert training.log.runs[-1].outcome == "failed"
+    assert training.log.runs[-1].pack is not None
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
     assert not blocks()
@@ -210,9 +210,9 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
 def test_cancel_while_preparing(app: HeadlessApp) -> None:
     run_line("training.encode clustered 2 32 600s", app.session)
     run_line("training.cancel", app.session)
-    training = wait(app, lambda t: t.work is None)
-    assert training.runs[-1].outcome == "cancelled"
-    assert "nothing came of it" in messages(app)
+    training = wait(app, lambda t: t.active is None)
+    assert training.log.runs[-1].outcome == "cancelled"
+    assert "it made no pack" in messages(app)
 
 
 def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:
@@ -221,7 +221,7 @@ def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None
     app.session.apply(OpenFile(other))
     app.frame()
     training = app.session.training
-    assert training.work is None
+    assert training.active is None
     assert "another scene" in messages(app)
     assert app.session.view.slot_a.source == REFERENCE
 

@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
-from viewer.inspect.block_content import BlockContent
-from viewer.inspect.block_reading import BlockReader
-from viewer.inspect.live_figures import LiveFigures
+from viewer.inspect.block_content import BlockContent, BlockReader
+from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.measurement import SeenPicture, SlotMeasurement, measure_slot
-from viewer.inspect.pixel_content import PixelContent
-from viewer.inspect.pixel_reading import PixelReader
+from viewer.inspect.pixel_content import PixelContent, PixelReader
 from viewer.render.frame_times import FrameTimes
 from viewer.render.viewport import ShownPicture
 from viewer.state.session import Session

@@ -77,7 +77,7 @@ class Frontend:
         session, room = self.session, self._picture_size(size)
         self._times.begin()
         session.picture_size = room or size
-        session.training.tick(session)
+        session.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
         self._precision.step(session)
         session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
         self._update_flicker()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from ntc.errors import InputError
 from viewer.commands.command import Command, Parameter, fixed
-from viewer.inspect.live_figures import compared_source
+from viewer.inspect.comparison import compared_source
 from viewer.state.comparing_panels import ErrorColumn, ErrorsBy, worst_is_largest
 from viewer.state.pack_files import match_scene
 from viewer.state.session import Session

@@ -9,8 +9,10 @@ from ntc.errors import InputError
 from ntc.pack.model import Pack
 from viewer.commands.command import Command, Parameter, fixed
 from viewer.state.actions import Side
+from viewer.state.pack_files import base_pack_name
 from viewer.state.session import Session
-from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, Wish
+from viewer.state.view_state import REFERENCE
+from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import AUTO, TrainingSettings, budget_text, parse_budget, read_clusters, read_size
 
 NEW_GROUP = "new"
@@ -19,24 +21,25 @@ ALL = "all"
 _DEFAULT = TrainingSettings()
 
 
-def _settings(session: Session, budget: str, recipe: str) -> TrainingSettings:
+def _settings(budget: str, recipe: str) -> TrainingSettings:
     name = next(name for name in get_args(RecipeName) if name == recipe)
-    return replace(session.training.settings, budget=parse_budget(budget), recipe=name)
+    return replace(_DEFAULT, budget=parse_budget(budget), recipe=name)
 
 
 def _strategy(text: str) -> GroupingName:
     return cast(GroupingName, text)
 
 
-def _start(session: Session, wish: Wish) -> None:
-    session.training.start(session, wish)
-    # Where its progress is seen.
+def _start(session: Session, job: TrainingJob) -> None:
+    name = base_pack_name(session.view, session.packs)
+    session.training.start(job, session.scene, None if name is None else (name, session.packs[name]))
+    # It shows the progress.
     session.raised_panel = "Training"
 
 
 def _encode(session: Session, strategy: str, k: str, size: str, budget: str, recipe: str) -> None:
     settings = replace(
-        _settings(session, budget, recipe),
+        _settings(budget, recipe),
         strategy=_strategy(strategy),
         clusters=read_clusters(k),
         texture_size=read_size(size),
@@ -45,7 +48,7 @@ def _encode(session: Session, strategy: str, k: str, size: str, budget: str, rec
 
 
 def _base(session: Session) -> Pack:
-    name = session.training.base_name(session)
+    name = base_pack_name(session.view, session.packs)
     if name is None:
         raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
     return session.packs[name]
@@ -77,7 +80,7 @@ def _groups(text: str, pack: Pack) -> frozenset[int]:
 
 def _retrain(session: Session, groups: str, budget: str, recipe: str) -> None:
     chosen = _groups(groups, _base(session))
-    _start(session, RetrainGroups(_settings(session, budget, recipe), chosen))
+    _start(session, RetrainGroups(_settings(budget, recipe), chosen))
 
 
 def _texture(text: str, pack: Pack) -> int:
@@ -93,12 +96,12 @@ def _move(session: Session, texture: str, group: str, budget: str, recipe: str) 
     pack = _base(session)
     count = pack.grouping.group_count
     number = count if group == NEW_GROUP else _whole(group, "group", count - 1)
-    wish = MoveTexture(_settings(session, budget, recipe), _texture(texture, pack), number)
-    _start(session, wish)
+    job = MoveTexture(_settings(budget, recipe), _texture(texture, pack), number)
+    _start(session, job)
 
 
 def _regroup(session: Session, strategy: str, k: str, budget: str, recipe: str) -> None:
-    settings = replace(_settings(session, budget, recipe), strategy=_strategy(strategy), clusters=read_clusters(k))
+    settings = replace(_settings(budget, recipe), strategy=_strategy(strategy), clusters=read_clusters(k))
     _start(session, Regroup(settings))
 
 
@@ -115,15 +118,20 @@ def _cancel(session: Session) -> None:
 
 
 def _accept(session: Session, file: Path | str) -> None:
-    session.training.accept(session, None if str(file) in ("", ".") else Path(file))
+    path = None if str(file) in ("", ".") else Path(file)
+    session.training.accept(path, session.scene, session.packs.values())
 
 
 def _discard(session: Session) -> None:
-    session.training.discard(session)
+    session.training.discard()
 
 
 def _show(session: Session, run: int, side: Side) -> None:
-    session.training.show(session, run, side)
+    name = session.training.open_run(run)
+    slot = session.view.slots[side]
+    path = "cached" if slot.source == REFERENCE else slot.path
+    view = session.view.with_slot(side, replace(slot, source=name, path=path))
+    session.view = view if view.compare in (side, "wipe") else replace(view, compare=side)
 
 
 STRATEGIES = tuple(get_args(GroupingName))

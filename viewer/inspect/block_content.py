@@ -1,4 +1,4 @@
-"""What is in one block of the picture: its textures and their decoders."""
+"""What is in one block of the picture, its textures and their decoders; read back when the block or the picture has changed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.pack.model import Pack
+from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
+from viewer.state.view_state import BLOCKS, REFERENCE, ViewState
 
 
 @dataclass(frozen=True)
@@ -90,3 +93,24 @@ def block_content(
     ]
     in_order = tuple(sorted(textures, key=lambda texture: (-texture.pixels, texture.texture_id)))
     return BlockContent(place.column, place.row, place.rectangle, in_order)
+
+
+class BlockReader:
+    """Remembers the last block."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._content: BlockContent | None = None
+
+    def read(
+        self, renderer: Renderer, packs: Mapping[str, Pack], view: ViewState, at: tuple[float, float]
+    ) -> BlockContent | None:
+        """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn."""
+        place = BlockPlace.at(at, BLOCKS[view.overlay.block], view.size)
+        sources = [slot.source for slot in (view.slot_a, view.slot_b) if slot.source != REFERENCE]
+        key = (renderer, packs, view.camera, place, sources)
+        if key != self._key:
+            decoders = {source: renderer.decoders(source) for source in sources}
+            ids = renderer.texture_ids_in(place.pixels)
+            self._content, self._key = block_content(ids, place, renderer.scene, decoders), key
+        return self._content

@@ -1,4 +1,6 @@
-"""Slots A and B against each other over the pixels of one picture: figures, histogram, errors of textures and decoders."""
+"""Slots A and B against each other over the pixels of one picture: figures, histogram, errors of textures and decoders.
+
+Needs no OpenGL: `compare` runs in a process of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +12,16 @@ from ntc.codec.color import linear_to_srgb8
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
 from ntc.metrics.metrics import psnr_of_mse
-from viewer.render.resources.visibility_buffer import materials_of, texture_ids_of
+from viewer.render.resources.layout import materials_of, texture_ids_of
+from viewer.state.view_state import REFERENCE, ViewState
 
 STEPS = 256
 """Values of |A - B| in steps of 8-bit sRGB."""
 
 
 @dataclass(frozen=True, eq=False)
-class PairOfPictures:
-    """Read back as it is on the GPU; row 0 at the bottom."""
+class PicturePair:
+    """Pictures of A and B as they are on the GPU; row 0 at the bottom."""
 
     size: tuple[int, int]
     """(width, height)."""
@@ -26,10 +29,10 @@ class PairOfPictures:
     """RGBA, linear."""
     b: bytes
     a_type: str
-    """NumPy's name of the type of each channel."""
+    """NumPy type of a channel of `a`, as in `<f2`."""
     b_type: str
     ids: bytes
-    """uint32: first words of the visibility buffer."""
+    """uint32 per pixel: first words of the visibility buffer."""
     decoders: tuple[int, ...]
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
@@ -53,10 +56,10 @@ class ErrorRow:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What was found. Figures are None where no surface is seen."""
+    """The result of `compare`. Figures are None where no pixel is covered."""
 
     pixels: int
-    """Covered ones: all figures are of these."""
+    """Covered pixels: all figures are of these."""
     psnr_db: float | None
     """8-bit sRGB."""
     ssim: float | None
@@ -70,9 +73,29 @@ class Comparison:
     histogram: NDArray[np.int64]
     """[3, 256]: covered pixels by |A - B| of red, green and blue, in steps of 8-bit sRGB."""
     textures: tuple[ErrorRow, ...]
-    """Those that are seen, by id."""
+    """Visible textures, by id."""
     decoders: tuple[ErrorRow, ...]
-    """Those that are seen, by number."""
+    """Visible decoders, by number."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFigures:
+    """What panels show of A against B, and how current it is."""
+
+    comparison: Comparison | None = None
+    """The last one that was made."""
+    is_current: bool = False
+    """Whether it is of the picture that is shown."""
+    computing: bool = False
+    source: str = REFERENCE
+    """Source whose decoders `comparison.decoders` are: slot A's, else slot B's."""
+    problem: str = ""
+    """Why there is no comparison."""
+
+
+def compared_source(view: ViewState) -> str:
+    """Source whose decoders errors are listed by: slot A's, or slot B's where A shows the reference."""
+    return view.slot_a.source if view.slot_a.source != REFERENCE else view.slot_b.source
 
 
 def _srgb8(pixels: bytes, kind: str, size: tuple[int, int]) -> NDArray[np.uint8]:
@@ -106,8 +129,8 @@ def _rows(numbers: NDArray[np.intp], decoders: Sequence[int], difference: NDArra
     return tuple(rows)
 
 
-def compare(pair: PairOfPictures) -> Comparison:
-    """Everything about two pictures of one view; takes about a second for half a million pixels, most of it FLIP."""
+def compare(pair: PicturePair) -> Comparison:
+    """All figures of two pictures of one view; takes about a second for half a million pixels, most of it FLIP."""
     a, b = _srgb8(pair.a, pair.a_type, pair.size), _srgb8(pair.b, pair.b_type, pair.size)
     words = np.frombuffer(pair.ids, "<u4").reshape(pair.size[1], pair.size[0])[::-1]
     covered = materials_of(words) >= 0

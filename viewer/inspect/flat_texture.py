@@ -11,7 +11,7 @@ from ntc.codec.reference import decode_texels, texel_centres
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.model import Pack
-from viewer.jobs.background import JobReport
+from viewer.jobs.job import JobReport
 from viewer.scene.model import SceneTexture
 from viewer.scene.source_textures import reduce_texture
 

@@ -12,7 +12,7 @@ from ntc.codec.config import FeatureName
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
-from viewer.jobs.background import JobReport
+from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import source_textures

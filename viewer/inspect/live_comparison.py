@@ -1,15 +1,15 @@
-"""What is done while the picture rests: the hidden slot is drawn, programs are compiled, and A is compared with B."""
+"""Work done while the picture rests: the hidden slot is drawn, programs are compiled, and A is compared with B."""
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ntc.errors import InputError
 from ntc.pack.model import Pack
-from viewer.inspect.comparison import Comparison, PairOfPictures
-from viewer.inspect.comparison_process import ComparisonProcess
-from viewer.inspect.live_figures import LiveFigures, compared_source
+from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
+from viewer.jobs.function_process import FunctionProcess
+from viewer.jobs.job import Job
 from viewer.render.error_overlay import ComparisonErrors
 from viewer.render.frame_result import DrawnPair
 from viewer.render.renderer import Renderer
@@ -29,22 +29,26 @@ def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> ComparisonErro
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
+class _Request:
     """A comparison that was begun."""
 
     key: object
     """Of the pair of pictures."""
     source: str
     decoders: tuple[int, ...]
-    started_at: float
     renderer: Renderer
 
 
 class LiveComparison:
-    """Steps of one decode or one read-back each, so that no frame waits for long. Belongs to the OpenGL context's thread."""
+    """Steps of one decode or one read-back each, so that no frame waits for long. Belongs to the OpenGL context's thread.
+
+    FLIP keeps Python's interpreter lock, and frames must not wait for it: pictures are compared in a process of its own.
+    """
 
     def __init__(self) -> None:
-        self._process = ComparisonProcess()
+        self._process = FunctionProcess(compare, "comparison")
+        self._job: Job[Comparison] | None = None
+        """The comparison under way; its result has not been taken."""
         self._rest_key: object = None
         self._rested_since = 0.0
         self._done: object = None
@@ -53,14 +57,14 @@ class LiveComparison:
         self._packs: Mapping[str, Pack] | None = None
         self._slots: tuple[Slot, Slot] | None = None
         """Of the figures."""
-        self._asked: _Asked | None = None
+        self._request: _Request | None = None
         """What is compared now or was compared last."""
         self.figures = LiveFigures()
 
     def note(
         self, renderer: Renderer, view: ViewState, packs: Mapping[str, Pack], window: tuple[int, int], now: float
     ) -> None:
-        """Take in what is shown, in a window of `window` (width, height) pixels, and drop what is of something else."""
+        """Note what is shown, in a window of `window` (width, height) pixels, and drop figures of other slots."""
         key = (renderer, view.camera, window, view.slot_a, view.slot_b, view.anisotropy)
         if key != self._rest_key or packs is not self._packs:
             self._packs, self._done = packs, None
@@ -68,25 +72,24 @@ class LiveComparison:
         if renderer is not self._renderer or (view.slot_a, view.slot_b) != self._slots:
             renderer.errors.set_errors(None)
             self.figures = LiveFigures()
-            self._asked = None
+            self._request = None
         self._renderer, self._slots = renderer, (view.slot_a, view.slot_b)
-        is_current = self._asked is not None and renderer.pair_key() == self._asked.key
-        computing = self._process.busy and is_current
+        is_current = self._request is not None and renderer.pair_key() == self._request.key
         self.figures = replace(
             self.figures,
-            is_current=is_current and not self._process.busy and self.figures.comparison is not None,
-            computing=computing,
+            is_current=is_current and not self.is_computing and self.figures.comparison is not None,
+            computing=self.is_computing and is_current,
         )
 
     @property
     def is_computing(self) -> bool:
-        """Whether a comparison is under way."""
-        return self._process.busy
+        """Whether a comparison is under way, or its result has not been taken."""
+        return self._job is not None
 
     def has_work(self, wanted: bool, now: float) -> bool:
-        """Whether a frame is to be drawn for what `step` would do."""
-        if self._process.busy:
-            return self._process.is_ready
+        """Whether `step` has something to do."""
+        if self._job is not None:
+            return self._job.done
         return now - self._rested_since >= REST_SECONDS and (self._rest_key, wanted) != self._done
 
     def step(self, view: ViewState, wanted: bool, now: float) -> bool:
@@ -94,15 +97,16 @@ class LiveComparison:
         renderer = self._renderer
         if renderer is None:
             return False
-        if self._process.is_ready:
-            return self._take(renderer)
+        if self._job is not None and self._job.done:
+            job, self._job = self._job, None
+            return self._take(renderer, job)
         if now - self._rested_since < REST_SECONDS or (self._rest_key, wanted) == self._done:
             return False
         try:
             if renderer.prepare_slots() or renderer.prepare_comparison():
                 return False
         except Exception:
-            # Said once, and not tried again before something changes.
+            # Reported once, and not tried again before something changes.
             self._done = (self._rest_key, wanted)
             raise
         pair = renderer.drawn_pair()
@@ -110,41 +114,42 @@ class LiveComparison:
             wanted
             and pair is not None
             and view.slot_a != view.slot_b
-            and (self._asked is None or self._asked.key != pair.key)
+            and (self._request is None or self._request.key != pair.key)
         ):
-            if not self._process.busy:
-                self._start(renderer, pair, compared_source(view), now)
+            if self._job is None:
+                self._start(renderer, pair, compared_source(view))
             return False
         self._done = (self._rest_key, wanted)
         return False
 
-    def _start(self, renderer: Renderer, pair: DrawnPair, source: str, now: float) -> None:
-        self._asked = _Asked(pair.key, source, renderer.decoders(source), now, renderer)
-        self._process.start(
-            PairOfPictures(
+    def _start(self, renderer: Renderer, pair: DrawnPair, source: str) -> None:
+        self._request = _Request(pair.key, source, renderer.decoders(source), renderer)
+        self._job = self._process.call(
+            PicturePair(
                 size=pair.a.size,
                 a=pair.a.read_bytes(),
                 b=pair.b.read_bytes(),
                 a_type=pair.a.pixel_type.str,
                 b_type=pair.b.pixel_type.str,
                 ids=pair.visibility.read_id_bytes(),
-                decoders=self._asked.decoders,
+                decoders=self._request.decoders,
             )
         )
 
-    def _take(self, renderer: Renderer) -> bool:
-        result, asked = self._process.take(), self._asked
-        if asked is None or asked.renderer is not renderer or renderer.pair_key() != asked.key:
-            # The picture has changed meanwhile: it is asked for anew when that one rests.
-            self._asked = None
+    def _take(self, renderer: Renderer, job: Job[Comparison]) -> bool:
+        request = self._request
+        if request is None or request.renderer is not renderer or renderer.pair_key() != request.key:
+            # The picture has changed meanwhile: it is compared again when the new one rests.
+            self._request = None
             return False
-        if not isinstance(result, Comparison):
-            self.figures = LiveFigures(problem=result or "", source=asked.source)
+        try:
+            result = job.result()
+        except InputError as error:
+            self.figures = LiveFigures(problem=f"no comparison ({error})", source=request.source)
             return False
-        seconds = time.monotonic() - asked.started_at
-        self.figures = LiveFigures(result, True, False, seconds, asked.source, result.problem)
-        renderer.errors.set_errors(_errors(result, asked.decoders))
-        renderer.errors.set_flip(result.flip_map, asked.key)
+        self.figures = LiveFigures(result, True, False, request.source, result.problem)
+        renderer.errors.set_errors(_errors(result, request.decoders))
+        renderer.errors.set_flip(result.flip_map, request.key)
         return True
 
     def close(self) -> None:

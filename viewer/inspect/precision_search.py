@@ -6,8 +6,10 @@ from functools import partial
 from ntc.accuracy.precision_choice import ChosenPrecision, chosen_precision
 from ntc.codec.precision import Precision
 from ntc.pack.model import Pack
-from viewer.jobs.background import Background, Finished, JobReport
+from viewer.jobs.background import Background
+from viewer.jobs.job import JobReport
 from viewer.state.actions import SetSlot
+from viewer.state.message_log import details_of
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 
@@ -26,14 +28,16 @@ class PrecisionSearch:
             if slot.source == REFERENCE or pack is None:
                 session.precision_wishes -= {side}
                 continue
-            answer = self._background.ask(("precision", pack), partial(self._found, pack))
-            if isinstance(answer, Finished):
-                session.precision_wishes -= {side}
-                if isinstance(answer.value, ChosenPrecision):
-                    session.apply(SetSlot(side, replace(slot, precision=answer.value.precision)))
-                    session.say(f"{slot.source}: precision {answer.value.precision}: {answer.value.reason}")
-                else:
-                    session.say(f"{slot.source}: {answer.problem}", "error", answer.details)
+            job = self._background.ask(("precision", pack), partial(self._found, pack))
+            if not job.done:
+                continue
+            session.precision_wishes -= {side}
+            if error := job.future.exception():
+                session.say(f"{slot.source}: {job.problem}", "error", details_of(error))
+                continue
+            chosen = job.result()
+            session.apply(SetSlot(side, replace(slot, precision=chosen.precision)))
+            session.say(f"{slot.source}: precision {chosen.precision}: {chosen.reason}")
 
     def _found(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
         return chosen_precision(pack, self._supported)

@@ -13,7 +13,8 @@ def apply_event(session: Session, event: Event) -> None:
         case Notification(text=text, kind=kind, details=details):
             session.say(text, kind, details)
         case PackUpdated(name=name, pack=pack):
-            session.packs = {**session.packs, name: pack}
+            if session.packs.get(name) is not pack:
+                session.packs = {**session.packs, name: pack}
         case PackClosed(name=name):
             _close_pack(session, name)
         case RunStarted():

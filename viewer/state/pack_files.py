@@ -8,7 +8,7 @@ from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from ntc.pack.model import Pack
 from viewer.scene.model import Scene
-from viewer.state.view_state import REFERENCE
+from viewer.state.view_state import REFERENCE, ViewState
 
 PACK_SUFFIX = ".ntc"
 PREFERRED_GROUPING = "clustered"
@@ -28,6 +28,12 @@ def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
 def preferred_source(packs: Mapping[str, Pack]) -> str:
     """What to show where nobody says: the clustered pack, else the first, else the reference."""
     return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
+
+
+def base_pack_name(view: ViewState, packs: Mapping[str, Pack]) -> str | None:
+    """Name of the pack that a training goes on from: slot A's, else slot B's, else the first that is open; None without one."""
+    shown = (slot.source for slot in (view.slot_a, view.slot_b))
+    return next((source for source in shown if source in packs), next(iter(packs), None))
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:

@@ -34,6 +34,7 @@ from viewer.state.camera import frame_all
 from viewer.state.camera_motion import Motion
 from viewer.state.clipboard import Clipboard, LocalClipboard
 from viewer.state.comparing_panels import ComparingPanels
+from viewer.state.events import Event
 from viewer.state.message_log import MessageKind, MessageLog, details_of
 from viewer.state.pack_files import (
     PACK_SUFFIX,
@@ -149,7 +150,7 @@ class Session:
         """Slots that are to get the cheapest precision that does not show."""
         self.previous_views: Mapping[str, PreviousView] = {}
         """What was shown before the first pack of each training run, by the name of its pack."""
-        self.training = LiveTraining()
+        self.training = LiveTraining(self._apply_event)
         self.resolution = 1.0
         self.picture_size = settings.window_size
         """(width, height) of the window's content, kept up to date by the frontend."""
@@ -345,6 +346,11 @@ class Session:
         """The scene's camera `number`, from 0, if there is one."""
         cameras = self.scene.cameras
         return cameras[number] if number < len(cameras) else None
+
+    def _apply_event(self, event: Event) -> None:
+        from viewer.state.event_handlers import apply_event
+
+        apply_event(self, event)
 
     def close(self) -> None:
         """End what runs beside the window."""

@@ -1,80 +1,71 @@
-"""Training beside the window: prepares it, runs it, takes its pictures in one by one, keeps the log. No OpenGL, no torch."""
+"""Training beside the window: prepares a run, passes its snapshots on as events, keeps the log. No OpenGL, no torch, no session."""
 
 import os
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Iterable
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ntc.errors import InputError
 from ntc.pack.model import Pack
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot
+from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
-from viewer.jobs.task import Task
+from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
-from viewer.state.actions import Side
-from viewer.state.view_state import REFERENCE
-from viewer.training.accepting import Stamp, checked_path, default_path, save_pack, stamp_of
-from viewer.training.preparation import EncodeScene, Wish, prepare, settings_text
-from viewer.training.run_log import RunLog
-from viewer.training.runs import Curves, Run, mean_of_psnr, mean_psnr_db
-from viewer.training.settings import TrainingSettings
-from viewer.training.work import State, Work, put_away
-
-if TYPE_CHECKING:
-    from viewer.state.session import Session
+from viewer.state.events import EmitEvent, Notification, PackClosed, PackUpdated, RunStarted
+from viewer.training.active_run import ActiveRun, State, changed_groups
+from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_pack
+from viewer.training.preparation import EncodeScene, TrainingJob, prepare
+from viewer.training.run_log import Curves, Run, RunLog
 
 SECONDS_BETWEEN_TICKS = 0.1
-"""A window that otherwise rests looks so often what the training says."""
-MOST_NOTES = 20
+"""A window at rest draws a frame so often while a run is under way."""
+SECONDS_BETWEEN_UPDATES = 1.0
+"""Snapshots that come sooner are shown together: every new version of a pack costs several frames."""
 SECONDS_TO_STOP = 3.0
 SECONDS_TO_WRITE = 20.0
 
 
-SECONDS_BETWEEN_PICTURES = 1.0
-"""Of a training: snapshots that come sooner are shown together."""
+@dataclass(frozen=True, eq=False)
+class _Saving:
+    """A pack that is being written."""
+
+    run_number: int
+    scene: Scene
+    job: Job[Pack]
 
 
 class LiveTraining:
-    """The training of one session. All calls belong to one thread; none of them waits."""
+    """The training of one window. All calls belong to one thread; none of them waits."""
 
-    def __init__(self, settings: TrainingSettings | None = None) -> None:
-        self.settings = settings or TrainingSettings()
-        """What the next training is asked for where nobody says otherwise."""
-        self._log = RunLog()
-        self.curves: Curves | None = None
-        """Of the run under way, else of the last one."""
-        self._work: Work | None = None
-        self._worker = TrainingWorker()
-        self._preparation: Task[TrainingRequest] | None = None
-        self._saving: tuple[int, Task[Pack]] | None = None
-        self._dropped: list[Task[None]] = []
-        self._written: dict[str, Stamp] = {}
-        """Files that were written, as they were then."""
-        self._last_tick = 0.0
-        self._scene: Scene | None = None
-
-    @property
-    def runs(self) -> tuple[Run, ...]:
-        """All runs of the scene, oldest first."""
-        return self._log.runs
-
-    @property
-    def undecided(self) -> int | None:
-        """Number of the run that is to be accepted or discarded."""
-        return self._log.undecided
-
-    @property
-    def work(self) -> Work | None:
+    def __init__(self, emit: EmitEvent) -> None:
+        """`emit` receives messages, and packs as they are trained."""
+        self._emit = emit
+        self.log = RunLog()
+        """Ended runs of the scene."""
+        self.active: ActiveRun | None = None
         """The run under way. To be read only."""
-        return self._work
+        self.curves: Curves | None = None
+        """Curves of the run under way, else of the last one."""
+        self._scene: Scene | None = None
+        """The scene of the runs."""
+        self._worker = TrainingWorker()
+        self._preparation: Job[TrainingRequest] | None = None
+        self._saving: _Saving | None = None
+        self._stopping: list[Job[None]] = []
+        """Workers of scenes that were closed, about to end."""
+        self._written: dict[str, FileStamp] = {}
+        """Stamps of the files that were written."""
+        self._last_tick = 0.0
+        self._packs_to_drop = False
+        """Whether a run has ended since old packs were dropped."""
 
     @property
     def state(self) -> State:
-        """What is going on."""
-        return "idle" if self._work is None else self._work.state
+        """What the run under way does."""
+        return "idle" if self.active is None else self.active.state
 
     @property
     def saving(self) -> bool:
@@ -86,297 +77,259 @@ class LiveTraining:
         """Of the training process, where there is one."""
         return self._worker.process_id
 
-    def run_numbered(self, number: int) -> Run:
-        """A run of the log. Raises InputError."""
-        return self._log[number]
+    def start(self, job: TrainingJob, scene: Scene, base: tuple[str, Pack] | None) -> None:
+        """Begin a run; it goes on from the open pack `base` (name, pack), unless the scene is encoded from nothing.
 
-    def base_name(self, session: "Session") -> str | None:
-        """Name of the pack that a training would go on from: what A shows, else B, else the first that is open."""
-        for slot in (session.view.slot_a, session.view.slot_b):
-            if slot.source in session.packs:
-                return slot.source
-        return next(iter(session.packs), None)
-
-    def start(self, session: "Session", wish: Wish) -> None:
-        """Begin. Raises InputError where another training is under way, and for wishes that cannot be."""
-        if self._work is not None:
+        Raises InputError where another run is under way, and where there is no pack to go on from.
+        """
+        if self.active is not None:
             raise InputError("training: another one is under way; cancel it first (training.cancel)")
         if self._saving is not None:
             raise InputError("training: a pack is being written; try again in a moment")
-        if self._scene is not session.scene:
-            self._forget_runs(session.scene)
-        name = None if isinstance(wish, EncodeScene) else self.base_name(session)
-        base = session.packs[name] if name is not None else None
-        if base is None and not isinstance(wish, EncodeScene):
+        if base is None and not isinstance(job, EncodeScene):
             raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
-        scene = session.scene
-        self._work = Work(self._log.next_number, wish, scene, name, base, time.monotonic())
-        self._log.undecided = None
-        self.curves = self._work.curves
+        if self._scene is not scene:
+            self._forget_runs(scene)
+        name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
+        self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
+        self.log.undecided = None
+        self.curves = self.active.curves
         worker = self._worker
 
-        def work(stopped: Callable[[], bool]) -> TrainingRequest:
+        def begin(report: JobReport) -> TrainingRequest:
             # Nobody else uses the worker until this is done.
             worker.warm_up()
-            request = prepare(wish, scene, base, stopped)
-            return request if stopped() else worker.start(request)
+            request = prepare(job, scene, pack, report)
+            report.check()
+            return worker.start(request)
 
-        self._preparation = Task(work)
+        self._preparation = Job(begin).start("prepare training")
 
     def pause(self) -> None:
-        """Stand still. Raises InputError where nothing is trained."""
-        work = self._trained()
-        if work.state == "training":
+        """Pause the run. Raises InputError where none trains."""
+        run = self._training_run()
+        if run.state == "training":
             self._worker.pause()
-            work.state = "pausing"
+            run.state = "pausing"
 
     def resume(self) -> None:
-        """Go on. Raises InputError where nothing is trained."""
-        work = self._trained()
-        if work.state in ("paused", "pausing"):
+        """Go on with the run. Raises InputError where none trains."""
+        if self._training_run().state in ("paused", "pausing"):
             self._worker.resume()
 
     def cancel(self) -> None:
-        """End the training; what has been shown stays. Raises InputError where there is none."""
-        if self._work is None:
+        """End the run; the last pack that it made stays. Raises InputError where there is none."""
+        if self.active is None:
             raise InputError("training: there is none under way")
         if self._preparation is not None:
-            self._preparation.stop()
+            self._preparation.cancel()
         else:
             self._worker.cancel()
-        self._work.state = "cancelling"
+        self.active.state = "cancelling"
 
-    def _trained(self) -> Work:
-        if self._work is None:
+    def _training_run(self) -> ActiveRun:
+        if self.active is None:
             raise InputError("training: there is none under way")
-        if self._work.state == "preparing":
+        if self.active.state == "preparing":
             raise InputError("training: it has not begun yet; wait, or cancel it")
-        return self._work
+        return self.active
 
-    def accept(self, session: "Session", path: Path | None = None) -> None:
-        """Write the undecided run's pack. Raises InputError where there is none, and for a path that cannot be."""
-        self._require_nothing_saved()
-        run = self._log.undecided_run()
+    def accept(self, path: Path | None, scene: Scene, packs: Iterable[Pack]) -> None:
+        """Write the undecided run's pack to `path`, or beside `scene`; `packs` are those that are open.
+
+        Raises InputError where no run is undecided, and for a path that no pack can have. Other errors of writing are notified.
+        """
+        self._require_not_saving()
+        run = self.log.undecided_run()
         assert run.pack is not None
-        pack = run.pack
-        chosen = checked_path(path) if path is not None else default_path(session.scene, pack)
-        opened, written = tuple(session.packs.values()), self._written.get(os.path.realpath(chosen))
-        self._saving = (run.number, Task(lambda _stopped: save_pack(chosen, pack, opened, written)))
+        pack, opened = run.pack, tuple(packs)
+        chosen = checked_path(path) if path is not None else default_path(scene, pack)
+        written = self._written.get(os.path.realpath(chosen))
+        job = Job(lambda _report: save_pack(chosen, pack, opened, written)).start("save pack")
+        self._saving = _Saving(run.number, scene, job)
 
-    def discard(self, session: "Session") -> None:
-        """Show again what was shown before the undecided run. Raises InputError where there is none."""
-        self._require_nothing_saved()
-        self._log.discard(session)
+    def discard(self) -> None:
+        """Close the undecided run's pack. Raises InputError where no run is undecided."""
+        self._require_not_saving()
+        run = self.log.undecided_run()
+        self.log.undecided = None
+        self.log.change(replace(run, outcome=f"{run.outcome}, discarded"))
+        self._emit(PackClosed(run.name))
 
-    def show(self, session: "Session", number: int, side: Side) -> None:
-        """Put the pack of a run into a slot. Raises InputError where there is no such run, or none of its pack."""
-        run = self.run_numbered(number)
+    def open_run(self, number: int) -> str:
+        """Open the pack of a run; returns its name. Raises InputError where there is no such run, or it has no pack."""
+        run = self.log[number]
         if run.pack is None:
             raise InputError(f"run {number}: has no pack ({run.outcome}); train it again")
-        if session.packs.get(run.name) is not run.pack:
-            session.packs = {**session.packs, run.name: run.pack}
-        view = session.view
-        slot = view.slot_a if side == "a" else view.slot_b
-        slot = replace(slot, source=run.name, path="cached" if slot.source == REFERENCE else slot.path)
-        session.view = replace(view, slot_a=slot) if side == "a" else replace(view, slot_b=slot)
-        if view.compare not in (side, "wipe"):
-            session.view = replace(session.view, compare=side)
-        if self._work is None and self._saving is None and run.saved is None:
-            self._log.undecided = number
+        self._emit(PackUpdated(run.name, run.pack))
+        if self.active is None and self._saving is None and run.saved is None:
+            self.log.undecided = number
+        return run.name
 
-    def _require_nothing_saved(self) -> None:
+    def _require_not_saving(self) -> None:
         if self._saving is not None:
             raise InputError("training: the pack is being written already")
 
     @property
     def is_due(self) -> bool:
-        """Whether a window that rests should draw a frame, for there may be news."""
-        active = self._work is not None or self._saving is not None
-        return active and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
+        """Whether a window at rest should draw a frame, because there may be news."""
+        busy = self.active is not None or self._saving is not None
+        return busy and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
 
-    def tick(self, session: "Session") -> None:
-        """Once a frame: take in what has happened, one snapshot at most."""
+    def tick(self, scene: Scene, shown: frozenset[str]) -> None:
+        """Once a frame: emit what has happened. `scene` is the open one, `shown` the names of the packs in the slots."""
         self._last_tick = time.monotonic()
-        self._dropped = [task for task in self._dropped if not task.done]
-        self._take_saved(session)
-        work = self._work
-        if work is None:
+        self._stopping = [job for job in self._stopping if not job.done]
+        if self._packs_to_drop:
+            self._packs_to_drop = False
+            for name in self.log.drop_old_packs(shown):
+                self._emit(PackClosed(name))
+        self._take_saved(scene)
+        run = self.active
+        if run is None:
             return
-        if work.scene is not session.scene:
-            self._leave(session)
-            return
-        if self._preparation is not None:
-            self._take_prepared(session, work)
-            return
-        for report in self._worker.poll():
-            self._take(session, work, report)
-        if self._work is work:
-            self._put_up(session, work)
+        if run.scene is not scene:
+            self._stop_for(scene)
+        elif self._preparation is not None:
+            self._take_prepared(run, self._preparation)
+        else:
+            for report in self._worker.poll():
+                self._take(run, report)
+            if self.active is run:
+                self._publish_snapshots(run)
 
-    def _take_prepared(self, session: "Session", work: Work) -> None:
-        task = self._preparation
-        if task is None or not task.done:
+    def _take_prepared(self, run: ActiveRun, preparation: Job[TrainingRequest]) -> None:
+        if not preparation.done:
             return
         self._preparation = None
         try:
-            request = task.result()
+            run.request = preparation.result()
+            run.pack = starting_pack(run.request)
+        except CancelledError:
+            pass
         except InputError as error:
-            session.say(str(error), "error")
-            self._end(session, work, "failed", None, (str(error),))
+            self._emit(Notification(str(error), "error"))
+            self._end(run, "failed", None, (str(error),))
             return
-        if request is not None:
-            work.request, work.pack = request, starting_pack(request)
-        if work.state == "preparing":
-            work.state = "training"
+        if run.state == "preparing":
+            run.state = "training"
         elif self._worker.busy:
-            # It was cancelled, but has begun all the same.
+            # It was cancelled when the worker had just begun.
             self._worker.cancel()
         else:
-            self._end(session, work, "cancelled", None)
-            session.say(f"{work.name} was cancelled; nothing came of it")
+            self._end(run, "cancelled", None)
+            self._emit(Notification(f"{run.name} was cancelled; it made no pack"))
 
-    def _take(self, session: "Session", work: Work, report: Report) -> None:
+    def _take(self, run: ActiveRun, report: Report) -> None:
         match report:
             case WorkerProgress():
-                work.progress = report
-                work.curves.add(report)
-                if report.note:
-                    work.notes = (*work.notes, report.note)[-MOST_NOTES:]
+                run.add_progress(report)
             case GroupSnapshot():
-                self._take_snapshot(session, work, report)
+                run.add_snapshot(report)
+                self._publish_snapshots(run)
             case Paused():
-                work.state = "paused" if work.state == "pausing" else work.state
+                run.state = "paused" if run.state == "pausing" else run.state
             case Resumed():
-                work.state = "training" if work.state in ("paused", "pausing") else work.state
+                run.state = "training" if run.state in ("paused", "pausing") else run.state
             case Finished():
-                self._take_finished(session, work, report)
+                self._take_finished(run, report)
             case Failed():
-                session.say(report.line, "error")
-                self._end(session, work, "failed", work.pack_so_far(), (report.line,))
+                self._emit(Notification(report.line, "error"))
+                self._end(run, "failed", run.pack_so_far(), (report.line,))
 
-    def _take_snapshot(self, session: "Session", work: Work, snapshot: GroupSnapshot) -> None:
-        assert work.pack is not None
-        work.pack = apply_snapshot(work.pack, snapshot)
-        first = not work.groups_seen
-        work.groups_seen |= {snapshot.group}
-        work.is_ahead = True
-        self._put_up(session, work)
-        if first:
-            work.first_picture_seconds = time.monotonic() - work.began
-            work.show_beside(session)
+    def _publish_snapshots(self, run: ActiveRun) -> None:
+        is_new = run.groups_seen and run.pack is not run.published
+        if is_new and run.pack is not None and time.monotonic() - run.published_at >= SECONDS_BETWEEN_UPDATES:
+            self._publish(run, run.pack)
 
-    def _put_up(self, session: "Session", work: Work) -> None:
-        """Show what snapshots have brought, not too often: every picture of it costs several frames."""
-        now = time.monotonic()
-        if work.is_ahead and work.pack is not None and now - work.put_up_at >= SECONDS_BETWEEN_PICTURES:
-            work.is_ahead, work.put_up_at = False, now
-            session.packs = {**session.packs, work.name: work.pack}
+    def _publish(self, run: ActiveRun, pack: Pack) -> None:
+        is_first, changed = run.published is None, changed_groups(run.published, pack)
+        run.published, run.published_at = pack, time.monotonic()
+        self._emit(PackUpdated(run.name, pack, changed))
+        if is_first:
+            run.first_picture_seconds = run.published_at - run.began
+            self._emit(RunStarted(run.name, run.base_name))
 
-    def _take_finished(self, session: "Session", work: Work, finished: Finished) -> None:
+    def _take_finished(self, run: ActiveRun, finished: Finished) -> None:
         lines = tuple(outcome.line() for outcome in finished.outcomes)
-        if finished.pack is not None:
-            session.packs = {**session.packs, work.name: finished.pack}
-            if not work.groups_seen:
-                work.show_beside(session)
-            worse = sum(outcome.kept_old for outcome in finished.outcomes)
-            kept = (
-                f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were"
-                if worse
-                else ""
-            )
-            self._end(session, work, finished.reason, finished.pack, lines)
-            session.say(f"{work.name} ({work.wish.title()}): {finished.reason}{kept}. Accept or discard it")
+        if finished.pack is None:
+            pack = run.pack_so_far()
+            self._end(run, "cancelled", pack, lines)
+            rest = "its last pack stays: accept or discard it" if pack is not None else "it made no pack"
+            self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
-        pack = work.pack_so_far()
-        self._end(session, work, "cancelled", pack, lines)
-        stays = "its last picture stays: accept or discard it" if pack is not None else "nothing came of it"
-        session.say(f"{work.name} was cancelled; {stays}")
+        worse = sum(outcome.kept_old for outcome in finished.outcomes)
+        kept = f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were" if worse else ""
+        self._end(run, finished.reason, finished.pack, lines)
+        self._emit(Notification(f"{run.name} ({run.job.title()}): {finished.reason}{kept}. Accept or discard it"))
 
-    def _end(
-        self, session: "Session", work: Work, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()
-    ) -> None:
-        """Put the run down in the log; without a pack what was shown before is shown again."""
-        progress, request = work.progress, work.request
-        psnr = mean_psnr_db(pack) if pack is not None else None
-        if psnr is None and pack is not None and progress is not None and progress.psnr_db:
-            psnr = mean_of_psnr(list(progress.psnr_db.values()))
-        run = Run(
-            work.number,
-            work.wish.title(),
-            settings_text(work.wish),
-            request.grouping.group_count if request is not None else 0,
-            outcome,
-            progress.elapsed_seconds if progress is not None else 0.0,
-            psnr,
-            (*lines, *work.notes),
-            pack,
-        )
-        self._work = None
-        self._log.add(run, work.before)
+    def _end(self, run: ActiveRun, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()) -> None:
+        """Log the run; one that made no pack is closed."""
+        self.active = None
         if pack is not None:
-            session.packs = {**session.packs, run.name: pack}
-        elif work.name in session.packs:
-            put_away(session, work.name, work.before)
-        self._log.let_go(session)
+            self._publish(run, pack)
+        elif run.published is not None:
+            self._emit(PackClosed(run.name))
+        self.log.add(run.ended(outcome, pack, lines))
+        self._packs_to_drop = True
 
-    def _take_saved(self, session: "Session") -> None:
-        if self._saving is None or not self._saving[1].done:
+    def _take_saved(self, scene: Scene) -> None:
+        saving = self._saving
+        if saving is None or not saving.job.done:
             return
-        number, task = self._saving
         self._saving = None
         try:
-            pack = task.result()
+            pack = saving.job.result()
         except InputError as error:
-            session.say(str(error), "error")
+            self._emit(Notification(str(error), "error"))
             return
-        if pack is not None and pack.path is not None and (stamp := stamp_of(pack.path)) is not None:
+        if pack.path is not None and (stamp := file_stamp(pack.path)) is not None:
             self._written[os.path.realpath(pack.path)] = stamp
-        if pack is None or number not in self._log:
-            return
-        run = self._log[number]
-        self._log.change(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
-        if self.undecided == number:
-            self._log.undecided = None
-        if run.name in session.packs:
-            session.packs = {**session.packs, run.name: pack}
-        session.say(f"wrote {pack.path}")
+        if saving.run_number in self.log:
+            run: Run = self.log[saving.run_number]
+            self.log.change(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
+            if self.log.undecided == run.number:
+                self.log.undecided = None
+            if saving.scene is scene:
+                self._emit(PackUpdated(run.name, pack, frozenset()))
+            self._emit(Notification(f"wrote {pack.path}"))
 
-    def _leave(self, session: "Session") -> None:
+    def _stop_for(self, scene: Scene) -> None:
         """Another scene was opened."""
         if self._preparation is not None:
-            self._leave_preparation(self._preparation)
+            self._abandon(self._preparation)
         else:
             self._worker.close()
-        self._work = None
-        self._forget_runs(session.scene)
-        session.say("the training ended, because another scene was opened")
+        self.active = None
+        self._forget_runs(scene)
+        self._emit(Notification("the training ended, because another scene was opened"))
 
-    def _leave_preparation(self, preparation: Task[TrainingRequest]) -> None:
-        """Its thread may be using the worker: both are left to end, and there is a new worker."""
+    def _abandon(self, preparation: Job[TrainingRequest]) -> None:
+        """The thread of `preparation` may be using the worker: both are left to end, and there is a new worker."""
         worker, self._worker, self._preparation = self._worker, TrainingWorker(), None
-        preparation.stop()
+        preparation.cancel()
 
-        def end(_stopped: Callable[[], bool]) -> None:
+        def end(_report: JobReport) -> None:
             preparation.join(SECONDS_TO_WRITE)
             worker.close()
 
-        self._dropped.append(Task(end))
+        self._stopping.append(Job(end).start("end training"))
 
     def _forget_runs(self, scene: Scene) -> None:
         self._scene = scene
-        self._log = RunLog()
+        self.log = RunLog()
         self.curves = None
 
     def close(self) -> None:
-        """End everything: the process, the threads; a pack that is being written is finished."""
+        """End the process and the threads; a pack that is being written is finished."""
         if self._preparation is not None:
-            self._preparation.stop()
+            self._preparation.cancel()
             self._preparation.join(SECONDS_TO_STOP)
             self._preparation = None
         if self._saving is not None:
-            self._saving[1].join(SECONDS_TO_WRITE)
+            self._saving.job.join(SECONDS_TO_WRITE)
             self._saving = None
-        for task in self._dropped:
-            task.join(SECONDS_TO_STOP)
+        for job in self._stopping:
+            job.join(SECONDS_TO_STOP)
         self._worker.close()
-        self._work = None
+        self.active = None

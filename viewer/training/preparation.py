@@ -1,6 +1,5 @@
-"""From what the user wants to a request that can be trained. Takes seconds: runs in a thread beside the window."""
+"""Makes the request to the training worker from what the user asks for. Takes seconds: runs in a thread beside the window."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ntc.codec.config import GroupingConfig
@@ -10,12 +9,11 @@ from ntc.pack.model import Grouping, Pack
 from ntc.training.config import recipe_codec, recipe_config
 from ntc.training.snapshot import moved_texture, unchanged_groups
 from ntc.worker.protocol import TrainingRequest
+from viewer.jobs.job import JobReport
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
-from viewer.training.grouping_process import GroupingJob, StoppedError, find_grouping
+from viewer.training.grouping_process import GroupingJob, find_grouping
 from viewer.training.settings import TrainingSettings, budget_text
-
-Stopped = Callable[[], bool]
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class MoveTexture:
 
 @dataclass(frozen=True)
 class Regroup:
-    """Find groups anew, and go on from the pack's latents."""
+    """Group the textures anew, and go on from the pack's latents."""
 
     settings: TrainingSettings
 
@@ -67,7 +65,7 @@ class Regroup:
         return f"regroup {strategy_text(self.settings)}"
 
 
-Wish = EncodeScene | RetrainGroups | MoveTexture | Regroup
+TrainingJob = EncodeScene | RetrainGroups | MoveTexture | Regroup
 
 
 def strategy_text(settings: TrainingSettings) -> str:
@@ -75,70 +73,69 @@ def strategy_text(settings: TrainingSettings) -> str:
     return settings.strategy if settings.clusters is None else f"{settings.strategy} k={settings.clusters}"
 
 
-def settings_text(wish: Wish) -> str:
-    """Everything of the settings that the title does not say."""
-    settings = wish.settings
-    size = f"{settings.texture_size} texels, " if isinstance(wish, EncodeScene) else ""
+def settings_text(job: TrainingJob) -> str:
+    """The settings that the title does not name: size, recipe, budget."""
+    settings = job.settings
+    size = f"{settings.texture_size} texels, " if isinstance(job, EncodeScene) else ""
     return f"{size}{settings.recipe}, {budget_text(settings.budget)}"
 
 
-def prepare(wish: Wish, scene: Scene, base: Pack | None, stopped: Stopped) -> TrainingRequest:
-    """The request for a wish. `base` is the pack to go on from, of no effect for EncodeScene.
+def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:
+    """The request for a job. `base` is the pack to go on from; EncodeScene does not use it.
 
-    Raises InputError for what cannot be trained, and StoppedError once `stopped` says so.
+    Raises InputError for what cannot be trained, and CancelledError where `report` is cancelled.
     """
-    if isinstance(wish, EncodeScene):
-        return _encode(wish.settings, scene, stopped)
+    if isinstance(job, EncodeScene):
+        return _encode(job.settings, scene, report)
     if base is None:
         raise InputError("no pack is shown; encode the scene first")
-    if isinstance(wish, MoveTexture):
-        grouping = moved_texture(base.grouping, wish.texture, wish.group)
+    if isinstance(job, MoveTexture):
+        grouping = moved_texture(base.grouping, job.texture, job.group)
         if grouping.groups == base.grouping.groups:
-            raise InputError(f"texture {wish.texture} is in group {wish.group} already")
+            raise InputError(f"texture {job.texture} is in group {job.group} already")
     else:
         grouping = base.grouping
-    textures = _textures_of(base, scene, stopped)
+    textures = _textures_of(base, scene, report)
     dirty: frozenset[int] | None = None
-    if isinstance(wish, Regroup):
-        grouping = _grouping(wish.settings, textures, scene, stopped)
+    if isinstance(job, Regroup):
+        grouping = _grouping(job.settings, textures, scene, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
             raise InputError(
-                f"{strategy_text(wish.settings)}: gives the groups that there are; nothing is to be trained"
+                f"{strategy_text(job.settings)}: gives the groups that there are; nothing is to be trained"
             )
-    elif isinstance(wish, RetrainGroups):
-        dirty = wish.groups
-    training = recipe_config(wish.settings.recipe)
-    return TrainingRequest(textures, grouping, base.config, training, wish.settings.budget, base, dirty)
+    elif isinstance(job, RetrainGroups):
+        dirty = job.groups
+    training = recipe_config(job.settings.recipe)
+    return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
 
 
-def _encode(settings: TrainingSettings, scene: Scene, stopped: Stopped) -> TrainingRequest:
-    textures = tuple(_reduced(texture, settings.texture_size, stopped) for texture in source_textures(scene, None))
+def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
+    textures = tuple(_reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None))
     if not textures:
         raise InputError(f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)")
-    grouping = _grouping(settings, textures, scene, stopped)
+    grouping = _grouping(settings, textures, scene, report)
     codec = recipe_codec(settings.recipe, max(texture.pixels.shape[2] for texture in textures), None)
     return TrainingRequest(textures, grouping, codec, recipe_config(settings.recipe), settings.budget)
 
 
-def _reduced(texture: SourceTexture, size: int, stopped: Stopped) -> SourceTexture:
-    """One after the other: the second core belongs to the window."""
-    if stopped():
-        raise StoppedError
+def _reduced(texture: SourceTexture, size: int, report: JobReport) -> SourceTexture:
+    """Textures are reduced one after the other: the second core belongs to the window."""
+    report.check()
     return reduce_texture(texture, size)
 
 
 def _grouping(
-    settings: TrainingSettings, textures: tuple[SourceTexture, ...], scene: Scene, stopped: Stopped
+    settings: TrainingSettings, textures: tuple[SourceTexture, ...], scene: Scene, report: JobReport
 ) -> Grouping:
     if settings.clusters is not None and settings.clusters > len(textures):
         raise InputError(
             f"k {settings.clusters}: there are only {len(textures)} textures; choose at most as many groups"
         )
     config = GroupingConfig(settings.strategy, settings.clusters)
-    return find_grouping(GroupingJob(config, textures, scene.path), stopped)
+    return find_grouping(GroupingJob(config, textures, scene.path), report)
 
 
-def _textures_of(pack: Pack, scene: Scene, stopped: Stopped) -> tuple[SourceTexture, ...]:
+def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTexture, ...]:
     """The scene's textures as `pack` was made from them, in its order."""
     by_hash = {texture.pixel_hash: texture for texture in source_textures(scene, None)}
     found = []
@@ -148,6 +145,6 @@ def _textures_of(pack: Pack, scene: Scene, stopped: Stopped) -> tuple[SourceText
             raise InputError(
                 f"{encoded.name}: is in the pack but not in {scene.name}, so the pack cannot be trained here; encode the scene"
             )
-        small = _reduced(source, max(encoded.width, encoded.height), stopped)
+        small = _reduced(source, max(encoded.width, encoded.height), report)
         found.append(replace(small, name=encoded.name, wrap=encoded.wrap, category=encoded.category))
     return tuple(found)

@@ -1,33 +1,116 @@
-"""The log of training runs: what came of each, and which of their packs are still held."""
+"""The log of training runs with the packs that they made, and the curves of a run."""
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from viewer.training.runs import Run
-from viewer.training.work import Before, put_away
+from ntc.metrics.metrics import psnr_of_mse
+from ntc.pack.model import Pack
+from ntc.worker.protocol import WorkerProgress
 
-if TYPE_CHECKING:
-    from viewer.state.session import Session
-
+MOST_POINTS = 400
+"""Of a curve; when it is full every second one is dropped, so that a long run costs no more than a short one."""
 MOST_RUNS = 100
 MOST_PACKS = 8
-"""Packs of runs that are kept for a second look, besides those that are shown."""
+"""Packs of ended runs that are kept, besides those that are shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A training run that has ended. Its pack can be opened again."""
+
+    number: int
+    title: str
+    """What was trained."""
+    settings: str
+    """Recipe, size, budget."""
+    groups: int
+    """Decoders of the pack."""
+    outcome: str
+    """How it ended: `done`, `cancelled`, `failed` and so on."""
+    seconds: float
+    """Of training, without preparation and pauses."""
+    psnr_db: float | None
+    """PSNR in dB of the mean square error over textures; of samples where the run did not end by itself. None where not known."""
+    lines: tuple[str, ...] = ()
+    """What became of each group."""
+    pack: Pack | None = field(default=None, repr=False)
+    """None where the run made none, or so many runs followed that it was dropped."""
+    saved: Path | None = None
+    """The file that it was written to."""
+
+    @property
+    def name(self) -> str:
+        """Name under which its pack is open."""
+        return f"run {self.number}"
+
+
+def mean_psnr_db(pack: Pack) -> float | None:
+    """PSNR in dB of the mean square error over the textures of `pack`; None where not all have been measured."""
+    known = [texture.psnr_db for texture in pack.textures]
+    if not known or any(value is None for value in known):
+        return None
+    return mean_of_psnr([value for value in known if value is not None])
+
+
+def mean_of_psnr(values: list[float]) -> float:
+    """PSNR in dB of the mean of the mean square errors that belong to `values`."""
+    return float(psnr_of_mse(float(np.mean([255.0**2 * 10.0 ** (-value / 10.0) for value in values]))))
+
+
+@dataclass
+class Curves:
+    """Loss by group and PSNR by texture over a run, at most MOST_POINTS of each."""
+
+    seconds: list[float] = field(default_factory=list)
+    losses: dict[int, list[float]] = field(default_factory=dict)
+    """By group; nan before it is trained."""
+    psnr_db: dict[int, list[float]] = field(default_factory=dict)
+    """By texture; nan before it is trained."""
+    mean_db: list[float] = field(default_factory=list)
+    """Of the textures under training."""
+
+    def add(self, progress: WorkerProgress) -> None:
+        """One more point."""
+        if not progress.psnr_db:
+            return
+        if len(self.seconds) >= MOST_POINTS:
+            self._thin()
+        known = len(self.seconds)
+        self.seconds.append(progress.elapsed_seconds)
+        self.mean_db.append(mean_of_psnr(list(progress.psnr_db.values())))
+        for curves, values in ((self.losses, progress.losses), (self.psnr_db, progress.psnr_db)):
+            for key in values.keys() - curves.keys():
+                curves[key] = [math.nan] * known
+            for key, curve in curves.items():
+                curve.append(values.get(key, math.nan))
+
+    def _thin(self) -> None:
+        for curve in (self.seconds, self.mean_db, *self.losses.values(), *self.psnr_db.values()):
+            del curve[::2]
+
+    @staticmethod
+    def array(curve: list[float]) -> NDArray[np.float64]:
+        """[points] float64, as plots take them."""
+        return np.array(curve, np.float64)
 
 
 class RunLog:
-    """The runs of one scene."""
+    """The ended runs of one scene."""
 
     def __init__(self) -> None:
         self.runs: tuple[Run, ...] = ()
         """Oldest first."""
         self.undecided: int | None = None
         """Number of the run that is to be accepted or discarded."""
-        self._before: dict[int, Before] = {}
 
     @property
     def next_number(self) -> int:
-        """Of a run that begins now."""
+        """Number of the run that begins next."""
         return self.runs[-1].number + 1 if self.runs else 1
 
     def __contains__(self, number: int) -> bool:
@@ -41,35 +124,25 @@ class RunLog:
         raise InputError(f"run {number}: there is no such run; runs so far: {len(self.runs)}")
 
     def undecided_run(self) -> Run:
-        """The one that is to be accepted or discarded. Raises InputError where there is none."""
+        """The run that is to be accepted or discarded. Raises InputError where there is none."""
         if self.undecided is None:
             raise InputError("training: no finished run waits to be accepted or discarded")
         return self[self.undecided]
 
-    def add(self, run: Run, before: Before | None) -> None:
-        """A run has ended; `before` is what was shown when it began to be."""
+    def add(self, run: Run) -> None:
+        """Add a run that has ended."""
         self.runs = (*self.runs, run)[-MOST_RUNS:]
-        if before is not None:
-            self._before[run.number] = before
         if run.pack is not None:
             self.undecided = run.number
 
     def change(self, changed: Run) -> None:
-        """Put down something else about a run."""
+        """Replace the run of the same number."""
         self.runs = tuple(changed if run.number == changed.number else run for run in self.runs)
 
-    def discard(self, session: "Session") -> None:
-        """Show again what was shown before the undecided run. Raises InputError where there is none."""
-        run = self.undecided_run()
-        self.undecided = None
-        self.change(replace(run, outcome=f"{run.outcome}, discarded"))
-        put_away(session, run.name, self._before.get(run.number))
-
-    def let_go(self, session: "Session") -> None:
-        """Forget packs of old runs that nobody looks at."""
-        shown = {session.view.slot_a.source, session.view.slot_b.source}
-        with_pack = [run for run in self.runs if run.pack is not None]
-        for run in with_pack[:-MOST_PACKS]:
-            if run.name not in shown and run.number != self.undecided:
-                self.change(replace(run, pack=None))
-                session.packs = {name: pack for name, pack in session.packs.items() if name != run.name}
+    def drop_old_packs(self, shown: frozenset[str]) -> tuple[str, ...]:
+        """Drop the packs of old runs, but for the names in `shown`; returns the names of those that were dropped."""
+        old = [run for run in self.runs if run.pack is not None][:-MOST_PACKS]
+        dropped = [run for run in old if run.name not in shown and run.number != self.undecided]
+        for run in dropped:
+            self.change(replace(run, pack=None))
+        return tuple(run.name for run in dropped)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.inspect.block_content import BlockContent
-from viewer.inspect.live_figures import LiveFigures
+from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.pixel_content import PixelContent
 from viewer.render.frame_history import FrameHistory
 from viewer.render.tile_cache.budget import TileCounts

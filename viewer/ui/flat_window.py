@@ -1,7 +1,7 @@
 """A window that shows one texture flat: its original and what packs make of it, side by side or with a divider."""
 
 import math
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -10,7 +10,8 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.flat_texture import FlatTexture, decode_flat, original_flat
 from viewer.inspect.visible_part import VisiblePart, visible_part
-from viewer.jobs.background import Background, Finished, Job, JobReport
+from viewer.jobs.background import Background
+from viewer.jobs.job import Job, JobReport
 from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
@@ -142,22 +143,22 @@ class FlatWindow:
         answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
         return self._shown(answer, source, f"{source}, {encoded.width} x {encoded.height}, group {encoded.group}")
 
-    def _ask(self, side: str, key: Hashable, job: Job) -> Finished[object] | JobReport:
+    def _ask(self, side: str, key: Hashable, work: Callable[[JobReport], FlatTexture]) -> Job[FlatTexture]:
         before = self._asked.get(side, key)
         self._asked[side] = key
         if before not in self._asked.values():
             self._background.cancel(before)
-        return self._background.ask(key, job)
+        return self._background.ask(key, work)
 
     @staticmethod
-    def _shown(answer: Finished[object] | JobReport, source: str, about: str) -> _Side:
-        if isinstance(answer, JobReport):
-            first = answer.partial
-            doing = f", decoding {answer.share:.0%}" if source != REFERENCE else ""
+    def _shown(job: Job[FlatTexture], source: str, about: str) -> _Side:
+        if not job.done:
+            first = job.report.partial
+            doing = f", decoding {job.report.share:.0%}" if source != REFERENCE else ""
             return _Side(first if isinstance(first, FlatTexture) else None, about + doing)
-        if not isinstance(answer.value, FlatTexture):
-            return _Side(None, f"{source}: {answer.problem}")
-        flat = answer.value
+        if job.problem:
+            return _Side(None, f"{source}: {job.problem}")
+        flat = job.result()
         if source == REFERENCE:
             return _Side(flat, about)
         quality = "sizes differ"

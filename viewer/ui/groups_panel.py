@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from ntc.pack.model import Pack
 from viewer.commands import COMMANDS
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
-from viewer.jobs.background import Background, JobReport
+from viewer.jobs.background import Background
 from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
@@ -200,9 +200,7 @@ class GroupsPanel:
         features, stands_in_for = asked
         # Every grouping has its own centroids, over features that are kept on disk.
         key = (session.scene, decoders, features)
-        answer = self._background.ask(key, partial(group_distances, session.scene, decoders, features, stands_in_for))
-        if isinstance(answer, JobReport):
-            return f"{features} features {answer.share:.0%}"
-        if isinstance(answer.value, GroupDistances):
-            return answer.value
-        return f"no distances: {answer.problem}"
+        job = self._background.ask(key, partial(group_distances, session.scene, decoders, features, stands_in_for))
+        if not job.done:
+            return f"{features} features {job.report.share:.0%}"
+        return f"no distances: {job.problem}" if job.problem else job.result()

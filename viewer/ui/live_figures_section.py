@@ -5,7 +5,7 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from viewer.inspect.live_figures import LiveFigures
+from viewer.inspect.comparison import LiveFigures
 from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE

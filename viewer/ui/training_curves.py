@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
-from viewer.training.runs import Curves
+from viewer.training.run_log import Curves
 from viewer.ui.items import ItemPlaces
 from viewer.ui.widgets import combo
 

@@ -8,7 +8,7 @@ from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
 from ntc.pack.model import Pack
 from viewer.state.actions import RunCommand
-from viewer.training.runs import mean_of_psnr
+from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
 from viewer.ui.facts import Emit
 from viewer.ui.items import ItemPlaces

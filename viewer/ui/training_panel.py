@@ -3,12 +3,13 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.actions import RunCommand
+from viewer.state.pack_files import base_pack_name
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
+from viewer.training.active_run import ActiveRun
 from viewer.training.live_training import LiveTraining
-from viewer.training.runs import Run
+from viewer.training.run_log import Run
 from viewer.training.settings import TrainingSettings
-from viewer.training.work import Work
 from viewer.ui.area import Area
 from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit
@@ -36,33 +37,33 @@ class TrainingPanel:
     def draw(self, session: Session, emit: Emit, items: ItemPlaces) -> None:
         """The content of the panel."""
         training = session.training
-        work = training.work
-        if work is not None:
-            self._under_way(work, emit, items)
-            names = [texture.name for texture in work.request.textures] if work.request is not None else []
-            self._curves.draw(work.curves, names, items)
+        run = training.active
+        if run is not None:
+            self._under_way(run, emit, items)
+            names = [texture.name for texture in run.request.textures] if run.request is not None else []
+            self._curves.draw(run.curves, names, items)
         else:
-            if training.undecided is not None:
-                self._decision(training, training.run_numbered(training.undecided), emit, items)
+            if training.log.undecided is not None:
+                self._decision(training, training.log.undecided_run(), emit, items)
                 imgui.separator()
-            name = training.base_name(session)
+            name = base_pack_name(session.view, session.packs)
             self._forms.draw(session.packs[name] if name is not None else None, name or "", emit, items)
             if training.curves is not None and len(training.curves.seconds) > 1:
                 opened = imgui.tree_node("curves of the last run")
                 items.note("curves of the last run")
                 if opened:
-                    last = training.runs[-1] if training.runs else None
+                    last = training.log.runs[-1] if training.log.runs else None
                     names = [t.name for t in last.pack.textures] if last is not None and last.pack is not None else []
                     self._curves.draw(training.curves, names, items)
                     imgui.tree_pop()
-        if training.runs:
+        if training.log.runs:
             imgui.separator()
             _log(session, training, emit, items)
 
-    def _under_way(self, work: Work, emit: Emit, items: ItemPlaces) -> None:
-        progress = work.progress
-        imgui.text_wrapped(f"{work.name}: {work.wish.title()}")
-        state = STATES[work.state]
+    def _under_way(self, run: ActiveRun, emit: Emit, items: ItemPlaces) -> None:
+        progress = run.progress
+        imgui.text_wrapped(f"{run.name}: {run.job.title()}")
+        state = STATES[run.state]
         share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.of)
         imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
         # The text stands below: over the bar it would be hard to read.
@@ -73,26 +74,26 @@ class TrainingPanel:
             imgui.text(state or "starting")
         else:
             imgui.text(f"step {progress.step} of {progress.of}, {state or _duration(progress.eta_seconds) + ' left'}")
-        waits = work.state in ("paused", "pausing")
+        waits = run.state in ("paused", "pausing")
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
-        imgui.begin_disabled(work.state in ("preparing", "cancelling"))
+        imgui.begin_disabled(run.state in ("preparing", "cancelling"))
         if imgui.button("Resume" if waits else "Pause", ImVec2(third, 0)):
             emit(RunCommand("training.resume" if waits else "training.pause"))
         items.note("Resume" if waits else "Pause")
         imgui.end_disabled()
         imgui.same_line()
-        imgui.begin_disabled(work.state == "cancelling")
+        imgui.begin_disabled(run.state == "cancelling")
         if imgui.button("Cancel", ImVec2(-1, 0)):
             emit(RunCommand("training.cancel"))
         items.note("Cancel")
         imgui.end_disabled()
         if progress is not None:
-            mean = f"{work.curves.mean_db[-1]:.2f} dB" if work.curves.mean_db else "-"
+            mean = f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "-"
             imgui.text(
                 f"PSNR {mean}   {progress.ktexels_per_second:.0f} Ktexel/s   freezing {progress.freezing_scale:.2f}"
             )
-        if work.notes:
-            imgui.text_wrapped(work.notes[-1])
+        if run.notes:
+            imgui.text_wrapped(run.notes[-1])
 
     def _decision(self, training: LiveTraining, run: Run, emit: Emit, items: ItemPlaces) -> None:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
@@ -132,7 +133,7 @@ def _log(session: Session, training: LiveTraining, emit: Emit, items: ItemPlaces
     imgui.table_setup_column("into")
     imgui.table_headers_row()
     shown = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
-    for run in reversed(training.runs):
+    for run in reversed(training.log.runs):
         imgui.table_next_row()
         imgui.table_next_column()
         imgui.text(str(run.number))
@@ -169,7 +170,7 @@ class EncodeOffer:
         training = session.training
         if training.state != "idle":
             self._answered_for = session.scene
-        if session.packs or training.runs or session.scene is self._answered_for or not session.scene.textures:
+        if session.packs or training.log.runs or session.scene is self._answered_for or not session.scene.textures:
             return
         if {session.view.slot_a.source, session.view.slot_b.source} != {REFERENCE}:
             return
@@ -185,7 +186,7 @@ class EncodeOffer:
             | imgui.WindowFlags_.no_nav
         )
         if imgui.begin("##offer", None, flags)[0]:
-            settings = training.settings
+            settings = TrainingSettings()
             imgui.text("This scene has no pack.")
             imgui.text_disabled(f"{settings.texture_size} texels, 30 s; more in the panel Training")
             if imgui.button("Encode it now"):

@@ -32,7 +32,7 @@ from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import FirstLook, Session
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.training.grouping_process import GroupingJob, grouping_inputs
-from viewer.training.runs import Run
+from viewer.training.run_log import Run
 
 Spoil = Callable[[Path], None]
 SECONDS = 20.0
@@ -200,7 +200,7 @@ def finished(session: Session, seed: int = 7) -> Pack:
     hashes = [texture.pixel_hash for texture in session.scene.textures]
     pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
     run = Run(1, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
-    session.training._log.add(run, None)
+    session.training.log.add(run)
     session.packs = {**session.packs, run.name: pack}
     return pack
 
@@ -208,7 +208,7 @@ def finished(session: Session, seed: int = 7) -> Pack:
 def settle(session: Session) -> None:
     began = time.monotonic()
     while session.training.saving:
-        session.training.tick(session)
+        session.training.tick(session.scene, frozenset())
         assert time.monotonic() - began < SECONDS
         time.sleep(0.005)
 
@@ -223,7 +223,7 @@ def test_a_pack_that_is_as_it_was_opened_is_replaced(session: Session, path: Pat
     accept(session, file)
     assert errors(session) == []
     np.testing.assert_array_equal(read_pack(file).textures[0].latents, pack.textures[0].latents)
-    assert session.training.undecided is None
+    assert session.training.log.undecided is None
     # What was written last is known too.
     finished(session, 8)
     accept(session, file)
@@ -239,7 +239,7 @@ def test_a_pack_that_others_have_changed_is_not_replaced(session: Session, path:
     assert len(errors(session)) == 1
     assert "has changed since it was opened" in errors(session)[0]
     assert file.read_bytes() == changed
-    assert session.training.undecided == 1
+    assert session.training.log.undecided == 1
     accept(session)
     written = path.with_name("scene.random.ntc")
     assert len(errors(session)) == 1
@@ -288,7 +288,7 @@ def test_the_scene_folder_is_gone(session: Session, path: Path, tmp_path: Path) 
     scene_folder.write_text("a file")
     accept(session)
     assert len(errors(session)) == 1
-    assert session.training.undecided == 1
+    assert session.training.log.undecided == 1
     scene_folder.unlink()
     accept(session, tmp_path / "other" / "pack.ntc")
     assert (tmp_path / "other" / "pack.ntc").is_file()
@@ -307,12 +307,12 @@ def test_accepting_onto_a_full_disk(session: Session, path: Path, monkeypatch: p
     assert len(errors(session)) == 1
     assert "No space left on device" in errors(session)[0]
     assert sorted(path.parent.iterdir()) == before
-    assert session.training.undecided == 1
-    assert session.training.run_numbered(1).pack is not None
+    assert session.training.log.undecided == 1
+    assert session.training.log[1].pack is not None
     monkeypatch.setattr(files.os, "fsync", fsync)
     accept(session, path.with_name("elsewhere.ntc"))
     assert read_pack(path.with_name("elsewhere.ntc")).textures
-    assert session.training.undecided is None
+    assert session.training.log.undecided is None
 
 
 def test_grouping_by_what_is_seen_takes_no_other_scene(path: Path) -> None:

@@ -3,6 +3,7 @@
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 from viewer.scene.model import AlphaMode, Sampler
@@ -185,6 +186,16 @@ BIN_RECORD = np.dtype(
 )
 """The pixels of one decoder: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
 `first` on are its own. `counted` and `placed` are at work while a frame is binned, and 0 between frames."""
+
+
+def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
+    """Texture ids in first words of the visibility buffer, any shape; -1 for none."""
+    return (words & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
+
+
+def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
+    """Materials in first words of the visibility buffer, any shape; -1 for the background."""
+    return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
 
 
 def texture_record(config: CodecConfig) -> np.dtype:

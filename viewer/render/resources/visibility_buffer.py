@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
-from viewer.render.resources.layout import MATERIAL_SHIFT, TextureUnit
+from viewer.render.resources.layout import TextureUnit, materials_of, texture_ids_of
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,6 @@ class SurfaceContent:
     def defines(self) -> dict[str, int]:
         """Defines for shaders that write or read it."""
         return {"VERTEX_COLORS": int(self.colors), "GRADIENTS": int(self.gradients)}
-
-
-def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Texture ids in first words of the visibility buffer, any shape; -1 for none."""
-    return (words & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
-
-
-def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Materials in first words of the visibility buffer, any shape; -1 for the background."""
-    return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
 
 
 class VisibilityTarget:

@@ -1,4 +1,4 @@
-"""Writing the pack of a run to a file, in a thread."""
+"""Writing the pack of a run to a file."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,12 +11,12 @@ from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.pack_files import PACK_SUFFIX, same_place
 
-Stamp = tuple[int, int, int]
-"""Number, time and length of a file."""
+FileStamp = tuple[int, int, int]
+"""Inode, time of the last change in ns, and bytes of a file: differs when the file has been written anew."""
 
 
 def default_path(scene: Scene, pack: Pack) -> Path:
-    """`SCENE.GROUPING.ntc` beside the scene, or with a number where that is taken. Raises InputError for a scene without file."""
+    """`SCENE.GROUPING.ntc` beside the scene, with a number where that exists. Raises InputError for a scene without file."""
     if scene.path is None:
         raise InputError("the scene comes from no file; name the file that the pack is to be written to")
     stem = f"{scene.path.stem}.{pack.grouping.name}"
@@ -28,7 +28,7 @@ def default_path(scene: Scene, pack: Pack) -> Path:
 
 
 def checked_path(path: Path) -> Path:
-    """Raises InputError for a name that no pack can have."""
+    """`path`. Raises InputError for a name that no pack can have."""
     if path.suffix != PACK_SUFFIX:
         raise InputError(f"{path}: a pack's name ends in {PACK_SUFFIX}")
     if path.is_dir():
@@ -36,8 +36,8 @@ def checked_path(path: Path) -> Path:
     return path
 
 
-def is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
-    """Whether the file at `path` holds what one of these packs, which were read from there or written to it, holds."""
+def _is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
+    """Whether the file at `path` still holds one of these packs, which were read from there or written to it."""
     try:
         present = read_pack(path)
     except InputError:
@@ -48,8 +48,8 @@ def is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
     )
 
 
-def stamp_of(path: Path) -> Stamp | None:
-    """What changes when the file does; None without one."""
+def file_stamp(path: Path) -> FileStamp | None:
+    """The stamp of the file at `path`; None without one."""
     try:
         status = path.stat()
     except OSError:
@@ -57,15 +57,15 @@ def stamp_of(path: Path) -> Stamp | None:
     return status.st_ino, status.st_mtime_ns, status.st_size
 
 
-def save_pack(path: Path, pack: Pack, opened: Sequence[Pack] = (), written: Stamp | None = None) -> Pack:
+def save_pack(path: Path, pack: Pack, opened: Sequence[Pack] = (), written: FileStamp | None = None) -> Pack:
     """Write `pack` and return it with its path.
 
-    Raises InputError where the file cannot be written, and where it is that of one of the `opened` packs but holds something else
-    by now: somebody else's work. `written`: the stamp of the file as it was written last by this program.
+    Raises InputError where the file cannot be written, and where it is that of one of the `opened` packs but another program has
+    changed it since. `written` is the stamp of the file as this program wrote it last.
     """
     own = [other for other in opened if other.path is not None and same_place(other.path, path)]
-    present = stamp_of(path)
-    if own and present is not None and present != written and not is_as_opened(path, own):
+    present = file_stamp(path)
+    if own and present is not None and present != written and not _is_as_opened(path, own):
         raise InputError(
             f"{path}: has changed since it was opened; accept under another name (training.accept FILE), or open it again first"
         )
