@@ -1,1 +1,28 @@
-"""`ntc-viewer bench` and `ntc-viewer study NAME`."""
+"""`ntc-viewer bench` and `ntc-viewer study NAME`: `viewer.cli.arguments` imports this module by its name."""
+
+from lab.commands.bench_options import BenchOptions
+from lab.commands.study_options import (
+    AblationStudyOptions,
+    ClusterStudyOptions,
+    FilteringStudyOptions,
+    FreezingStudyOptions,
+    MipStudyOptions,
+    MlpSizeStudyOptions,
+    PaperScenesOptions,
+    PaperStudyOptions,
+    StabilityStudyOptions,
+)
+from viewer.cli.options import Subcommand
+
+SUBCOMMANDS = (Subcommand("bench", BenchOptions, "lab.commands.bench", "bench"),)
+STUDIES = (
+    Subcommand("clusters", ClusterStudyOptions, "lab.commands.study_clusters", "study_clusters"),
+    Subcommand("filtering", FilteringStudyOptions, "lab.commands.study_filtering", "study_filtering"),
+    Subcommand("paper-textures", PaperStudyOptions, "lab.commands.study_paper", "study_paper_textures"),
+    Subcommand("paper-scenes", PaperScenesOptions, "lab.commands.study_paper", "study_paper_scenes"),
+    Subcommand("freezing", FreezingStudyOptions, "lab.commands.study_recipe", "study_recipe"),
+    Subcommand("mlp-size", MlpSizeStudyOptions, "lab.commands.study_recipe", "study_recipe"),
+    Subcommand("mips", MipStudyOptions, "lab.commands.study_recipe", "study_recipe"),
+    Subcommand("ablation", AblationStudyOptions, "lab.commands.study_recipe", "study_recipe"),
+    Subcommand("stability", StabilityStudyOptions, "lab.commands.study_stability", "study_stability"),
+)

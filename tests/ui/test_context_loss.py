@@ -146,7 +146,7 @@ def test_the_context_lost_error_names_all_that_was_open(scene: Scene, scene_path
     session.pictures_folder = tmp_path / "pictures"
     line = str(context_lost_error(session, ContextLostError("guilty"), "no window could be opened"))
     assert "\n" not in line
-    options = parse_arguments(shlex.split(line[line.index("ntc-viewer view") :])[1:])
+    _, options = parse_arguments(shlex.split(line[line.index("ntc-viewer view") :])[1:])
     assert isinstance(options, ViewOptions)
     assert (options.scene, options.pack) == (scene_path.resolve(), (elsewhere,))
     (kept,) = session.pictures_folder.iterdir()

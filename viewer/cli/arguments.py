@@ -1,90 +1,47 @@
 """From argument strings to options; bad arguments become one line instead of tyro's box."""
 
 import contextlib
+import functools
+import importlib
+import importlib.util
 import io
+import operator
 import re
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 
 import tyro
 
-from lab.commands.bench_options import BenchOptions
-from lab.commands.study_options import (
-    AblationStudyOptions,
-    ClusterStudyOptions,
-    FilteringStudyOptions,
-    FreezingStudyOptions,
-    MipStudyOptions,
-    MlpSizeStudyOptions,
-    PaperScenesOptions,
-    PaperStudyOptions,
-    RecipeStudyOptions,
-    StabilityStudyOptions,
-)
 from ntc.errors import InputError
-from viewer.cli.options import (
-    DecodeOptions,
-    DoctorOptions,
-    EncodeOptions,
-    InfoOptions,
-    RenderOptions,
-    ViewOptions,
-)
+from viewer.cli.options import SUBCOMMANDS, Subcommand
 from viewer.state.pack_files import PACK_SUFFIX
 
-StudyOptions = (
-    ClusterStudyOptions
-    | FilteringStudyOptions
-    | StabilityStudyOptions
-    | RecipeStudyOptions
-    | PaperStudyOptions
-    | PaperScenesOptions
-)
-Options = (
-    ViewOptions
-    | RenderOptions
-    | EncodeOptions
-    | DecodeOptions
-    | InfoOptions
-    | BenchOptions
-    | DoctorOptions
-    | StudyOptions
-)
-
-_Subcommands = (
-    Annotated[ViewOptions, tyro.conf.subcommand("view", prefix_name=False)]
-    | Annotated[RenderOptions, tyro.conf.subcommand("render", prefix_name=False)]
-    | Annotated[EncodeOptions, tyro.conf.subcommand("encode", prefix_name=False)]
-    | Annotated[DecodeOptions, tyro.conf.subcommand("decode", prefix_name=False)]
-    | Annotated[InfoOptions, tyro.conf.subcommand("info", prefix_name=False)]
-    | Annotated[BenchOptions, tyro.conf.subcommand("bench", prefix_name=False)]
-    | Annotated[DoctorOptions, tyro.conf.subcommand("doctor", prefix_name=False)]
-)
-SUBCOMMANDS = ("view", "render", "encode", "decode", "info", "bench", "doctor")
-STUDIES: dict[str, type[StudyOptions]] = {
-    "clusters": ClusterStudyOptions,
-    "filtering": FilteringStudyOptions,
-    "paper-textures": PaperStudyOptions,
-    "paper-scenes": PaperScenesOptions,
-    "freezing": FreezingStudyOptions,
-    "mlp-size": MlpSizeStudyOptions,
-    "mips": MipStudyOptions,
-    "ablation": AblationStudyOptions,
-    "stability": StabilityStudyOptions,
-}
-"""Options by the name of the study: each has settings of its own."""
+LAB_COMMANDS = "lab.commands"
+"""Module of the research commands, with SUBCOMMANDS and STUDIES; the viewer also works where it is not installed."""
 DESCRIPTION = (
     "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "
     "Measurements over many settings: ntc-viewer study NAME (see ntc-viewer study --help)."
 )
 
 
-def _with_subcommand(arguments: list[str]) -> list[str]:
-    if arguments and (arguments[0] in SUBCOMMANDS or arguments[0] in ("-h", "--help", "study")):
-        return arguments
-    return ["view", *arguments]
+@runtime_checkable
+class SceneAndPacks(Protocol):
+    """Options of the commands that open a scene with packs."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    scene: Path | None
+    pack: tuple[Path, ...]
+
+
+def _lab_commands() -> tuple[tuple[Subcommand, ...], tuple[Subcommand, ...]]:
+    """(subcommands, studies) of the package lab, none where it is not installed."""
+    if importlib.util.find_spec("lab") is None:
+        return (), ()
+    lab = importlib.import_module(LAB_COMMANDS)
+    return lab.SUBCOMMANDS, lab.STUDIES
 
 
 def _with_packs_merged(arguments: list[str]) -> list[str]:
@@ -119,53 +76,49 @@ def _one_line(box: str) -> str:
     return " ".join(lines) or "the arguments could not be read"
 
 
-def parse_arguments(arguments: Sequence[str]) -> Options:
-    """Options for `arguments` (without the program name). Without a subcommand, `view` is meant.
+def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
+    """(command, its options) for `arguments` (without the program name). Without a subcommand, `view` is meant.
 
     Raises InputError with one line for bad arguments, SystemExit(0) after printing help.
     """
+    lab_commands, studies = _lab_commands()
+    commands = (*SUBCOMMANDS[:-1], *lab_commands, SUBCOMMANDS[-1])
+    named = bool(arguments) and arguments[0] in ("-h", "--help", "study", *(command.name for command in commands))
+    words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
     complaint = io.StringIO()
-    words = _with_packs_merged(_with_subcommand(list(arguments)))
     try:
         with contextlib.redirect_stderr(complaint):
-            options: Options
             if words[0] == "study":
-                options = tyro.cli(_study(words), prog=f"ntc-viewer study {words[1]}", args=words[2:])
-            else:
-                options = tyro.cli(_Subcommands, prog="ntc-viewer", description=DESCRIPTION, args=words)
+                study = _study(words, studies)
+                options = tyro.cli(study.options, prog=f"ntc-viewer study {study.name}", args=words[2:])
+                return study, _with_scene_found(options)
+            choices = (Annotated[c.options, tyro.conf.subcommand(c.name, prefix_name=False)] for c in commands)
+            union: Any = functools.reduce(operator.or_, choices)
+            options = tyro.cli(union, prog="ntc-viewer", description=DESCRIPTION, args=words)
     except SystemExit as stopped:
         if stopped.code in (0, None):
             raise
         raise InputError(f"{_one_line(complaint.getvalue())} (see ntc-viewer --help)") from None
-    return _with_scene_found(options)
+    command = next(command for command in commands if command.options is type(options))
+    return command, _with_scene_found(options)
 
 
-def _study(words: list[str]) -> type[StudyOptions]:
-    """Options of the study that is named. Raises InputError for none and for one that there is not."""
+def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
+    """The study that is named. Raises InputError for none and for one that does not exist."""
     name = words[1] if len(words) > 1 else ""
     if name in ("-h", "--help"):
-        summaries = (f"  {study:15} {(options.__doc__ or '').strip()}" for study, options in STUDIES.items())
+        summaries = (f"  {study.name:15} {(study.options.__doc__ or '').strip()}" for study in studies)
         sys.stdout.write("\n".join(["usage: ntc-viewer study NAME ...; each has --help", *summaries]) + "\n")
         raise SystemExit(0)
-    if name not in STUDIES:
-        raise InputError(f"study {name}: no such study (there are: {', '.join(STUDIES)})")
-    return STUDIES[name]
+    for study in studies:
+        if study.name == name:
+            return study
+    raise InputError(f"study {name}: no such study (there are: {', '.join(study.name for study in studies)})")
 
 
-def _with_scene_found(options: Options) -> Options:
-    """A scene written behind `--pack F ...` was read as a pack: take it back."""
-    if (
-        not isinstance(
-            options,
-            ViewOptions
-            | RenderOptions
-            | BenchOptions
-            | ClusterStudyOptions
-            | FilteringStudyOptions
-            | StabilityStudyOptions,
-        )
-        or options.scene is not None
-    ):
+def _with_scene_found(options: Any) -> Any:
+    """`options` with the scene that was written behind `--pack F ...` and so was read as a pack."""
+    if not isinstance(options, SceneAndPacks) or options.scene is not None:
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX]
     if len(scenes) != 1:

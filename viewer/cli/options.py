@@ -1,9 +1,9 @@
-"""Options of every subcommand as frozen dataclasses; tyro turns them into the command line (see README)."""
+"""Every subcommand and its options, frozen dataclasses that tyro turns into the command line (see README)."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -61,6 +61,19 @@ Vector = Annotated[
 Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """One subcommand of `ntc-viewer`, or one study of `ntc-viewer study`."""
+
+    name: str
+    options: type[Any]
+    """Dataclass whose fields are the options and whose docstring is the summary in --help."""
+    module: str
+    """Imported only when the command runs: most commands need neither torch nor OpenGL."""
+    function: str
+    """Of `module`; takes an instance of `options`, returns the exit status and raises InputError."""
 
 
 @dataclass(frozen=True)
@@ -220,3 +233,13 @@ class DoctorOptions:
 
     json: Switch = False
     """Print JSON instead of text."""
+
+
+SUBCOMMANDS = (
+    Subcommand("view", ViewOptions, "viewer.cli.view", "view"),
+    Subcommand("render", RenderOptions, "viewer.cli.render", "render"),
+    Subcommand("encode", EncodeOptions, "viewer.cli.encode", "encode"),
+    Subcommand("decode", DecodeOptions, "viewer.cli.decode", "decode"),
+    Subcommand("info", InfoOptions, "viewer.cli.info", "info"),
+    Subcommand("doctor", DoctorOptions, "viewer.cli.doctor", "doctor"),
+)

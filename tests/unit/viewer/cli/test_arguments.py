@@ -1,6 +1,8 @@
 """The command line of the design page is read as written, and bad arguments become one line."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,14 +11,19 @@ from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
 
 
+def options_of(arguments: Sequence[str]) -> Any:
+    """The options that `arguments` are parsed to."""
+    return parse_arguments(arguments)[1]
+
+
 def test_no_arguments_open_the_built_in_scene() -> None:
-    assert parse_arguments([]) == ViewOptions()
+    assert options_of([]) == ViewOptions()
 
 
 def test_view_is_the_default_subcommand() -> None:
     expected = ViewOptions(scene=Path("street.glb"), grouping="single", path="forward")
-    assert parse_arguments(["street.glb", "--grouping", "single", "--path", "forward"]) == expected
-    assert parse_arguments(["view", "street.glb", "--grouping", "single", "--path", "forward"]) == expected
+    assert options_of(["street.glb", "--grouping", "single", "--path", "forward"]) == expected
+    assert options_of(["view", "street.glb", "--grouping", "single", "--path", "forward"]) == expected
 
 
 @pytest.mark.parametrize(
@@ -29,7 +36,7 @@ def test_view_is_the_default_subcommand() -> None:
 )
 def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
     arguments = [argument for argument in arguments if argument != "--"]
-    options = parse_arguments(arguments)
+    options = options_of(arguments)
     assert isinstance(options, RenderOptions)
     assert options.scene == Path("a.glb")
     assert options.pack == (Path("x.ntc"), Path("y.ntc"))
@@ -40,7 +47,7 @@ def words(line: str) -> list[str]:
 
 
 def test_render_takes_what_the_design_lists() -> None:
-    options = parse_arguments(
+    options = options_of(
         words(
             "render a.gltf --out o --grouping clustered --path forward --precision fp16 --size 64x48"
             " --eye 1 -2 3 --target 0 0 0 --fov 45 --overlay divergence --require-gpu"
@@ -62,7 +69,7 @@ def test_render_takes_what_the_design_lists() -> None:
 
 
 def test_encode_decode_and_info() -> None:
-    encode = parse_arguments(
+    encode = options_of(
         words(
             "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper"
             " --texture-size 256 --steps 9 --seed 3 --device cpu"
@@ -71,9 +78,9 @@ def test_encode_decode_and_info() -> None:
     assert isinstance(encode, EncodeOptions)
     assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
     assert (encode.steps, encode.seed, encode.device) == (9, 3, "cpu")
-    decode = parse_arguments(["decode", "f.ntc", "--out", "d", "--backend", "gl", "--precision", "fp16"])
+    decode = options_of(["decode", "f.ntc", "--out", "d", "--backend", "gl", "--precision", "fp16"])
     assert decode == DecodeOptions(pack=Path("f.ntc"), out=Path("d"), backend="gl", precision="fp16")
-    assert parse_arguments(["info", "f.ntc", "--json"]) == InfoOptions(file=Path("f.ntc"), json=True)
+    assert options_of(["info", "f.ntc", "--json"]) == InfoOptions(file=Path("f.ntc"), json=True)
 
 
 @pytest.mark.parametrize(
