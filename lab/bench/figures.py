@@ -89,7 +89,7 @@ def _draw_sweep(axes: Axes, rows: Sequence[ScalingRow]) -> None:
         for layout in LAYOUTS:
             curve = sorted((row for row in rows if (row.path, row.layout) == (path, layout)), key=lambda row: row.value)
             values, color = [row.value for row in curve], f"C{number}"
-            spread = [row.least_ms for row in curve], [row.most_ms for row in curve]
+            spread = [row.min_ms for row in curve], [row.max_ms for row in curve]
             line: dict[str, Any] = {"color": color, "linestyle": LINES[layout], "marker": "o", "markersize": 4.0}
             axes.plot(values, [row.median_ms for row in curve], **line)
             axes.fill_between(values, *spread, color=color, alpha=0.15, linewidth=0.0)

@@ -1,6 +1,6 @@
 """Table and curves of `ntc-viewer study filtering`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -50,7 +50,7 @@ def filtering_figure(rows: Sequence[FilteringRow], title: str) -> Figure:
     figure = Figure(figsize=(11, 7.5), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots(2, 2).ravel()
-    panels = (
+    panels: tuple[tuple[str, str, str, Callable[[FilteringRow], float | None]], ...] = (
         ("shrinking", "texels a pixel, straight on", "PSNR, dB", lambda row: row.psnr_db),
         ("tilting", "degrees between normal and view", "PSNR, dB", lambda row: row.psnr_db),
         ("moving", "frame of a turning camera", "PSNR, dB", lambda row: row.psnr_db),

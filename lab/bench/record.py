@@ -43,6 +43,13 @@ def machine(context: GraphicsContext) -> dict[str, Any]:
     }
 
 
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a plot as PNG. Raises InputError where it cannot be written."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    write_bytes(path, picture.getvalue())
+
+
 class BenchRecord:
     """The record at `path`, written anew with each part: what is done is kept if a later part is stopped."""
 
@@ -58,6 +65,4 @@ class BenchRecord:
 
     def plot(self, suffix: str, figure: Figure) -> None:
         """Write a plot as `suffix` beside the record. Raises InputError where that cannot be written."""
-        picture = io.BytesIO()
-        figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
-        write_bytes(self._path.with_suffix(f"{suffix}.png"), picture.getvalue())
+        write_figure(self._path.with_suffix(f"{suffix}.png"), figure)

@@ -4,27 +4,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from lab.bench.decode_stand import (
+from lab.bench.fixture import (
     BINNED_BYTES,
     PICTURE_BYTES,
     TEXTURE_SIDE,
+    DecodeFixture,
     DecodePrograms,
-    DecodeStand,
+    FixturePath,
     LoadedPack,
-    StandPath,
     block_words,
     scattered_words,
 )
+from lab.bench.interleaved import Progress, no_progress, time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
-from lab.bench.turns import Progress, take_turns
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 
 SweepName = Literal["resolution", "textures", "decoders", "decoder size"]
 Layout = Literal["blocks", "interleaved"]
 """Blocks of 8x8 pixels with one texture each, or every pixel another one."""
-PATHS: tuple[StandPath, ...] = ("deferred", "binned")
+PATHS: tuple[FixturePath, ...] = ("deferred", "binned")
 LAYOUTS: tuple[Layout, ...] = ("blocks", "interleaved")
 
 
@@ -53,7 +53,7 @@ class ScalingRow:
     value: int
     """The number that the sweep changes: pixels, textures, decoders, or neurons of a hidden layer."""
     layout: Layout
-    path: StandPath
+    path: FixturePath
     width: int
     height: int
     tiles: int
@@ -61,8 +61,8 @@ class ScalingRow:
     decoders: int
     hidden_width: int
     median_ms: float
-    least_ms: float
-    most_ms: float
+    min_ms: float
+    max_ms: float
     nanoseconds_per_pixel: float
     """Median over all pixels."""
 
@@ -110,7 +110,7 @@ def scaling(
     context: GraphicsContext,
     config: ScalingConfig,
     limits: PictureLimits,
-    progress: Progress = lambda done, of: None,
+    progress: Progress = no_progress,
 ) -> tuple[ScalingRow, ...]:
     """Times of all sweeps; the points of one sweep take turns, so that drift bends no curve.
 
@@ -132,15 +132,15 @@ def scaling(
 
 def _tilings(sweep: Sequence[_Setup], limits: PictureLimits) -> dict[tuple[int, int], Tiling]:
     """How each size of a sweep is cut, so that the pictures of all its points fit at once."""
-    stands = {(setup.size, setup.layout, setup.textures) for setup in sweep}
+    fixtures = {(setup.size, setup.layout, setup.textures) for setup in sweep}
     packs = {(setup.textures, setup.decoders, setup.codec) for setup in sweep}
-    pixel_bytes = len(stands) * PICTURE_BYTES + len(packs) * BINNED_BYTES
+    pixel_bytes = len(fixtures) * PICTURE_BYTES + len(packs) * BINNED_BYTES
     return {size: tiling(size, pixel_bytes, limits) for size in dict.fromkeys(setup.size for setup in sweep)}
 
 
-def _stand(context: GraphicsContext, setup: _Setup, tiles: Tiling) -> DecodeStand:
+def _fixture(context: GraphicsContext, setup: _Setup, tiles: Tiling) -> DecodeFixture:
     words = block_words if setup.layout == "blocks" else scattered_words
-    return DecodeStand(context, tiles, words(tiles.tile, setup.textures))
+    return DecodeFixture(context, tiles, words(tiles.tile, setup.textures))
 
 
 def _swept(
@@ -151,20 +151,20 @@ def _swept(
     programs: DecodePrograms,
     progress: Progress,
 ) -> list[ScalingRow]:
-    stands: dict[tuple[tuple[int, int], Layout, int], DecodeStand] = {}
+    fixtures: dict[tuple[tuple[int, int], Layout, int], DecodeFixture] = {}
     packs: dict[tuple[int, int, CodecConfig], LoadedPack] = {}
     candidates = []
     for setup in sweep:
         seen = (setup.size, setup.layout, setup.textures)
-        if seen not in stands:
-            stands[seen] = _stand(context, setup, tilings[setup.size])
+        if seen not in fixtures:
+            fixtures[seen] = _fixture(context, setup, tilings[setup.size])
         content = (setup.textures, setup.decoders, setup.codec)
         if content not in packs:
             packs[content] = LoadedPack(context, programs, square_pack(*content[:2], TEXTURE_SIDE, setup.codec), "fp32")
-        candidates += [(setup, path, packs[content].decode(path, stands[seen])) for path in PATHS]
-    spreads = take_turns(context, [run for _, _, run in candidates], config.repeats, progress)
-    for stand in stands.values():
-        stand.release()
+        candidates += [(setup, path, packs[content].decode(path, fixtures[seen])) for path in PATHS]
+    spreads = time_interleaved(context, [run for _, _, run in candidates], config.repeats, progress)
+    for fixture in fixtures.values():
+        fixture.release()
     for pack in packs.values():
         pack.release()
     return [
@@ -180,8 +180,8 @@ def _swept(
             decoders=setup.decoders,
             hidden_width=setup.codec.hidden_width,
             median_ms=spread.median_ms,
-            least_ms=spread.least_ms,
-            most_ms=spread.most_ms,
+            min_ms=spread.min_ms,
+            max_ms=spread.max_ms,
             nanoseconds_per_pixel=spread.median_ms * 1e6 / tilings[setup.size].pixels,
         )
         for (setup, path, _), spread in zip(candidates, spreads, strict=True)

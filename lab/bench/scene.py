@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.float64_error import Float64Pixels, float64_pixels
-from lab.bench.turns import Progress, spread_of, warm_up_rounds
+from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
 from ntc.codec.color import linear_to_srgb8
 from ntc.metrics.image_quality import flip
 from ntc.metrics.metrics import finite_or_none, psnr_db
@@ -50,8 +50,8 @@ class SceneBenchRow:
     precision: str
     decode_ms: float
     """Median of the pass that gives albedo."""
-    least_ms: float
-    most_ms: float
+    min_ms: float
+    max_ms: float
     frame_ms: float
     """Median of all passes together."""
     passes_ms: Mapping[str, float]
@@ -92,7 +92,7 @@ def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, .
     return (Slot(REFERENCE), *decoded)
 
 
-def in_turn(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
+def interleaved(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
     """(round, slot, camera) of every frame in order: each slot once a round.
 
     No two frames in a row, nor two of one slot in a row, are seen from the same place: either would skip passes.
@@ -111,7 +111,7 @@ def bench_scene(
     packs: Mapping[str, Pack],
     cameras: Sequence[Camera],
     config: SceneBenchConfig,
-    progress: Progress = lambda done, of: None,
+    progress: Progress = no_progress,
 ) -> tuple[SceneBenchRow, ...]:
     """A row for each camera and slot. Slots take turns frame by frame, so that drift hits all alike; the first rounds warm up."""
     renderer = Renderer(context, scene)
@@ -122,7 +122,7 @@ def bench_scene(
     rounds = warm_up + config.repeats
     for number, camera in enumerate(cameras):
         times: dict[Slot, list[Mapping[str, float]]] = defaultdict(list)
-        for turn, slot, moved in in_turn(slots, camera, rounds):
+        for turn, slot, moved in interleaved(slots, camera, rounds):
             timings = renderer.render(ViewState(moved, config.size, slot)).timings_ms
             if turn >= warm_up:
                 times[slot].append(timings)
@@ -171,8 +171,8 @@ def _measured(
                 path="" if is_reference else slot.path,
                 precision="" if is_reference else slot.precision,
                 decode_ms=decode.median_ms,
-                least_ms=decode.least_ms,
-                most_ms=decode.most_ms,
+                min_ms=decode.min_ms,
+                max_ms=decode.max_ms,
                 frame_ms=statistics.median(sum(entry.values()) for entry in times[slot]),
                 passes_ms={
                     key: statistics.median(entry.get(key, 0.0) for entry in times[slot]) for key in times[slot][0]

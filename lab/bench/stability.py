@@ -1,13 +1,15 @@
 """Decode paths and precisions against float64 and against certified bounds, case by case."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.bench.decode_stand import DecodePrograms, DecodeStand, LoadedPack, StandPath
+from lab.bench.fixture import DecodeFixture, DecodePrograms, FixturePath, LoadedPack
+from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
 from ntc.accuracy.running_error import running_bounds
@@ -18,11 +20,17 @@ from ntc.metrics.metrics import finite_or_none
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import MATERIAL_SHIFT
 from viewer.render.resources.precision import supported_precisions
+from viewer.scene.model import Camera, Scene
+from viewer.state.view_state import DecodePath, Slot, ViewState
 
 Array = NDArray[np.float64]
-STAND_SIDE = 64
+HOSTILE_UV = (np.nan, np.inf, -np.inf, 1e6, -1e6, 3e38, 1e-40, 0.5)
+SCENE_SAMPLES = 1024
+"""Pixels of a scene's picture that are decoded in float64."""
+FIXTURE_SIDE = 64
 """Pixels a side of the pictures of paths that decode pictures: at most so many texels squared of a case are drawn."""
 LOGARITHM_ERROR = 2.0**-14
 """Of log2 in a shader, for the sizes of footprint that there are."""
@@ -122,40 +130,42 @@ class StabilityBench:
             case.name, "texels", precision, np.concatenate(found).astype(np.float32), _expected(case, precision)
         )
 
-    def pictures(self, case: StabilityCase, precision: Precision, paths: Sequence[StandPath]) -> Iterator[StabilityRow]:
+    def pictures(
+        self, case: StabilityCase, precision: Precision, paths: Sequence[FixturePath]
+    ) -> Iterator[StabilityRow]:
         """`case` as a picture whose pixels see its texels, by every one of `paths`: as many texels as the picture has pixels."""
         seen = _as_seen(case)
         expected = _expected(seen, precision, LOGARITHM_ERROR)
-        stand = DecodeStand(self._context, Tiling((STAND_SIDE, STAND_SIDE), 1), _words(seen))
+        fixture = DecodeFixture(self._context, Tiling((FIXTURE_SIDE, FIXTURE_SIDE), 1), _words(seen))
         loaded = LoadedPack(self._context, self._programs, seen.pack, precision, self._emulated(precision))
         for path in paths:
-            loaded.decode(path, stand)()
+            loaded.decode(path, fixture)()
             # The target's rows come back with row 0 on top, and words were written with row 0 at the bottom.
-            albedo = stand.target.read()[::-1].reshape(-1, 3)[: len(expected.exact)]
+            albedo = fixture.target.read()[::-1].reshape(-1, 3)[: len(expected.exact)]
             self._context.reset.check()
             yield _row(case.name, path, precision, albedo, expected)
         loaded.release()
-        stand.release()
+        fixture.release()
 
     def release(self) -> None:
         """Free all programs."""
         self._programs.release()
 
 
-def stand_paths(case: StabilityCase) -> tuple[StandPath, ...]:
-    """Those of a stand's paths that can decode `case`."""
+def fixture_paths(case: StabilityCase) -> tuple[FixturePath, ...]:
+    """Those of a fixture's paths that can decode `case`."""
     if not case.rescale:
         return ()
     return ("deferred", "deferred, shared", "binned") if len(case.pack.decoders) == 1 else ("deferred", "binned")
 
 
 def _as_seen(case: StabilityCase) -> StabilityCase:
-    """`case` as a stand shows it: repeated, not converted from sRGB, some of its texels, lods as footprints give them."""
+    """`case` as a fixture shows it: repeated, not converted from sRGB, some of its texels, lods as footprints give them."""
     pack: Pack = replace(
         case.pack,
         textures=tuple(replace(t, color_space="linear", wrap=("repeat", "repeat")) for t in case.pack.textures),
     )
-    left = STAND_SIDE * STAND_SIDE
+    left = FIXTURE_SIDE * FIXTURE_SIDE
     each = max(1, left // len(case.requests))
     requests = []
     for part in case.requests:
@@ -178,8 +188,8 @@ def _footprint(lod: Array, width: int) -> Array:
 
 
 def _words(seen: StabilityCase) -> NDArray[np.uint32]:
-    """[STAND_SIDE, STAND_SIDE, 4] visibility words of the case's texels, pixel by pixel; the rest is background."""
-    words = np.zeros((STAND_SIDE * STAND_SIDE, 4), np.uint32)
+    """[FIXTURE_SIDE, FIXTURE_SIDE, 4] visibility words of the case's texels, pixel by pixel; the rest is background."""
+    words = np.zeros((FIXTURE_SIDE * FIXTURE_SIDE, 4), np.uint32)
     first = 0
     for part in seen.requests:
         rows = slice(first, first + len(part.lod))
@@ -190,7 +200,7 @@ def _words(seen: StabilityCase) -> NDArray[np.uint32]:
         words[rows, 1:3] = part.uv.astype(np.float32).view(np.uint32)
         words[rows, 3] = footprint.view(np.uint32)
         first += len(part.lod)
-    return words.reshape(STAND_SIDE, STAND_SIDE, 4)
+    return words.reshape(FIXTURE_SIDE, FIXTURE_SIDE, 4)
 
 
 Progress = Callable[[str], None]
@@ -199,11 +209,72 @@ Progress = Callable[[str], None]
 def stability_rows(
     bench: StabilityBench, cases: Sequence[StabilityCase], precisions: Sequence[Precision], progress: Progress
 ) -> list[StabilityRow]:
-    """All `cases` by the texel decoder and by the paths of a stand, in all `precisions`."""
+    """All `cases` by the texel decoder and by the paths of a fixture, in all `precisions`."""
     rows = []
     for case in cases:
         progress(case.name)
         for precision in precisions:
             rows.append(bench.texels(case, precision))
-            rows += bench.pictures(case, precision, stand_paths(case))
+            rows += bench.pictures(case, precision, fixture_paths(case))
     return rows
+
+
+def hostile_scene(scene: Scene) -> Scene:
+    """`scene` with texture coordinates that are no numbers, or far away, at every vertex."""
+    values = np.resize(np.array(HOSTILE_UV, np.float32), scene.geometry.uvs.shape[0] + 1)
+    uvs = np.stack([values[:-1], values[1:]], axis=-1)
+    return replace(scene, geometry=replace(scene.geometry, uvs=uvs))
+
+
+def scene_rows(
+    context: GraphicsContext,
+    scene: Scene,
+    packs: Mapping[str, Pack],
+    camera: Camera,
+    size: tuple[int, int],
+    precisions: tuple[Precision, ...],
+    progress: Callable[[str], None],
+) -> list[StabilityRow]:
+    """`camera`'s picture of `scene` by every path: with its own texture coordinates, then with hostile ones."""
+    rows = []
+    emulate = set(precisions) - set(supported_precisions(context)) != set()
+    for name, own in (("scene", scene), ("scene, uv NaN, Inf, 1e6, 3e38", hostile_scene(scene))):
+        renderer = Renderer(context, own, emulate_half=emulate)
+        renderer.set_packs(packs)
+        for source in packs:
+            for path in get_args(DecodePath):
+                for precision in precisions:
+                    case = f"{name}: {source}"
+                    progress(f"{case}, {path}, {precision}")
+                    rows.append(
+                        _scene_row(
+                            renderer, case, packs[source], ViewState(camera, size, Slot(source, path, precision))
+                        )
+                    )
+        renderer.release()
+    return rows
+
+
+def _scene_row(renderer: Renderer, case: str, pack: Pack, view: ViewState) -> StabilityRow:
+    slot = view.slot_a
+    renderer.render(view, whole=True)
+    albedo = renderer.albedo(slot)
+    largest = rms = psnr = None
+    if case.startswith("scene:"):
+        match = renderer.matches[slot.source]
+        found = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path, SCENE_SAMPLES).compare(
+            albedo
+        )
+        largest, psnr = found.largest, found.psnr_db
+        rms = None if psnr is None else float(10.0 ** (-psnr / 20.0))
+    return StabilityRow(
+        case=case,
+        path=slot.path,
+        precision=slot.precision,
+        texels=albedo.shape[0] * albedo.shape[1],
+        largest=largest,
+        rms=rms,
+        psnr_db=psnr,
+        ulps=None,
+        not_finite=int((~np.isfinite(albedo)).sum()),
+    )

@@ -6,7 +6,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from lab.bench.pareto import pareto_front
 from lab.bench.scaling import ScalingRow
 from lab.bench.scene import SceneBenchRow
 from lab.bench.worst_case import WorstCaseRow
@@ -22,8 +21,8 @@ WORST_CASE_COLUMNS = (
     Column("path", "path"),
     Column("precision", "precision"),
     Column("median_ms", "ms"),
-    Column("least_ms", "least ms"),
-    Column("most_ms", "most ms"),
+    Column("min_ms", "min ms"),
+    Column("max_ms", "max ms"),
     Column("to_shared", "times the shared decoder"),
     Column("to_one", "times one decoder by this path"),
     Column("gigaflops", "GFLOP/s"),
@@ -59,10 +58,19 @@ SCALING_COLUMNS = (
     Column("decoders", "decoders"),
     Column("hidden_width", "hidden neurons"),
     Column("median_ms", "ms"),
-    Column("least_ms", "least ms"),
-    Column("most_ms", "most ms"),
+    Column("min_ms", "min ms"),
+    Column("max_ms", "max ms"),
     Column("nanoseconds_per_pixel", "ns a pixel", 3),
 )
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> tuple[bool, ...]:
+    """For each (cost, worth) whether no other point is at least as good in both and better in one; equal points stay together."""
+
+    def beats(other: tuple[float, float], point: tuple[float, float]) -> bool:
+        return other != point and other[0] <= point[0] and other[1] >= point[1]
+
+    return tuple(not any(beats(other, point) for other in points) for point in points)
 
 
 def worst_case_table(rows: Sequence[WorstCaseRow]) -> Table:

@@ -6,19 +6,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.bench.decode_stand import (
+from lab.bench.fixture import (
     BINNED_BYTES,
     PICTURE_BYTES,
     TEXTURE_SIDE,
+    DecodeFixture,
     DecodePrograms,
-    DecodeStand,
+    FixturePath,
     LoadedPack,
-    StandPath,
     interleaved_words,
 )
+from lab.bench.interleaved import Progress, Spread, no_progress, time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
-from lab.bench.turns import Progress, Spread, take_turns
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import GROUP_SIDE
@@ -55,11 +55,11 @@ class WorstCaseRow:
     """More than 1: the picture is beyond a texture or the memory allowed, and was decoded as so many tiles, one after the other."""
     decoders: int
     """In every block."""
-    path: StandPath
+    path: FixturePath
     precision: Precision
     median_ms: float
-    least_ms: float
-    most_ms: float
+    min_ms: float
+    max_ms: float
     to_shared: float | None
     """Median, as a multiple of the one shared decoder's by `deferred, shared` in the same precision; None if that was not timed."""
     to_one: float | None
@@ -73,14 +73,14 @@ class WorstCaseRow:
 @dataclass(frozen=True)
 class _Candidate:
     decoders: int
-    path: StandPath
+    path: FixturePath
     precision: Precision
 
 
 def _candidates(config: WorstCaseConfig) -> list[_Candidate]:
     found = []
     for decoders in config.decoders:
-        paths: tuple[StandPath, ...] = ("deferred", "deferred, shared", "binned")
+        paths: tuple[FixturePath, ...] = ("deferred", "deferred, shared", "binned")
         for precision in config.precisions:
             own = [path for path in paths if decoders == SHARED or path != "deferred, shared"]
             found += [_Candidate(decoders, path, precision) for path in own]
@@ -91,7 +91,7 @@ def worst_case(
     context: GraphicsContext,
     config: WorstCaseConfig,
     limits: PictureLimits,
-    progress: Progress = lambda done, of: None,
+    progress: Progress = no_progress,
 ) -> tuple[WorstCaseRow, ...]:
     """Times of every size, path, number of decoders and precision; the candidates of a size take turns.
 
@@ -120,25 +120,25 @@ def _of_size(
     programs: DecodePrograms,
     progress: Progress,
 ) -> list[WorstCaseRow]:
-    stand = DecodeStand(context, tiles, interleaved_words(tiles.tile, BLOCK_PIXELS))
+    fixture = DecodeFixture(context, tiles, interleaved_words(tiles.tile, BLOCK_PIXELS))
     loaded: dict[tuple[int, Precision], LoadedPack] = {}
     for decoders in config.decoders:
         pack = square_pack(BLOCK_PIXELS, decoders, TEXTURE_SIDE, config.codec)
         for precision in config.precisions:
             loaded[decoders, precision] = LoadedPack(context, programs, pack, precision)
     candidates = _candidates(config)
-    runs = [loaded[each.decoders, each.precision].decode(each.path, stand) for each in candidates]
+    runs = [loaded[each.decoders, each.precision].decode(each.path, fixture) for each in candidates]
     differences = []
     truth: NDArray[np.float32] = np.zeros(0, np.float32)
     for candidate, run in zip(candidates, runs, strict=True):
         run()
-        albedo = stand.target.read()
+        albedo = fixture.target.read()
         truth = albedo if candidate.path == "deferred" else truth
         differences.append(float(np.abs(albedo - truth).max()))
-    spreads = take_turns(context, runs, config.repeats, progress)
+    spreads = time_interleaved(context, runs, config.repeats, progress)
     for pack_on_gpu in loaded.values():
         pack_on_gpu.release()
-    stand.release()
+    fixture.release()
     return _rows(config, size, tiles, candidates, spreads, differences)
 
 
@@ -152,7 +152,7 @@ def _rows(
 ) -> list[WorstCaseRow]:
     medians = {candidate: spread.median_ms for candidate, spread in zip(candidates, spreads, strict=True)}
 
-    def multiple(candidate: _Candidate, path: StandPath) -> float | None:
+    def multiple(candidate: _Candidate, path: FixturePath) -> float | None:
         base = medians.get(_Candidate(SHARED, path, candidate.precision))
         return medians[candidate] / base if base else None
 
@@ -168,8 +168,8 @@ def _rows(
             path=candidate.path,
             precision=candidate.precision,
             median_ms=spread.median_ms,
-            least_ms=spread.least_ms,
-            most_ms=spread.most_ms,
+            min_ms=spread.min_ms,
+            max_ms=spread.max_ms,
             to_shared=multiple(candidate, "deferred, shared"),
             to_one=multiple(candidate, candidate.path),
             gigaflops=work / max(spread.median_ms, 1e-6) / 1e6,

@@ -77,7 +77,7 @@ def main() -> None:
                     "cached, from nothing ms": cold_ms,
                     "cached, still ms": median(still),
                     "cached, moving ms": cached,
-                    "most ms": max(times["cached"]),
+                    "max ms": max(times["cached"]),
                     "% of deferred": 100.0 * cached / deferred,
                     "tiles a frame": median(fresh),
                 }

@@ -67,7 +67,7 @@ def measure(
             "codec": name,
             "multiply-adds": pack.config.multiply_adds,
             "decode ms": median(times[name]),
-            "least ms": min(times[name]),
+            "min ms": min(times[name]),
             "to the first": median(times[name]) / first,
         }
         for name, pack in packs.items()

@@ -41,6 +41,7 @@ def _command(arguments: list[str], limit: float) -> tuple[int | None, str, str]:
             capture_output=True,
             text=True,
             timeout=limit,
+            check=False,
             errors="replace",
         )
     except subprocess.TimeoutExpired:

@@ -96,6 +96,7 @@ def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) 
             text=True,
             errors="replace",
             env={**os.environ, "TMPDIR": scratch},
+            check=False,
         )
     log = done.stdout
     tally.seconds += time.monotonic() - started

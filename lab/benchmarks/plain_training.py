@@ -73,7 +73,7 @@ class PlainTraining:
                 inputs.append(torch.cat([sampled[0, :, 0].t(), waves], dim=1))
                 targets.append(image[row, column])
             loss = nn.functional.mse_loss(decoder(torch.cat(inputs)), torch.cat(targets))
-            loss.backward()
+            torch.autograd.backward([loss])
             total += float(loss.detach()) * len(members)
         self._optimizer.step()
         return total / len(self._images)

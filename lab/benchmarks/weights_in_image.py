@@ -9,10 +9,10 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from lab.bench.decode_stand import DecodePrograms, DecodeStand, interleaved_words
+from lab.bench.fixture import DecodeFixture, DecodePrograms, interleaved_words
+from lab.bench.interleaved import time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import Tiling
-from lab.bench.turns import take_turns
 from lab.benchmarks.measuring import report
 from ntc.training.config import recipe_codec
 from viewer.gl.context import create_headless_context
@@ -33,7 +33,7 @@ def main() -> None:
     options = parser.parse_args()
     context = create_headless_context()
     programs = DecodePrograms(context)
-    stand = DecodeStand(context, Tiling(SIZE, 1), interleaved_words(SIZE, TEXTURES))
+    fixture = DecodeFixture(context, Tiling(SIZE, 1), interleaved_words(SIZE, TEXTURES))
     names: list[tuple[str, str, int]] = []
     runs: list[Callable[[], None]] = []
     for decoders in (1, 5, 10, 20):
@@ -43,22 +43,22 @@ def main() -> None:
             ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
             indexed = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, None)
             names.append(("deferred, index by pixel", place, decoders))
-            runs.append(lambda run=indexed: run.run(stand.visibility, stand.material, stand.target))  # type: ignore[misc]
+            runs.append(lambda run=indexed: run.run(fixture.visibility, fixture.material, fixture.target))  # type: ignore[misc]
             if decoders == 1:
                 shared = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, 0)
                 names.append(("deferred, shared", place, decoders))
-                runs.append(lambda run=shared: run.run(stand.visibility, stand.material, stand.target))  # type: ignore[misc]
+                runs.append(lambda run=shared: run.run(fixture.visibility, fixture.material, fixture.target))  # type: ignore[misc]
             binned = DecodeBinnedPass(context, programs.of(pack), buffers, ranges, pack, False)
             names.append(("binned", place, decoders))
             runs.append(
                 lambda run=binned, count=decoders: run.run(  # type: ignore[misc]
-                    stand.visibility, stand.material, stand.target, range(count)
+                    fixture.visibility, fixture.material, fixture.target, range(count)
                 )
             )
-    spreads = take_turns(context, runs, options.repeats)
+    spreads = time_interleaved(context, runs, options.repeats)
     shared_ms = spreads[names.index(("deferred, shared", "image", 1))].median_ms
     rows = [
-        {"path": path, "weights in": place, "decoders": decoders, "ms": spread.median_ms, "least ms": spread.least_ms}
+        {"path": path, "weights in": place, "decoders": decoders, "ms": spread.median_ms, "min ms": spread.min_ms}
         | {"times shared": spread.median_ms / shared_ms}
         for (path, place, decoders), spread in zip(names, spreads, strict=True)
     ]

@@ -53,7 +53,7 @@ class Window:
             state, packs = training.state, self.app.session.packs
             start = time.perf_counter()
             self.app.move(self._at[0] + 20.0 * math.cos(angle), self._at[1] + 10.0 * math.sin(angle))
-            self.app._context.gl.finish()
+            self.app.context.gl.finish()
             spent = time.perf_counter() - start
             rows.append({"ms": 1e3 * spent, "state": state, "snapshot": packs is not self.app.session.packs})
             time.sleep(max(0.0, FRAME_SECONDS - spent))

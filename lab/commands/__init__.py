@@ -1,8 +1,8 @@
 """`ntc-viewer bench` and `ntc-viewer study NAME`: `viewer.cli.arguments` imports this module by its name."""
 
-from lab.commands.bench_options import BenchOptions
-from lab.commands.study_options import (
+from lab.commands.options import (
     AblationStudyOptions,
+    BenchOptions,
     ClusterStudyOptions,
     FilteringStudyOptions,
     FreezingStudyOptions,

@@ -9,14 +9,14 @@ from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 
 from lab.bench.figures import scaling_figure, time_error_figure
+from lab.bench.interleaved import Progress as Report
 from lab.bench.record import BenchRecord, machine
 from lab.bench.scaling import ScalingConfig, scaling
 from lab.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
 from lab.bench.tables import scaling_table, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
-from lab.bench.turns import Progress as Report
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
-from lab.commands.bench_options import BenchOptions
+from lab.commands.options import BenchOptions
 from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
 from ntc.pack.model import Pack

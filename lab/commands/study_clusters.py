@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
-from lab.commands.study_files import check_output, write_study
-from lab.commands.study_options import ClusterStudyOptions
+from lab.commands.options import ClusterStudyOptions
+from lab.commands.study_output import check_output, write_study
 from lab.studies.cluster_plot import cluster_figure
 from lab.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
 from ntc.errors import InputError

@@ -9,8 +9,8 @@ from rich.progress import Progress, TimeRemainingColumn
 
 from lab.bench.filtering_plot import filtering_figure, filtering_table
 from lab.bench.filtering_sweeps import FilteringConfig, floor_scene, floor_sweeps, motion_sweep, ways
-from lab.commands.study_files import check_output, write_study
-from lab.commands.study_options import FilteringStudyOptions
+from lab.commands.options import FilteringStudyOptions
+from lab.commands.study_output import check_output, write_study
 from ntc.errors import InputError
 from viewer.cli.sources import choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lab.commands.options import PaperScenesOptions, PaperStudyOptions
 from lab.commands.rendered_packs import RenderedPack, rendered_figure, rendered_table
-from lab.commands.study_files import check_output
-from lab.commands.study_options import PaperScenesOptions, PaperStudyOptions
-from lab.commands.study_training import Step, StudyPage, describe, do_steps, training_steps, write_pages
+from lab.commands.study_output import Step, StudyPage, check_output, describe, do_steps, training_steps, write_pages
 from lab.studies.paper_tables import BEST, PAPER, gap_table, paper_runs
 from lab.studies.quality_table import quality_figure, quality_table
 from lab.studies.runs import Report, Run, RunResult, block_compressed
@@ -43,7 +42,7 @@ def _blocks(textures: Sequence[SourceTexture], folder: Path) -> list[tuple[str, 
 
 
 def _channels(textures: Sequence[SourceTexture]) -> int:
-    return max(texture.pixels.shape[2] for texture in textures)
+    return max(int(texture.pixels.shape[2]) for texture in textures)
 
 
 def study_paper_textures(options: PaperStudyOptions) -> int:

@@ -3,15 +3,14 @@
 import time
 from dataclasses import replace
 
-from lab.commands.study_files import check_output
-from lab.commands.study_options import (
+from lab.commands.options import (
     AblationStudyOptions,
     FreezingStudyOptions,
     MipStudyOptions,
     MlpSizeStudyOptions,
     RecipeStudyOptions,
 )
-from lab.commands.study_training import StudyPage, describe, do_steps, training_steps, write_pages
+from lab.commands.study_output import StudyPage, check_output, describe, do_steps, training_steps, write_pages
 from lab.studies.ablation import ablation_runs, ablation_table
 from lab.studies.freezing import freezing_figure, freezing_runs
 from lab.studies.mips import mip_figure, mip_runs, mip_table

@@ -10,12 +10,11 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from lab.bench.stability import StabilityBench, StabilityRow, stability_rows
+from lab.bench.stability import StabilityBench, StabilityRow, scene_rows, stability_rows
 from lab.bench.stability_cases import stability_cases, trained_case
-from lab.bench.stability_scene import scene_rows
 from lab.bench.trained_loss import TrainedLoss, trained_loss
-from lab.commands.study_files import check_output, write_study
-from lab.commands.study_options import StabilityStudyOptions
+from lab.commands.options import StabilityStudyOptions
+from lab.commands.study_output import check_output, write_study
 from lab.studies.bound_check import BoundCheck, check_bounds
 from ntc.errors import InputError
 from ntc.pack.model import Pack

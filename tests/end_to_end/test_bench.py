@@ -9,8 +9,8 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from lab.bench.interleaved import time_interleaved, warm_up_rounds
 from lab.bench.random_pack import random_pack
-from lab.bench.turns import take_turns, warm_up_rounds
 from lab.commands import bench as command
 from ntc.codec.config import CodecConfig
 from ntc.pack.file import write_pack
@@ -59,7 +59,7 @@ def recorded(path: Path, *parts: str) -> dict[str, Any]:
         assert record[part]["settings"]["repeats"] == 1
         for row in record[part]["rows"]:
             median = row.get("median_ms", row.get("decode_ms"))
-            assert 0.0 < row["least_ms"] <= median <= row["most_ms"]
+            assert 0.0 < row["min_ms"] <= median <= row["max_ms"]
     return record
 
 
@@ -182,12 +182,12 @@ def test_candidates_take_turns() -> None:
     called: list[str] = []
     told: list[tuple[int, int]] = []
     runs = [lambda name=name: called.append(name) for name in "abc"]
-    spreads = take_turns(context, runs, 3, lambda done, of: told.append((done, of)))
+    spreads = time_interleaved(context, runs, 3, lambda done, of: told.append((done, of)))
     rounds = warm_up_rounds(context) + 3
     assert "".join(called) == "abc" * rounds
     assert told == [(number + 1, rounds) for number in range(rounds)]
     assert len(spreads) == 3
-    assert all(0.0 <= spread.least_ms <= spread.median_ms <= spread.most_ms for spread in spreads)
+    assert all(0.0 <= spread.min_ms <= spread.median_ms <= spread.max_ms for spread in spreads)
     assert np.isfinite([spread.median_ms for spread in spreads]).all()
     context.gl.release()
 

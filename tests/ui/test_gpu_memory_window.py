@@ -26,7 +26,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
     """From now on the GPU has no memory for what has this in its name; "" for anything."""
 
     def begin(app: HeadlessApp, word: str) -> None:
-        monkeypatch.setattr(app._context.memory, "allows", lambda what, _size: word not in what)
+        monkeypatch.setattr(app.context.memory, "allows", lambda what, _size: word not in what)
 
     return begin
 

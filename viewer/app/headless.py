@@ -36,7 +36,7 @@ class HeadlessApp:
         first: FirstLook | None = None,
     ) -> None:
         self._size = size
-        self._context = create_headless_context()
+        self.context = create_headless_context()
         self._framebuffer = self._make_framebuffer(size)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
@@ -47,11 +47,11 @@ class HeadlessApp:
         io.display_size = imgui.ImVec2(*size)
         imgui.backends.opengl3_init("#version 330")
         self.session = Session(scene, packs, settings or ViewerSettings(), first or FirstLook())
-        self.frontend = Frontend(self._context, self.session, pictures)
+        self.frontend = Frontend(self.context, self.session, pictures)
         self._appearance = Appearance()
 
     def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
-        memory, what = self._context.memory, f"a window of {size[0]} x {size[1]}"
+        memory, what = self.context.memory, f"a window of {size[0]} x {size[1]}"
         with memory.transaction():
             return memory.framebuffer(what, [memory.texture(what, size, 4)])
 
@@ -169,4 +169,4 @@ class HeadlessApp:
         implot.destroy_context()
         imgui.destroy_context(self._imgui)
         self._release_framebuffer()
-        self._context.gl.release()
+        self.context.gl.release()

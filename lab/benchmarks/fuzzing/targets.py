@@ -144,7 +144,7 @@ def main() -> None:
         def mutate(data: bytes, limit: int, seed: int) -> bytes:
             source = random.Random(seed)
             if source.random() < PLAIN_SHARE:
-                return atheris.Mutate(data, limit)
+                return bytes(atheris.Mutate(data, limit))
             return mutator(data, limit, source, atheris.Mutate)[:limit]
 
         atheris.Setup(sys.argv, one_input, custom_mutator=mutate)

@@ -71,7 +71,12 @@ def run(**environment: str) -> subprocess.CompletedProcess[str]:
         "except InputError as error:\n    sys.exit(f'error: {error}')\n"
     )
     return subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
 
 

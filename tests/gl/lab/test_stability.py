@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from lab.bench.stability import StabilityBench, StabilityRow, stand_paths
+from lab.bench.stability import StabilityBench, StabilityRow, fixture_paths
 from lab.bench.stability_cases import StabilityCase, stability_cases
 from ntc.codec.precision import Precision
 from ntc.codec.rescale import exponents
@@ -77,7 +77,7 @@ def test_hostile_weights_show_numbers(bench: StabilityBench, name: str) -> None:
 def test_pictures_bear_the_same(bench: StabilityBench) -> None:
     for name in ("random weights", "uv and lod NaN, Inf, 3.4e38, denormal", "weights 3e38"):
         case = CASES[name]
-        for row in bench.pictures(case, "fp32", stand_paths(case)):
+        for row in bench.pictures(case, "fp32", fixture_paths(case)):
             require_bounds(row)
             assert name == "weights 3e38" or (row.largest or 0.0) <= FP32_TOLERANCE, row
 

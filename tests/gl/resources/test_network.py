@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.decode_stand import OneMaterial, interleaved_words
+from lab.bench.fixture import OneMaterial, interleaved_words
 from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from lab.bench.decode_stand import block_words, interleaved_words, scattered_words
-from lab.bench.pareto import pareto_front
+from lab.bench.fixture import block_words, interleaved_words, scattered_words
 from lab.bench.random_pack import square_pack
 from lab.bench.scaling import ScalingConfig
-from lab.bench.scene import SceneBenchConfig, bench_slots, in_turn
+from lab.bench.scene import SceneBenchConfig, bench_slots, interleaved
+from lab.bench.tables import pareto_front
 from lab.bench.tiles import PictureLimits, require_memory, tiling
 from ntc.errors import InputError
 from viewer.scene.model import Camera
@@ -22,7 +22,7 @@ ROOMY = PictureLimits(16384, 1 << 40)
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 14, 37])
 def test_slots_take_turns_and_nothing_is_seen_twice_in_a_row(count: int) -> None:
     slots = [Slot(f"pack {number}") for number in range(count)]
-    frames = in_turn(slots, CAMERA, 5)
+    frames = interleaved(slots, CAMERA, 5)
     assert [slot for _, slot, _ in frames] == slots * 5
     assert [number for number, _, _ in frames] == [number for number in range(5) for _ in slots]
     cameras = [camera for _, _, camera in frames]

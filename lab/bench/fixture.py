@@ -27,10 +27,10 @@ from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.state.view_state import Precision
 
-StandPath = Literal["deferred", "deferred, shared", "binned"]
+FixturePath = Literal["deferred", "deferred, shared", "binned"]
 """`deferred` with a decoder index for each pixel, `deferred, shared` for packs of one decoder, or `binned`."""
 TEXTURE_SIDE = 256
-"""Texels a side of the textures that a stand's pixels see."""
+"""Texels a side of the textures that a fixture's pixels see."""
 PICTURE_BYTES = 16 + 4 + 16
 """Of a pixel: visibility words, depth, albedo."""
 BINNED_BYTES = 4
@@ -109,7 +109,7 @@ class DecodePrograms:
 
 
 class LoadedPack:
-    """A pack on the GPU in one precision, for every path of a stand."""
+    """A pack on the GPU in one precision, for every path of a fixture."""
 
     def __init__(
         self,
@@ -124,17 +124,19 @@ class LoadedPack:
         self._ranges = DecoderRanges(context, pack, precision)
         self._binned: DecodeBinnedPass | None = None
 
-    def decode(self, path: StandPath, stand: "DecodeStand") -> Callable[[], None]:
-        """A call that decodes the whole picture of `stand`."""
+    def decode(self, path: FixturePath, fixture: "DecodeFixture") -> Callable[[], None]:
+        """A call that decodes the whole picture of `fixture`."""
         programs = self._programs.of(self._pack)
         if path == "binned":
             if self._binned is None:
                 self._binned = DecodeBinnedPass(self._context, programs, self._buffers, self._ranges, self._pack, False)
             binned, decoders = self._binned, range(len(self._pack.decoders))
-            return lambda: stand.each_tile(lambda: binned.run(stand.visibility, stand.material, stand.target, decoders))
+            return lambda: fixture.each_tile(
+                lambda: binned.run(fixture.visibility, fixture.material, fixture.target, decoders)
+            )
         shared = 0 if path == "deferred, shared" else None
         deferred = DecodeDeferredPass(self._context, programs, self._buffers, self._ranges, False, shared)
-        return lambda: stand.each_tile(lambda: deferred.run(stand.visibility, stand.material, stand.target))
+        return lambda: fixture.each_tile(lambda: deferred.run(fixture.visibility, fixture.material, fixture.target))
 
     def release(self) -> None:
         """Free all buffers."""
@@ -144,7 +146,7 @@ class LoadedPack:
             self._binned.release()
 
 
-class DecodeStand:
+class DecodeFixture:
     """What is seen, and where it is decoded to. A picture of several tiles has buffers for one and runs them in turn."""
 
     def __init__(self, context: GraphicsContext, tiles: Tiling, words: NDArray[np.uint32]) -> None:

@@ -1,9 +1,10 @@
-"""`ntc-viewer study paper-textures|paper-scenes|freezing|mlp-size|mips|ablation`: trainings side by side."""
+"""What studies have in common: the trainings they run, and the files they write."""
 
+import json
 import platform
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,29 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 
-from lab.commands.study_files import write_study
+from lab.bench.record import write_figure
 from lab.studies.runs import Report, Run, RunResult, finished_run
 from lab.studies.settings import StudySettings
 from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.io import write_text
 from viewer.cli.table import Table
 
 Step = Callable[[Report], RunResult]
+
+
+def write_study(folder: Path, name: str, title: str, table: Table, figure: Figure, record: Mapping[str, Any]) -> None:
+    """Write NAME.md, .csv, .png and .json into `folder`. Raises InputError where it cannot be written."""
+    write_text(folder / f"{name}.md", f"# {title}\n\n{table.markdown()}")
+    write_text(folder / f"{name}.csv", table.csv())
+    write_figure(folder / f"{name}.png", figure)
+    write_text(folder / f"{name}.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+
+
+def check_output(folder: Path) -> None:
+    """Raises InputError where `folder` is a file."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; name a folder")
 
 
 @dataclass(frozen=True)
@@ -36,7 +53,7 @@ def training_steps(
     runs: Sequence[Run],
     textures: Sequence[SourceTexture],
     folder: Path,
-    pack_file: Callable[[Run], Path | None] = lambda run: None,
+    pack_file: Callable[[Run], Path | None] = lambda _run: None,
 ) -> list[tuple[str, Step]]:
     """The runs as named steps of a study whose files lie in `folder`."""
 

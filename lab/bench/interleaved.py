@@ -1,4 +1,4 @@
-"""Timing by turns: what is compared runs one after the other, round by round, so that drift hits all alike."""
+"""Interleaved timing: candidates run one after the other, round by round, so that drift affects all alike."""
 
 import statistics
 from collections.abc import Callable, Sequence
@@ -8,7 +8,11 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.timer import PassTimer
 
 Progress = Callable[[int, int], None]
-"""(rounds done, rounds in all)."""
+"""Called with (rounds done, rounds in all)."""
+
+
+def no_progress(_done: int, _of: int) -> None:
+    """A Progress that ignores its calls."""
 
 
 @dataclass(frozen=True)
@@ -16,12 +20,12 @@ class Spread:
     """Times of one candidate, in ms."""
 
     median_ms: float
-    least_ms: float
-    most_ms: float
+    min_ms: float
+    max_ms: float
 
 
 def spread_of(times: Sequence[float]) -> Spread:
-    """Median, least and most of times in ms; at least one."""
+    """Median, minimum and maximum of times in ms, at least one."""
     return Spread(statistics.median(times), min(times), max(times))
 
 
@@ -30,11 +34,11 @@ def warm_up_rounds(context: GraphicsContext) -> int:
     return 1 if context.info.is_software else 10
 
 
-def take_turns(
+def time_interleaved(
     context: GraphicsContext,
     candidates: Sequence[Callable[[], None]],
     repeats: int,
-    progress: Progress = lambda done, of: None,
+    progress: Progress = no_progress,
 ) -> tuple[Spread, ...]:
     """Run each candidate once a round, `repeats` (at least 1) timed rounds after the warm-up; a spread for each.
 
