@@ -17,11 +17,11 @@ from ntc.errors import InputError
 
 ALIGNMENT = 64
 PREFIX = "ntc-"
-"""The names of all blocks start with this."""
+"""The names of all blocks start with this; the id of the process that created the block follows."""
 PLAIN_NUMBERS = re.compile("[<>|=](?:[biu]1|[iuf][248])")
 """Types of arrays that are exchanged, as numpy spells them."""
 MOST_AXES = 8
-BLOCK_NAME = re.compile(PREFIX + "[0-9a-f]{16}")
+BLOCK_NAME = re.compile(PREFIX + "[0-9]{1,10}-[0-9a-f]{16}")
 T = TypeVar("T")
 
 
@@ -93,7 +93,7 @@ class SharedBlock:
     def create(cls, size: int) -> "SharedBlock":
         """A new block of at least `size` bytes, all of which can be written. Raises InputError where there is no room."""
         try:
-            memory = SharedMemory(PREFIX + secrets.token_hex(8), create=True, size=max(1, size))
+            memory = SharedMemory(f"{PREFIX}{os.getpid()}-{secrets.token_hex(8)}", create=True, size=max(1, size))
         except (OSError, ValueError, ImportError) as error:
             raise _no_room(size, error) from error
         block = cls(memory, owner=True)

@@ -3,10 +3,8 @@
 import contextlib
 import pickle
 import random
-import socket
 import struct
 import time
-import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,12 +17,9 @@ from hypothesis import strategies as st
 
 from lab.benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
 from ntc.errors import InputError
-from ntc.pack.model import Decoder, Grouping
-from ntc.training.config import TrainingConfig
+from ntc.pack.model import Decoder
 from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.launch import TrainingProcess, start_process
-from ntc.worker.pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed
-from ntc.worker.process import NOT_A_COMMAND, Switchboard, train_as_told
+from ntc.worker.pipe import framed
 from ntc.worker.protocol import (
     Cancel,
     Ended,
@@ -37,14 +32,11 @@ from ntc.worker.protocol import (
     Ready,
     Received,
     SnapshotTaken,
-    StepBudget,
     WorkerReport,
 )
-from ntc.worker.shared_arrays import ArrayPlace, SharedBlock
+from ntc.worker.shared_arrays import ArrayPlace
 from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
-    REFUSED,
-    Orders,
     Session,
     left_of,
     placed,
@@ -57,12 +49,24 @@ from tests.support.worker_sessions import (
 )
 
 REQUEST = small_request()
+
+
 WHOLE = whole_training(REQUEST)
+
+
 FIRST, REST = stream(WHOLE[:1]), stream(WHOLE[1:])
+
+
 TALKS = list(talks())
+
+
 LONGEST_POLL = 0.5
 """Seconds, on a loaded machine; a poll takes 0.01 and the copy of a snapshot."""
+
+
 SLOW = settings(deadline=2000, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+
+
 QUICK = settings(deadline=1000, max_examples=150)
 
 
@@ -170,6 +174,7 @@ def _ended(**changes: Any) -> Ended:
 
 LATENTS: Any = _snapshot().textures[0].latents
 """The place of the first ones."""
+
 
 HOSTILE: dict[str, WorkerReport | bytes] = {
     "objects, whose addresses would be followed": _with_latents(replace(LATENTS, dtype="|O")),
@@ -322,37 +327,6 @@ def test_who_talks_without_end_and_never_listens_is_ended() -> None:
     assert not process.is_alive()
 
 
-def test_memory_grows_with_what_came_and_not_with_what_was_claimed() -> None:
-    own, other = socket.socketpair()
-    with other:
-        end = WindowEnd(own)
-        tracemalloc.start()
-        other.sendall(struct.pack("<I", LONGEST_COMMAND) + b"x" * 100)
-        assert end.receive(LONGEST_COMMAND) is None
-        for claim in (
-            b"\xdd\x7f\xff\xff\xff",
-            b"\xdf\x7f\xff\xff\xff",
-            b"\xdb\x7f\xff\xff\xff",
-            b"\xc6\x7f\xff\xff\xff",
-        ):
-            for decode in (decode_command, decode_report):
-                with pytest.raises(WireError):
-                    decode(b"\x82\xa2is\xa6Failed\xa4line" + claim)
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        assert peak < 1 << 20
-        end.close()
-
-
-def test_copies_are_no_larger_than_the_block() -> None:
-    block = SharedBlock.create(1 << 16)
-    place = ArrayPlace(0, (1 << 15,), "|u1")
-    assert len(block.read((place, place))) == 2
-    with pytest.raises(ValueError, match="outside"):
-        block.read((place, place, place))
-    block.close()
-
-
 def _open_files() -> int:
     folder = Path("/proc/self/fd")
     return len(list(folder.iterdir())) if folder.is_dir() else 0
@@ -399,128 +373,3 @@ def test_any_order_of_anything_is_survived(steps: list[bytes | str]) -> None:
     assert not any(process.is_alive() for process in session.processes)
     assert all(left_of(process) == [] for process in session.processes)
     assert _open_files() <= open_files
-
-
-@pytest.fixture
-def orders() -> Iterator[Orders]:
-    """Shared memory for orders."""
-    made = Orders()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[WorkerEnd, socket.socket]]:
-    """Both ends of a pipe."""
-    own, other = socket.socketpair()
-    with own, other:
-        yield WorkerEnd(own), other
-
-
-ORDER = starts()[0]
-BAD_ORDERS: dict[str, Any] = {
-    "other memory": replace(ORDER, input_block="../../etc/passwd"),
-    "memory that is gone": replace(ORDER, input_block="ntc-" + "9" * 16),
-    "no room": replace(ORDER, regions={}),
-    "groups without end": replace(ORDER, request=replace(ORDER.request, grouping=Grouping("x", (0, 2**62, 0)))),
-    "a negative group": replace(ORDER, request=replace(ORDER.request, grouping=Grouping("x", (0, -1, 0)))),
-    "no groups": replace(ORDER, request=replace(ORDER.request, grouping=Grouping("x", ()))),
-    "a budget below nothing": replace(ORDER, request=replace(ORDER.request, budget=StepBudget(-1))),
-    "a pack of other groups": replace(
-        starts()[1],
-        request=replace(
-            starts()[1].request,
-            start=replace(starts()[1].request.start, grouping=Grouping("x", (0, 2**62, 0))),  # type: ignore[type-var]
-        ),
-    ),
-    "objects": replace(
-        ORDER,
-        request=replace(
-            ORDER.request,
-            textures=tuple(
-                replace(t, pixels=replace(t.pixels, dtype="|O"))
-                for t in ORDER.request.textures  # type: ignore[type-var]
-            ),
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize("what", BAD_ORDERS)
-def test_bad_orders_are_refused_before_anything_is_done(
-    what: str, orders: Orders, ends: tuple[WorkerEnd, socket.socket]
-) -> None:
-    began = time.monotonic()
-    with pytest.raises(REFUSED, match=r"."):
-        train_as_told(ends[0], Switchboard(), orders.named(BAD_ORDERS[what]))
-    assert time.monotonic() - began < 1.0
-    ends[1].setblocking(False)
-    with pytest.raises(BlockingIOError):
-        ends[1].recv(1)
-
-
-@given(
-    commands=st.lists(
-        st.one_of(
-            st.sampled_from([Pause(), Cancel(), ProgressTaken(), Ready(), None, 3, "x", b"", ORDER]),
-            st.builds(SnapshotTaken, st.integers(-(2**63), 2**63)),
-        ),
-        max_size=8,
-    )
-)
-@QUICK
-def test_the_switchboard_takes_anything(commands: list[Any]) -> None:
-    board = Switchboard()
-    for command in commands:
-        board.obey(command)
-    assert board.starts.qsize() == commands.count(ORDER)
-    assert not (board.paused and board.cancelled)
-    assert board.open_progress() in (True, False)
-
-
-def _process() -> tuple[TrainingProcess, socket.socket]:
-    own, other = socket.socketpair()
-    process = start_process(other)
-    other.close()
-    own.settimeout(30.0)
-    return process, own
-
-
-def _report(pipe: WorkerEnd) -> WorkerReport:
-    return decode_report(pipe.receive())
-
-
-def test_the_process_answers_bad_orders_goes_on_and_leaves_at_the_first_nonsense(orders: Orders) -> None:
-    process, end = _process()
-    with end:
-        pipe = WorkerEnd(end)
-        assert isinstance(_report(pipe), Ready)
-        for what in ("other memory", "groups without end", "no room"):
-            pipe.send(encode(BAD_ORDERS[what]))
-            answer = _report(pipe)
-            assert isinstance(answer, Failed)
-            assert answer.line.isprintable()
-        pipe.send(encode(orders.named(ORDER)))
-        for command in (Pause(), SnapshotTaken(-5), ProgressTaken(), Cancel()):
-            pipe.send(encode(command))
-        assert isinstance(_report(pipe), Received)
-        assert _report(pipe) == Ended("cancelled")
-        absurd = TrainingConfig(steps=None, epochs=1e308, device="cpu")
-        pipe.send(encode(orders.named(replace(ORDER, request=replace(ORDER.request, training=absurd)))))
-        assert isinstance(_report(pipe), Received)
-        assert isinstance(_report(pipe), Failed)
-        assert process.is_alive()
-        end.sendall(framed(b"\x80\x04garbage"))
-        process.join(10.0)
-        assert process.exitcode == NOT_A_COMMAND, "with the pipe still open: the window sees that it is gone"
-    process.close()
-
-
-@pytest.mark.parametrize("last", [b"", b"\x05", struct.pack("<I", 100) + b"half", b"\xff\xff\xff\xff"])
-def test_the_process_does_not_stay_behind(last: bytes) -> None:
-    process, end = _process()
-    end.sendall(last)
-    end.close()
-    process.join(10.0)
-    assert process.exitcode in (0, NOT_A_COMMAND)
-    process.close()

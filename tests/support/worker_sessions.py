@@ -41,7 +41,7 @@ from viewer.training.run_log import Curves
 CODEC = CodecConfig(
     hidden_width=4, latent_bits=4, positional_octaves=1, output_channels=3, adapters=True, adapter_output=True
 )
-GIVEN_BLOCK, SNAPSHOT_BLOCK = "ntc-" + "0" * 16, "ntc-" + "1" * 16
+GIVEN_BLOCK, SNAPSHOT_BLOCK = "ntc-0-" + "0" * 16, "ntc-0-" + "1" * 16
 MOST_POLLS = 2000
 
 
@@ -264,7 +264,7 @@ class Orders:
         if name in (GIVEN_BLOCK, SNAPSHOT_BLOCK):
             return self._block.name
         # Other memory of this machine may be someone else's.
-        return name if BLOCK_NAME.fullmatch(name) is None else "ntc-" + "f" * 16
+        return name if BLOCK_NAME.fullmatch(name) is None else "ntc-0-" + "f" * 16
 
     def close(self) -> None:
         """Give the memory back."""

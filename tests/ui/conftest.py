@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from imgui_bundle import imgui
 
 from lab.bench.random_pack import random_pack
 from ntc.pack.file import write_pack
@@ -50,6 +51,11 @@ def run_window(
         timeout=timeout,
         check=False,
     )
+
+
+def hide_panels(app: HeadlessApp) -> None:
+    app.press(imgui.Key.h)
+    assert not app.session.show_panels
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import pytest
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.model import Pack
-from ntc.worker.shared_arrays import PREFIX
 from tests.end_to_end.conftest import two_squares
+from tests.support.training_workers import blocks
 from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
@@ -41,14 +41,6 @@ def app(folder: Path) -> Iterator[HeadlessApp]:
     yield made
     made.close()
     assert not blocks()
-
-
-def blocks() -> list[str]:
-    shared = Path("/dev/shm")
-    own = [path for path in shared.glob(f"{PREFIX}*") if path.stat().st_uid == os.getuid()] if shared.is_dir() else []
-    # Other programs may train on this machine: theirs are not this process's.
-    held = Path("/proc/self/maps").read_text() if Path("/proc/self/maps").exists() else ""
-    return [path.name for path in own if path.name in held]
 
 
 def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraining:

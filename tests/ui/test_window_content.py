@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from lab.bench.random_pack import random_pack
-from ntc.errors import InputError
-from ntc.pack.file import read_pack, write_pack
-from tests.end_to_end.conftest import two_squares
-from tests.ui.conftest import SIZE, write_scene
+from tests.ui.conftest import SIZE, hide_panels
 from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS
 from viewer.commands.chords import parse_chord
@@ -25,11 +21,6 @@ from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Slot
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
-
-
-def hide_panels(app: HeadlessApp) -> None:
-    app.press(imgui.Key.h)
-    assert not app.session.show_panels
 
 
 def test_the_first_look_compares_clustered_with_the_reference(app: HeadlessApp) -> None:
@@ -225,45 +216,6 @@ def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
     assert app.session.view.overlay.kind == "none"
 
 
-def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:
-    pack = read_pack(scene_path.with_name("scene.single.ntc"))
-    write_pack(tmp_path / "mine.ntc", pack)
-    app.drop(tmp_path / "mine.ntc")
-    assert app.session.view.slot_a.source == "mine"
-    assert "mine" in app.session.sources
-
-
-def test_a_dropped_scene_replaces_the_old_one(app: HeadlessApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=8)
-    app.drop(path)
-    assert app.session.scene.path == path
-    assert app.session.view.slot_a.source == "clustered"
-    assert app.screenshot().std() > 5
-
-
-@pytest.mark.parametrize("name", ["missing.glb", "broken.glb", "broken.ntc", "words.txt"])
-def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_path: Path, name: str) -> None:
-    path = tmp_path / name
-    if name != "missing.glb":
-        path.write_bytes(b"nothing that could be opened")
-    before = app.session.scene, app.session.view
-    app.drop(path)
-    assert (app.session.scene, app.session.view) == before
-    (toast,) = app.session.toasts
-    assert toast.kind == "error"
-    assert name in toast.text
-    assert app.screenshot().std() > 5
-
-
-def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=10)
-    path.with_name("scene.clustered.ntc").write_bytes(b"")
-    app.drop(path)
-    assert app.session.scene.path == path
-    assert app.session.sources == (REFERENCE, "single")
-    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.toasts)
-
-
 def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) -> None:
     app.session.say("hello")
     assert app.session.toasts[0].until is None
@@ -272,21 +224,6 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) ->
     assert until is not None
     app.session.forget_old_toasts(until + 0.01)
     assert not app.session.toasts
-
-
-def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
-    other = write_scene(tmp_path, seed=9)
-    app.drop(other.with_name("scene.single.ntc"))
-    assert app.session.view.slot_a.source == "clustered"
-    assert "0 of 2 textures match" in app.session.toasts[-1].text
-
-
-def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=11)
-    app.click("path")
-    app.type(str(path))
-    app.press(imgui.Key.enter)
-    assert app.session.scene.path == path
 
 
 def test_typing_runs_no_commands(app: HeadlessApp) -> None:
@@ -351,38 +288,6 @@ def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None
     assert "A source: single" not in app.frontend.interface.items.labels()
     app.press(imgui.Key.escape)
     assert app.session.closing
-
-
-def test_a_scene_that_cannot_be_drawn_is_put_away(
-    app: HeadlessApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise InputError("other.glb: has too many textures")
-
-    scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
-    monkeypatch.setattr("viewer.render.viewport.Renderer", refuse)
-    app.drop(two_squares(9).write(tmp_path / "other.glb"))
-    assert app.session.scene is scene
-    assert app.session.packs == packs
-    assert app.session.view == view
-    assert [toast.text for toast in app.session.toasts if toast.kind == "error"] == ["other.glb: has too many textures"]
-    app.session.toasts = ()
-    app.settle()
-    assert (app.screenshot() == shown).all()
-
-
-def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Scene, tmp_path: Path) -> None:
-    hashes = [texture.pixel_hash for texture in scene.textures]
-    hide_panels(app)
-    pictures = []
-    for seed in (1, 2):
-        write_pack(tmp_path / "again.ntc", random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes, seed=seed))
-        app.drop(tmp_path / "again.ntc")
-        app.session.toasts = ()
-        app.settle()
-        pictures.append(app.screenshot())
-    assert app.session.view.slot_a.source == "random"
-    assert (pictures[0] != pictures[1]).any()
 
 
 def test_what_panels_hide_is_not_drawn(app: HeadlessApp) -> None:

@@ -1,6 +1,5 @@
 """A GPU without memory: whatever asks for it, one line says so, nothing is half-done, and what fits goes on."""
 
-import ctypes
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import ClassVar
@@ -11,14 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.errors import InputError
 from ntc.pack.model import Pack
 from tests.gl.small_scenes import FRONT, INSIDE, masks
-from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
+from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, existing
+from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.functions import egl_loader
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
-from viewer.gl.ui_textures import NamedImages, Thumbnails
 from viewer.render import renderer as renderer_module
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.passes.decode_texels import GlTexelDecoder
@@ -28,37 +25,13 @@ from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
 
 SIZE, LARGER = (40, 24), (56, 40)
+
+
 TILES = TileCacheConfig(budget_bytes=1 << 22)
-PLENTY = 1 << 40
-HIGHEST_NAME = 4096
-"""Drivers give the lowest names that are free."""
+
+
 ONE_STEP = 1
 """A tile on another page is sampled at other coordinates, which are rounded elsewhere."""
-
-
-class FailingMemory(GpuMemory):
-    """Refuses request number `refused` (from 0), and with `for_good` all later ones, until it is made `generous`."""
-
-    def __init__(self, gl: moderngl.Context, refused: int, for_good: bool = False) -> None:
-        super().__init__(gl, PLENTY)
-        self.asked = 0
-        self.generous = False
-        self._refused, self._for_good = refused, for_good
-
-    def allows(self, what: str, size: int) -> bool:
-        number, self.asked = self.asked, self.asked + 1
-        return self.generous or not (number == self._refused or (self._for_good and number > self._refused))
-
-
-class ForgetfulMemory(GpuMemory):
-    """Refuses everything whose name contains `word`."""
-
-    def __init__(self, gl: moderngl.Context, word: str) -> None:
-        super().__init__(gl, PLENTY)
-        self.word: str | None = word
-
-    def allows(self, what: str, size: int) -> bool:
-        return self.word is None or self.word not in what
 
 
 class SharedPrograms(ProgramFactory):
@@ -114,6 +87,8 @@ def packs(scene: Scene) -> tuple[Pack, Pack]:
 
 
 FORWARD, DEFERRED, BINNED, CACHED = (Slot("p", path) for path in ("forward", "deferred", "binned", "cached"))
+
+
 VIEWS = {
     "reference": ViewState(FRONT, SIZE, Slot(REFERENCE)),
     "forward": ViewState(FRONT, SIZE, FORWARD),
@@ -124,16 +99,6 @@ VIEWS = {
         FRONT, LARGER, CACHED, Slot(REFERENCE), compare="wipe", anisotropy=4, overlay=Overlay("divergence")
     ),
 }
-
-
-def existing(context: GraphicsContext) -> dict[str, int]:
-    """OpenGL objects by kind, as OpenGL says."""
-    load = egl_loader()
-    found: dict[str, int] = {}
-    for kind in ("Buffer", "Texture", "Framebuffer"):
-        is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(load(f"glIs{kind}"))
-        found[kind] = sum(bool(is_one(name)) for name in range(1, HIGHEST_NAME))
-    return found
 
 
 def is_short(frame: FrameResult) -> bool:
@@ -343,56 +308,6 @@ def test_a_picture_that_is_too_large_leaves_the_one_before(graphics: GraphicsCon
     np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), before)
     renderer.release()
     assert context.memory.objects_given == 0
-
-
-def test_the_driver_itself_is_asked(graphics: GraphicsContext) -> None:
-    before = existing(graphics)
-    with pytest.raises(GpuMemoryError, match=r"^vertices: the GPU has no memory for 1125899907 MB; close packs"):
-        graphics.memory.buffer("vertices", reserve=1 << 50)
-    assert existing(graphics) == before
-    assert graphics.memory.buffer("vertices", b"abcd").read() == b"abcd"
-
-
-def test_a_buffer_that_cannot_grow_stays(graphics: GraphicsContext) -> None:
-    memory = GpuMemory(graphics.gl, 100)
-    small = memory.buffer("pixels", b"12345678")
-    with pytest.raises(GpuMemoryError, match="pixels: the GPU has no memory for"):
-        memory.grown("pixels", small, 101)
-    assert small.read() == b"12345678"
-    grown = memory.grown("pixels", small, 60)
-    assert (grown.size, memory.bytes_given, memory.objects_given) == (60, 60, 1)
-    grown.release()
-
-
-def test_the_interface_shows_grey_without_memory(graphics: GraphicsContext) -> None:
-    memory = ForgetfulMemory(graphics.gl, "thumbnail")
-    context = replace(graphics, memory=memory)
-    thumbnails = Thumbnails(context, lambda _: np.zeros((8, 8, 3), np.uint8))
-    assert thumbnails[3].size == (1, 1)
-    assert (thumbnails.fallback.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
-    assert thumbnails.fallback.take_problem() is None
-    thumbnails.release()
-    images = NamedImages(context)
-    memory.word = "image"
-    for _ in range(2):
-        assert images.get("flat", np.zeros((4, 4, 3), np.uint8)).size == (1, 1)
-    assert (images.fallback.take_problem() or "").startswith("image 'flat': ")
-    images.release()
-    assert memory.objects_given == 0
-
-
-@pytest.mark.parametrize("text", ["x", "-1", "1.5"])
-def test_a_limit_that_is_none(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    monkeypatch.setenv(LIMIT_VARIABLE, text)
-    with pytest.raises(InputError, match=f"{LIMIT_VARIABLE}=.*must be a whole number of MB"):
-        limit_from_environment()
-
-
-def test_the_limit_is_in_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(LIMIT_VARIABLE, "3")
-    assert limit_from_environment() == 3_000_000
-    monkeypatch.delenv(LIMIT_VARIABLE)
-    assert limit_from_environment() is None
 
 
 def test_auto_takes_a_path_that_there_is_memory_for(

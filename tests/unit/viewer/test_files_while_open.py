@@ -4,7 +4,6 @@ import errno
 import io
 import os
 import shutil
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,91 +12,36 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc import io as files
 from ntc.codec.config import GroupingConfig
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Pack
 from ntc.reading import read_file
-from tests.support.gltf_builder import GltfBuilder, png
+from tests.support.gltf_builder import png
+from tests.support.spoilt_files import (
+    Spoil,
+    deleted,
+    errors,
+    every_way,
+    finished,
+    folder_instead,
+    garbage,
+    open_session,
+    pack_of,
+    ring_of_links,
+    settle,
+    write_scene,
+)
 from viewer import cli
 from viewer.cli import encode as encode_command
 from viewer.cli.info_all import files_below
-from viewer.commands import run_command
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
 from viewer.state.actions import OpenFile, RunCommand
-from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.session import FirstLook, Session
+from viewer.state.pack_files import packs_beside
+from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.training.grouping_process import GroupingJob, grouping_inputs
-from viewer.training.run_log import Run
-
-Spoil = Callable[[Path], None]
-SECONDS = 20.0
-
-
-def deleted(path: Path) -> None:
-    path.unlink()
-
-
-def emptied(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def garbage(path: Path) -> None:
-    path.write_bytes(np.random.default_rng(1).bytes(path.stat().st_size))
-
-
-def truncated(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-
-
-def folder_instead(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-
-
-def pipe_instead(path: Path) -> None:
-    path.unlink()
-    os.mkfifo(path)
-
-
-def ring_of_links(path: Path) -> None:
-    path.unlink()
-    path.symlink_to(path)
-
-
-def unreadable(path: Path) -> None:
-    if os.geteuid() == 0:
-        pytest.skip("root may read anything")
-    path.chmod(0)
-
-
-every_way = pytest.mark.parametrize(
-    "spoil",
-    [deleted, emptied, garbage, truncated, folder_instead, pipe_instead, ring_of_links, unreadable],
-    ids=lambda spoil: spoil.__name__,
-)
-
-
-def write_scene(folder: Path, seed: int = 0) -> Path:
-    """scene.gltf with scene.bin and two images beside it, and a pack."""
-    builder, random = GltfBuilder(), np.random.default_rng(seed)
-    primitives = []
-    for number in range(2):
-        (folder / f"picture{number}.png").write_bytes(png(random.integers(0, 256, (16, 16, 3), np.uint8)))
-        image = builder.add("images", uri=f"picture{number}.png")
-        primitives.append(builder.triangle(builder.material(image)))
-    path = builder.drawn(*primitives).write(folder / "scene.gltf", uri="scene.bin")
-    write_pack(folder / "scene.single.ntc", pack_of(path))
-    return path
-
-
-def pack_of(path: Path, seed: int = 0) -> Pack:
-    hashes = [texture.pixel_hash for texture in load_scene(path).textures]
-    return random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
 
 
 @pytest.fixture
@@ -107,16 +51,7 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def session(path: Path) -> Session:
-    made = Session(load_scene(path), open_packs(packs_beside(path)), ViewerSettings(), FirstLook())
-    made.use_commands(run_command)
-    made.pictures_folder = path.parent / "pictures"
-    return made
-
-
-def errors(session: Session) -> list[str]:
-    lines = [entry.text for entry in session.log if entry.kind == "error"]
-    assert all("\n" not in line and "Traceback" not in line for line in lines)
-    return lines
+    return open_session(path)
 
 
 @every_way
@@ -192,127 +127,6 @@ def test_a_folder_that_cannot_be_listed_has_no_packs(path: Path, monkeypatch: py
 
     monkeypatch.setattr(Path, "iterdir", refuse)
     assert packs_beside(path) == ()
-
-
-def finished(session: Session, seed: int = 7) -> Pack:
-    """A training has ended, and waits to be accepted."""
-    assert session.scene.path is not None
-    hashes = [texture.pixel_hash for texture in session.scene.textures]
-    pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
-    run = Run(1, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
-    session.training.log.add(run)
-    session.packs = {**session.packs, run.name: pack}
-    return pack
-
-
-def settle(session: Session) -> None:
-    began = time.monotonic()
-    while session.training.saving:
-        session.training.tick(session.scene, frozenset())
-        assert time.monotonic() - began < SECONDS
-        time.sleep(0.005)
-
-
-def accept(session: Session, *path: Path) -> None:
-    session.apply(RunCommand("training.accept", tuple(map(str, path))))
-    settle(session)
-
-
-def test_a_pack_that_is_as_it_was_opened_is_replaced(session: Session, path: Path) -> None:
-    pack, file = finished(session), path.with_name("scene.single.ntc")
-    accept(session, file)
-    assert errors(session) == []
-    np.testing.assert_array_equal(read_pack(file).textures[0].latents, pack.textures[0].latents)
-    assert session.training.log.undecided is None
-    # What was written last is known too.
-    finished(session, 8)
-    accept(session, file)
-    assert errors(session) == []
-
-
-@pytest.mark.parametrize("spoil", [emptied, garbage, truncated], ids=lambda spoil: spoil.__name__)
-def test_a_pack_that_others_have_changed_is_not_replaced(session: Session, path: Path, spoil: Spoil) -> None:
-    pack, file = finished(session), path.with_name("scene.single.ntc")
-    spoil(file)
-    changed = file.read_bytes()
-    accept(session, file)
-    assert len(errors(session)) == 1
-    assert "has changed since it was opened" in errors(session)[0]
-    assert file.read_bytes() == changed
-    assert session.training.log.undecided == 1
-    accept(session)
-    written = path.with_name("scene.random.ntc")
-    assert len(errors(session)) == 1
-    np.testing.assert_array_equal(read_pack(written).textures[0].latents, pack.textures[0].latents)
-
-
-def test_another_pack_in_its_place_is_not_replaced(session: Session, path: Path) -> None:
-    finished(session)
-    file = path.with_name("scene.single.ntc")
-    write_pack(file, pack_of(path, 3))
-    changed = file.read_bytes()
-    accept(session, file)
-    assert "has changed since it was opened" in errors(session)[0]
-    assert file.read_bytes() == changed
-    # Opened again, it is what the user knows.
-    session.apply(OpenFile(file))
-    accept(session, file)
-    assert len(errors(session)) == 1
-    assert file.read_bytes() != changed
-
-
-def test_a_pack_that_is_gone_is_written_anew(session: Session, path: Path) -> None:
-    finished(session)
-    file = path.with_name("scene.single.ntc")
-    file.unlink()
-    accept(session, file)
-    assert errors(session) == []
-    assert read_pack(file).textures
-
-
-def test_a_name_that_was_taken_meanwhile_is_not_replaced(session: Session, path: Path) -> None:
-    finished(session)
-    written = path.with_name("scene.random.ntc")
-    session.apply(RunCommand("training.accept", ()))
-    settle(session)
-    assert written.is_file()
-    finished(session, 9)
-    accept(session)
-    assert path.with_name("scene.random-2.ntc").is_file()
-
-
-def test_the_scene_folder_is_gone(session: Session, path: Path, tmp_path: Path) -> None:
-    finished(session)
-    scene_folder = path.parent
-    shutil.rmtree(scene_folder)
-    scene_folder.write_text("a file")
-    accept(session)
-    assert len(errors(session)) == 1
-    assert session.training.log.undecided == 1
-    scene_folder.unlink()
-    accept(session, tmp_path / "other" / "pack.ntc")
-    assert (tmp_path / "other" / "pack.ntc").is_file()
-
-
-def test_accepting_onto_a_full_disk(session: Session, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    finished(session)
-    fsync = os.fsync
-
-    def full(_handle: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(files.os, "fsync", full)
-    before = sorted(path.parent.iterdir())
-    accept(session)
-    assert len(errors(session)) == 1
-    assert "No space left on device" in errors(session)[0]
-    assert sorted(path.parent.iterdir()) == before
-    assert session.training.log.undecided == 1
-    assert session.training.log[1].pack is not None
-    monkeypatch.setattr(files.os, "fsync", fsync)
-    accept(session, path.with_name("elsewhere.ntc"))
-    assert read_pack(path.with_name("elsewhere.ntc")).textures
-    assert session.training.log.undecided is None
 
 
 def test_grouping_by_what_is_seen_takes_no_other_scene(path: Path) -> None:

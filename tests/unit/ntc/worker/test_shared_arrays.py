@@ -3,14 +3,14 @@
 import os
 from dataclasses import dataclass
 from multiprocessing import shared_memory
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.worker.shared_arrays import PREFIX, ArrayPlace, SharedBlock, without_arrays
+from ntc.worker.shared_arrays import ArrayPlace, SharedBlock, without_arrays
+from tests.support.training_workers import blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,6 @@ def message() -> _Message:
     return _Message("m", parts, random.integers(0, 256, (5, 3), np.uint8), np.zeros((0, 2)))
 
 
-def blocks() -> list[str]:
-    """Names of this program's blocks."""
-    folder = Path("/dev/shm")
-    return sorted(path.name for path in folder.glob(f"{PREFIX}*")) if folder.is_dir() else []
-
-
 def test_what_is_written_is_read_by_the_other_side() -> None:
     sent = message()
     places, arrays, end = without_arrays(sent, 128)
@@ -46,6 +40,7 @@ def test_what_is_written_is_read_by_the_other_side() -> None:
     block = SharedBlock.create(end)
     other = SharedBlock.open(block.name)
     written = block.write(sent, 128)
+    assert block.name in blocks()
     assert isinstance(written.bytes, ArrayPlace)
     assert written.bytes == places.bytes
     block.remove_name()
@@ -80,6 +75,15 @@ def test_places_outside_and_closed_blocks_are_refused() -> None:
     block.close()
     with pytest.raises(ValueError, match="closed"):
         block.read((ArrayPlace(0, (1,), "|u1"),))
+
+
+def test_copies_are_no_larger_than_the_block() -> None:
+    block = SharedBlock.create(1 << 16)
+    place = ArrayPlace(0, (1 << 15,), "|u1")
+    assert len(block.read((place, place))) == 2
+    with pytest.raises(ValueError, match="outside"):
+        block.read((place, place, place))
+    block.close()
 
 
 @pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="room is not asked for ahead here")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.ntc.worker.test_worker import blocks, lives
+from tests.support.training_workers import blocks, lives
 
 
 def test_the_handle_needs_no_torch() -> None:
@@ -57,5 +57,5 @@ if __name__ == "__main__":
     while lives(process) and time.monotonic() < end:
         time.sleep(0.02)
     assert not lives(process)
-    assert blocks() == []
+    assert blocks(owner.pid) == []
     assert owner.returncode == (0 if closed else -9)

@@ -1,0 +1,126 @@
+"""Ways to spoil a file, a scene of several files to spoil, and a session on it."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.pack.file import write_pack
+from ntc.pack.model import Pack
+from tests.support.gltf_builder import GltfBuilder, png
+from viewer.commands import run_command
+from viewer.scene.load import load_scene
+from viewer.state.actions import RunCommand
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.session import FirstLook, Session
+from viewer.state.settings import ViewerSettings
+from viewer.training.run_log import Run
+
+Spoil = Callable[[Path], None]
+
+
+SECONDS = 20.0
+
+
+def deleted(path: Path) -> None:
+    path.unlink()
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(np.random.default_rng(1).bytes(path.stat().st_size))
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+
+
+def folder_instead(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def pipe_instead(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def ring_of_links(path: Path) -> None:
+    path.unlink()
+    path.symlink_to(path)
+
+
+def unreadable(path: Path) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root may read anything")
+    path.chmod(0)
+
+
+every_way = pytest.mark.parametrize(
+    "spoil",
+    [deleted, emptied, garbage, truncated, folder_instead, pipe_instead, ring_of_links, unreadable],
+    ids=lambda spoil: spoil.__name__,
+)
+
+
+def write_scene(folder: Path, seed: int = 0) -> Path:
+    """scene.gltf with scene.bin and two images beside it, and a pack."""
+    builder, random = GltfBuilder(), np.random.default_rng(seed)
+    primitives = []
+    for number in range(2):
+        (folder / f"picture{number}.png").write_bytes(png(random.integers(0, 256, (16, 16, 3), np.uint8)))
+        image = builder.add("images", uri=f"picture{number}.png")
+        primitives.append(builder.triangle(builder.material(image)))
+    path = builder.drawn(*primitives).write(folder / "scene.gltf", uri="scene.bin")
+    write_pack(folder / "scene.single.ntc", pack_of(path))
+    return path
+
+
+def pack_of(path: Path, seed: int = 0) -> Pack:
+    hashes = [texture.pixel_hash for texture in load_scene(path).textures]
+    return random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
+
+
+def open_session(path: Path) -> Session:
+    """A session on the scene at `path` with the packs beside it; pictures go beside the scene."""
+    made = Session(load_scene(path), open_packs(packs_beside(path)), ViewerSettings(), FirstLook())
+    made.use_commands(run_command)
+    made.pictures_folder = path.parent / "pictures"
+    return made
+
+
+def errors(session: Session) -> list[str]:
+    lines = [entry.text for entry in session.log if entry.kind == "error"]
+    assert all("\n" not in line and "Traceback" not in line for line in lines)
+    return lines
+
+
+def finished(session: Session, seed: int = 7) -> Pack:
+    """A training has ended, and waits to be accepted."""
+    assert session.scene.path is not None
+    hashes = [texture.pixel_hash for texture in session.scene.textures]
+    pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
+    run = Run(1, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
+    session.training.log.add(run)
+    session.packs = {**session.packs, run.name: pack}
+    return pack
+
+
+def settle(session: Session) -> None:
+    began = time.monotonic()
+    while session.training.saving:
+        session.training.tick(session.scene, frozenset())
+        assert time.monotonic() - began < SECONDS
+        time.sleep(0.005)
+
+
+def accept(session: Session, *path: Path) -> None:
+    session.apply(RunCommand("training.accept", tuple(map(str, path))))
+    settle(session)

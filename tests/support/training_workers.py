@@ -1,0 +1,104 @@
+"""Short trainings in another process, and what may be left of it."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from ntc.codec.config import CodecConfig
+from ntc.pack.model import Grouping, Pack
+from ntc.training.config import TrainingConfig
+from ntc.worker.client import TrainingWorker
+from ntc.worker.protocol import (
+    Failed,
+    Finished,
+    Report,
+    TrainingRequest,
+)
+from ntc.worker.shared_arrays import PREFIX
+from tests.unit.ntc.training.test_train import texture
+
+CODEC = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+
+
+TEXTURES = (texture(32, 32), texture(33, 18, seed=1), texture(64, 64, seed=2), texture(16, 16, 1, seed=3))
+
+
+GROUPS = Grouping("random", (0, 1, 0, 1))
+
+
+SHORT = TrainingConfig(steps=120, texels_per_texture=64, device="cpu", seed=5)
+
+
+ENDLESS = replace(SHORT, steps=10**7)
+
+
+FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
+
+
+LONGEST_WAIT = 60.0
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """So many threads of torch."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def until(worker: TrainingWorker, kind: type | tuple[type, ...], seconds: float = LONGEST_WAIT) -> list[Report]:
+    """Reports up to and with the first of a kind."""
+    reports: list[Report] = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        reports += worker.poll()
+        if any(isinstance(report, kind) for report in reports):
+            return reports
+        time.sleep(0.002)
+    raise AssertionError(f"no {kind} within {seconds} s; came: {[type(report).__name__ for report in reports]}")
+
+
+def finished(worker: TrainingWorker, request: TrainingRequest) -> tuple[Finished, list[Report]]:
+    """A whole training."""
+    worker.start(request)
+    reports = until(worker, (Finished, Failed))
+    assert isinstance(reports[-1], Finished), reports[-1]
+    return reports[-1], reports
+
+
+def pack_of(end: Finished) -> Pack:
+    """The pack that a training ended with."""
+    assert end.pack is not None
+    return end.pack
+
+
+def blocks(process: int | None = None) -> list[str]:
+    """Names of the shared memory that a process has created, this one unless another is named, and that still has a name."""
+    folder, owner = Path("/dev/shm"), process or os.getpid()
+    return sorted(path.name for path in folder.glob(f"{PREFIX}{owner}-*")) if folder.is_dir() else []
+
+
+def lives(process: int) -> bool:
+    """Whether there is such a process."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def processor_seconds(process: int) -> float:
+    """Processor time that a process has used; 0 where the system does not say."""
+    path = Path(f"/proc/{process}/stat")
+    if not path.exists():
+        return 0.0
+    fields = path.read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

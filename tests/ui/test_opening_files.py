@@ -1,0 +1,101 @@
+"""Scenes and packs that are dropped on the window or named in it, good and bad ones."""
+
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from lab.bench.random_pack import random_pack
+from ntc.errors import InputError
+from ntc.pack.file import read_pack, write_pack
+from tests.end_to_end.conftest import two_squares
+from tests.ui.conftest import hide_panels, write_scene
+from viewer.app.headless import HeadlessApp
+from viewer.scene.model import Scene
+from viewer.state.view_state import REFERENCE
+
+
+def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:
+    pack = read_pack(scene_path.with_name("scene.single.ntc"))
+    write_pack(tmp_path / "mine.ntc", pack)
+    app.drop(tmp_path / "mine.ntc")
+    assert app.session.view.slot_a.source == "mine"
+    assert "mine" in app.session.sources
+
+
+def test_a_dropped_scene_replaces_the_old_one(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=8)
+    app.drop(path)
+    assert app.session.scene.path == path
+    assert app.session.view.slot_a.source == "clustered"
+    assert app.screenshot().std() > 5
+
+
+@pytest.mark.parametrize("name", ["missing.glb", "broken.glb", "broken.ntc", "words.txt"])
+def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name != "missing.glb":
+        path.write_bytes(b"nothing that could be opened")
+    before = app.session.scene, app.session.view
+    app.drop(path)
+    assert (app.session.scene, app.session.view) == before
+    (toast,) = app.session.toasts
+    assert toast.kind == "error"
+    assert name in toast.text
+    assert app.screenshot().std() > 5
+
+
+def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=10)
+    path.with_name("scene.clustered.ntc").write_bytes(b"")
+    app.drop(path)
+    assert app.session.scene.path == path
+    assert app.session.sources == (REFERENCE, "single")
+    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.toasts)
+
+
+def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
+    other = write_scene(tmp_path, seed=9)
+    app.drop(other.with_name("scene.single.ntc"))
+    assert app.session.view.slot_a.source == "clustered"
+    assert "0 of 2 textures match" in app.session.toasts[-1].text
+
+
+def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=11)
+    app.click("path")
+    app.type(str(path))
+    app.press(imgui.Key.enter)
+    assert app.session.scene.path == path
+
+
+def test_a_scene_that_cannot_be_drawn_is_put_away(
+    app: HeadlessApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise InputError("other.glb: has too many textures")
+
+    scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
+    monkeypatch.setattr("viewer.render.viewport.Renderer", refuse)
+    app.drop(two_squares(9).write(tmp_path / "other.glb"))
+    assert app.session.scene is scene
+    assert app.session.packs == packs
+    assert app.session.view == view
+    assert [toast.text for toast in app.session.toasts if toast.kind == "error"] == ["other.glb: has too many textures"]
+    app.session.toasts = ()
+    app.settle()
+    assert (app.screenshot() == shown).all()
+
+
+def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Scene, tmp_path: Path) -> None:
+    hashes = [texture.pixel_hash for texture in scene.textures]
+    hide_panels(app)
+    pictures = []
+    for seed in (1, 2):
+        write_pack(tmp_path / "again.ntc", random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes, seed=seed))
+        app.drop(tmp_path / "again.ntc")
+        app.session.toasts = ()
+        app.settle()
+        pictures.append(app.screenshot())
+    assert app.session.view.slot_a.source == "random"
+    assert (pictures[0] != pictures[1]).any()

@@ -1,0 +1,31 @@
+"""A process that trains and a pack that was trained without one, for all tests of this folder."""
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from ntc.pack.model import Pack
+from ntc.training.trainer import train
+from ntc.worker.client import TrainingWorker
+from tests.support.training_workers import (
+    CODEC,
+    GROUPS,
+    SHORT,
+    TEXTURES,
+    threads,
+)
+
+
+@pytest.fixture(scope="session")
+def shared() -> Iterator[TrainingWorker]:
+    """One process for all tests that do not kill it: importing torch takes seconds."""
+    with TrainingWorker() as worker:
+        yield worker
+
+
+@pytest.fixture(scope="session")
+def trained() -> Pack:
+    """What training without a process gives, with as many threads as the process has."""
+    with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
+        return train(TEXTURES, GROUPS, CODEC, SHORT)
