@@ -1,8 +1,6 @@
 """Tables, log, times and background work behind the panels, without a window."""
 
-import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +19,7 @@ from viewer.inspect.memory_table import mip_sizes, pack_memory, scene_memory
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.inspect.visible_part import visible_part
-from viewer.jobs.background import Background
-from viewer.jobs.job import Job, JobReport
+from viewer.jobs.job import JobReport
 from viewer.render.frame_history import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
@@ -160,60 +157,6 @@ def test_a_large_texture_is_shown_coarse_first() -> None:
     assert report.partial.level == 1
     assert report.partial.mips[0].shape == (150, 256, 3)
     assert flat.mips[0].shape == (300, 512, 3)
-
-
-def wait_for(background: Background, key: str, work: Callable[[JobReport], int]) -> Job[int]:
-    for _ in range(500):
-        job = background.ask(key, work)
-        if job.done:
-            return job
-        time.sleep(0.01)
-    raise AssertionError("nothing came of it")
-
-
-def test_work_in_the_background_is_done_once_and_errors_are_results() -> None:
-    background, calls = Background(), []
-
-    def job(report: JobReport) -> int:
-        calls.append(threading.current_thread())
-        report.progress(1, 2)
-        return 7
-
-    def broken(_report: JobReport) -> int:
-        raise InputError("no weights") from OSError("disk")
-
-    assert wait_for(background, "a", job).result() == 7
-    assert wait_for(background, "a", job).result() == 7
-    assert len(calls) == 1
-    assert calls[0] is not threading.main_thread()
-    assert background.take_news()
-    failed = wait_for(background, "b", broken)
-    assert failed.problem == "no weights"
-    error = failed.future.exception()
-    assert error is not None
-    assert "OSError: disk" in details_of(error)
-    background.close()
-
-
-def test_work_that_nobody_waits_for_ends() -> None:
-    background, started = Background(), threading.Event()
-    ended: list[bool] = []
-
-    def endless(report: JobReport) -> None:
-        try:
-            while True:
-                started.set()
-                report.progress(0, 1)
-                time.sleep(0.001)
-        finally:
-            ended.append(True)
-
-    background.ask("a", endless)
-    assert started.wait(5.0)
-    background.cancel("a")
-    assert wait_for(background, "b", lambda _report: 3).result() == 3
-    assert ended == [True]
-    background.close()
 
 
 def test_the_log_keeps_the_last_thousand() -> None:

@@ -34,21 +34,17 @@ class TextureRow:
 
     def key(self, column: TextureColumn) -> tuple[int, float | str]:
         """What the rows are sorted by; unknown values come last in ascending order."""
-        match column:
-            case "name":
-                return 0, self.name.casefold()
-            case "size":
-                return 0, self.width * self.height
-            case "category":
-                return int(not self.category), self.category.casefold()
-            case "group":
-                return int(self.group < 0), self.group
-            case "PSNR":
-                return (1, 0.0) if self.psnr_db is None else (0, self.psnr_db)
-            case "bits/texel":
-                return (1, 0.0) if self.bits_per_texel is None else (0, self.bits_per_texel)
-            case "on GPU":
-                return (1, 0.0) if self.gpu_bytes is None else (0, self.gpu_bytes)
+        values: dict[TextureColumn, float | str | None] = {
+            "name": self.name.casefold(),
+            "size": self.width * self.height,
+            "category": self.category.casefold() or None,
+            "group": self.group if self.group >= 0 else None,
+            "PSNR": self.psnr_db,
+            "bits/texel": self.bits_per_texel,
+            "on GPU": self.gpu_bytes,
+        }
+        value = values[column]
+        return (1, 0.0) if value is None else (0, value)
 
 
 def texture_rows(

@@ -25,6 +25,10 @@ def _end_with_parent() -> None:
         os._exit(0)
 
 
+def _answer(function: Callable[[Argument], Result], argument: Argument, _report: JobReport) -> Result:
+    return function(argument)
+
+
 def _serve(connection: Connection, function: Callable[[Argument], Result], niceness: int) -> None:
     """The process: answers every argument until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -33,14 +37,12 @@ def _serve(connection: Connection, function: Callable[[Argument], Result], nicen
         os.nice(niceness)
     with suppress(EOFError, OSError):
         while True:
-            argument: Argument = connection.recv()
+            call = Job(partial(_answer, function, connection.recv()))
+            call.run()
             try:
-                answer: Result | InputError = function(argument)
+                connection.send(call.result())
             except InputError as error:
-                answer = error
-            except Exception as error:
-                answer = InputError(f"{type(error).__name__}: {error}")
-            connection.send(answer)
+                connection.send(error)
 
 
 class FunctionProcess(Generic[Argument, Result]):
