@@ -16,7 +16,7 @@ BC1_LEVEL = 18
 """Quicktex's highest."""
 BC7_UBER_LEVEL = 4
 """Etcpak's highest."""
-_MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[blocks]'"
+_MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[lab]'"
 
 
 @dataclass(frozen=True, eq=False)

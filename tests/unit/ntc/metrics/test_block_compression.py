@@ -134,5 +134,5 @@ def test_missing_packages_are_one_line(
     monkeypatch: pytest.MonkeyPatch, block_format: BlockFormat, package: str
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=r"ntc-viewer\[blocks\]"):
+    with pytest.raises(InputError, match=r"ntc-viewer\[lab\]"):
         compress(noise(4, 4, 3), block_format)
