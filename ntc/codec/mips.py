@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 from ntc.codec.color import linear_to_srgb8, srgb8_to_linear_table
 from ntc.codec.config import ColorSpace
 
-ALPHA_CHANNEL = 3
-"""The fourth channel is never sRGB-coded."""
+
+def _alpha_channel(channels: int) -> int | None:
+    """Index of the alpha channel, which is never sRGB-coded: the last of two or of four; None without one."""
+    return channels - 1 if channels in (2, 4) else None
 
 
 def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
@@ -15,8 +17,9 @@ def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.
     if color_space == "linear":
         return pixels.astype(np.float32) / np.float32(255.0)
     linear = srgb8_to_linear_table()[pixels]
-    if pixels.shape[2] > ALPHA_CHANNEL:
-        linear[..., ALPHA_CHANNEL] = pixels[..., ALPHA_CHANNEL] / np.float32(255.0)
+    alpha = _alpha_channel(pixels.shape[2])
+    if alpha is not None:
+        linear[..., alpha] = pixels[..., alpha] / np.float32(255.0)
     return linear
 
 
@@ -24,8 +27,9 @@ def _to_8bit(linear: NDArray[np.float32], color_space: ColorSpace) -> NDArray[np
     if color_space == "linear":
         return np.rint(np.clip(linear, 0.0, 1.0) * 255.0).astype(np.uint8)
     coded = linear_to_srgb8(linear)
-    if linear.shape[2] > ALPHA_CHANNEL:
-        coded[..., ALPHA_CHANNEL] = np.rint(np.clip(linear[..., ALPHA_CHANNEL], 0.0, 1.0) * 255.0)
+    alpha = _alpha_channel(linear.shape[2])
+    if alpha is not None:
+        coded[..., alpha] = np.rint(np.clip(linear[..., alpha], 0.0, 1.0) * 255.0)
     return coded
 
 

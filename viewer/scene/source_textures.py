@@ -3,52 +3,29 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb, srgb8_to_linear_table
 from ntc.codec.config import WrapMode
+from ntc.codec.mips import resize_to
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from viewer.scene.images import map_in_threads, reduced_size
 from viewer.scene.model import Scene
 
-_LINEAR_OF_SRGB = srgb8_to_linear_table()
-_LINEAR = (np.arange(256) / 255.0).astype(np.float32)
-
-
-def _box_filter(values: NDArray[np.float32], size: int) -> NDArray[np.float32]:
-    """Means over `size` equal stretches of axis 0 of `values` [N, M], size <= N; edge texels count by their share."""
-    count = len(values)
-    if count % size == 0:
-        return np.asarray(values.reshape(size, count // size, values.shape[1]).mean(axis=1), np.float32)
-    edges = np.arange(size + 1) * (count / size)
-    texels = np.arange(count)
-    covered = np.minimum(edges[1:, None], texels + 1) - np.maximum(edges[:-1, None], texels)
-    weights = (np.maximum(covered, 0.0) * (size / count)).astype(np.float32)
-    return np.asarray(weights @ values, np.float32)
-
 
 def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
     """`texture` with at most `size` texels a side, its aspect kept to the nearest texel; the same when it fits.
 
-    Colours are box filtered in linear light, alpha (the last of two or four channels) as it is. The pixel hash
-    stays that of the original. Raises InputError for a size below 1.
+    Box filtered in linear light, alpha (the last of two or four channels) as it is. The pixel hash stays that of the
+    original. Raises InputError for a size below 1.
     """
     if size < 1:
         raise InputError(f"texture size {size}: must be at least 1 texel")
     width, height = reduced_size(*texture.size, size)
     if (width, height) == texture.size:
         return texture
-    channels = texture.pixels.shape[2]
-    colors = channels - (channels % 2 == 0) if texture.color_space == "srgb" else 0
-    planes: list[NDArray[np.uint8]] = []
-    for channel in range(channels):
-        is_srgb = channel < colors
-        values = (_LINEAR_OF_SRGB if is_srgb else _LINEAR)[texture.pixels[..., channel]]
-        small = _box_filter(_box_filter(values, height).T, width).T
-        encoded = linear_to_srgb(np.clip(small, 0.0, 1.0)) if is_srgb else small
-        planes.append(np.clip(np.rint(encoded * 255.0), 0, 255).astype(np.uint8))
-    return replace(texture, pixels=np.ascontiguousarray(np.stack(planes, axis=2)))
+    # Transposed, so that rows are filtered before columns: the rounding that packs were encoded with so far.
+    small = resize_to(texture.pixels.transpose(1, 0, 2), height, width, texture.color_space)
+    return replace(texture, pixels=np.ascontiguousarray(small.transpose(1, 0, 2)))
 
 
 def source_textures(scene: Scene, size: int | None) -> tuple[SourceTexture, ...]:

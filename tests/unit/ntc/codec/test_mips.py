@@ -28,7 +28,9 @@ def shares(rows: int, size: int) -> NDArray[np.float64]:
 
 def brute_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> list[NDArray[np.float64]]:
     """All mips as unrounded 8-bit steps."""
-    coded = np.array([color_space == "srgb" and channel < 3 for channel in range(pixels.shape[2])])
+    channels = pixels.shape[2]
+    alpha = channels - 1 if channels in (2, 4) else None
+    coded = np.array([color_space == "srgb" and channel != alpha for channel in range(channels)])
     values = pixels / 255.0
     linear = np.where(coded, srgb_to_linear(values), values)
     chain = []
