@@ -11,9 +11,10 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from assets.build.courtyard import Model, Placement, cameras, models
+from assets.build.courtyard import cameras, models
 from assets.build.glb import GlbWriter
 from assets.build.materials import TextureRecipe, pixels, recipes
+from assets.build.shapes import Model, Placement
 from ntc.io import write_bytes, write_text
 
 ASSETS = Path(__file__).resolve().parents[1]

@@ -8,7 +8,7 @@ from assets.build.furniture import carpet, fences, planter, sample_wall, signs, 
 from assets.build.houses import BAY, HALF, facade
 from assets.build.loggia import baluster, loggia
 from assets.build.market import barrel, bench, crate, stall
-from assets.build.model import Model, Placement
+from assets.build.shapes import Model, Placement
 
 GROUND = (
     ("floor_terracotta", "terrain_grass", "floor_hexagons", "brick_blocks", "terrain_gravel", "concrete_smooth"),

@@ -1,7 +1,7 @@
 """What stands in the yard: the wall of samples, the well, planters, signs, the tree, the patchwork carpet."""
 
 from assets.build.market import sphere_profile
-from assets.build.model import Model, Placement
+from assets.build.shapes import Model, Placement
 
 AERIALS = ("aerial_fields", "aerial_desert", "aerial_forest", "aerial_suburb", "aerial_marsh")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from assets.build.model import Model, Placement
+from assets.build.shapes import Model, Placement
 
 HALF = 9.0
 """Half the side of the yard in metres."""

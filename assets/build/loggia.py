@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from assets.build.model import Model, Placement
-from assets.build.shapes import Vector
+from assets.build.shapes import Model, Placement, Vector
 
 FRONT, BACK, HOUSE = 7.15, 7.45, 9.0
 """Along x: the two faces of the arcade, and the wall of the house."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from assets.build.model import Model
+from assets.build.shapes import Model
 
 GOODS = (
     ("terrain_leaves", "floor_terracotta"),
@@ -47,10 +47,10 @@ def stall() -> Model:
                 model[piece].lathe(at, sphere_profile(0.068, 0.9), 0.3, 14)
     t = np.linspace(0.0, 1.0, 17)
     y = 2.35 + 0.75 * t - 0.25 * np.sin(np.pi * t)
-    z = 1.35 - 2.5 * t
+    depths = 1.35 - 2.5 * t
     for number in range(12):
         x = -1.8 + 0.3 * number
-        edges = [np.stack([np.full(t.size, side), y, z], axis=-1) for side in (x, x + 0.3)]
+        edges = [np.stack([np.full(t.size, side), y, depths], axis=-1) for side in (x, x + 0.3)]
         uvs = [np.stack([np.full(t.size, u), 3.2 * (1 - t)], axis=-1) for u in (0.0, 0.375)]
         model[f"{AWNING[number % 5]}_awning"].patch(np.stack(edges, axis=1), np.stack(uvs, axis=1))
     return model

@@ -198,7 +198,7 @@ def metal(seed: int, color: str, rust: float, kind: str, accent: str) -> Image:
         a, b = np.where(turned, x + y, x - y), np.where(turned, x - y, x + y)
         image = _shade(image, 0.35 * (1 - smooth(0.8, 1.0, np.hypot(a / 0.55, b / 0.16))))
     if kind == "sign":
-        field = _mix(image, _flat(accent), (np.abs(v - 0.5) < 0.36) * (np.abs(u - 0.5) < 0.45) * 1.0)
+        field = _mix(image, _flat(accent), ((np.abs(v - 0.5) < 0.36) & (np.abs(u - 0.5) < 0.45)).astype(np.float64))
         image = _mix(field, _flat("f2eee0"), glyphs(seed, 9, 5) * (np.abs(v - 0.5) < 0.3) * (np.abs(u - 0.5) < 0.4))
     if kind == "painted":
         image = _mix(

@@ -24,12 +24,12 @@ def gradient_noise(seed: int, columns: int, rows: int | None = None) -> Plane:
 
     def corner(step_x: int, step_y: int) -> Plane:
         angle = angles[(row + step_y) % rows, (column + step_x) % columns]
-        return np.cos(angle) * (fx - step_x) + np.sin(angle) * (fy - step_y)
+        return np.asarray(np.cos(angle) * (fx - step_x) + np.sin(angle) * (fy - step_y))
 
     sx, sy = fx * fx * fx * (fx * (fx * 6 - 15) + 10), fy * fy * fy * (fy * (fy * 6 - 15) + 10)
     upper = corner(0, 0) * (1 - sx) + corner(1, 0) * sx
     lower = corner(0, 1) * (1 - sx) + corner(1, 1) * sx
-    return 1.5 * (upper * (1 - sy) + lower * sy)
+    return np.asarray(1.5 * (upper * (1 - sy) + lower * sy))
 
 
 def fractal(seed: int, columns: int, octaves: int = 5, gain: float = 0.55, rows: int | None = None) -> Plane:
@@ -48,7 +48,7 @@ def grain(seed: int, softness: int = 0) -> Plane:
     noise = np.random.default_rng(seed + 9001).normal(size=(SIZE, SIZE))
     for _ in range(softness):
         noise = (noise + np.roll(noise, 1, 0) + np.roll(noise, 1, 1) + np.roll(noise, (1, 1), (0, 1))) / 4.0
-    return noise / noise.std()
+    return np.asarray(noise / noise.std())
 
 
 def cells(
@@ -102,7 +102,8 @@ def smooth(low: float, high: float, values: Plane) -> Plane:
 def warped(plane: Plane, dx: Plane, dy: Plane) -> Plane:
     """`plane` read at texels moved by (dx, dy) texels, nearest, periodic."""
     rows, columns = np.indices((SIZE, SIZE))
-    return plane[np.rint(rows + dy).astype(int) % SIZE, np.rint(columns + dx).astype(int) % SIZE]
+    moved: Plane = plane[np.rint(rows + dy).astype(int) % SIZE, np.rint(columns + dx).astype(int) % SIZE]
+    return moved
 
 
 def glyphs(seed: int, columns: int, rows: int, thickness: float = 0.13) -> Plane:

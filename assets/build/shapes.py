@@ -1,5 +1,6 @@
-"""Shapes as lists of quads, with texture coordinates in world units: metres divided by the texture's size in metres."""
+"""Objects of the built-in scene: shapes as lists of quads, with texture coordinates in world units: metres divided by the texture's size in metres."""
 
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -77,3 +78,25 @@ class Shape:
         a, b, c = (positions[triangles[:, corner]] for corner in range(3))
         filled = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-10
         return positions, np.concatenate(self.uvs), triangles[filled].reshape(-1)
+
+
+@dataclass
+class Placement:
+    """A node that shows a shared object."""
+
+    name: str
+    translation: Point
+    rotation_y: float = 0.0
+    scale: Point = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Model:
+    """An object: shapes by material, and where it stands."""
+
+    name: str
+    shapes: defaultdict[str, Shape] = field(default_factory=lambda: defaultdict(Shape))
+    placements: list[Placement] = field(default_factory=list)
+
+    def __getitem__(self, material: str) -> Shape:
+        return self.shapes[material]

@@ -73,6 +73,8 @@ def study_clusters(options: ClusterStudyOptions) -> int:
     if len(textures) < 2:
         raise InputError(f"{scene.name}: has {len(textures)} textures; a study of groups needs at least two")
     views = scene_views(scene, ViewSource(options.views, options.sampled_views, options.seed))
+    if views.note:
+        sys.stderr.write(f"note: {views.note}\n")
     if len(views.cameras) + len(views.sampled) < 2:
         raise InputError("--views: one view cannot be split; name at least two cameras, or give --sampled-views")
     folds = _folds(views, len(textures))

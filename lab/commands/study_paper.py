@@ -1,5 +1,6 @@
 """`ntc-viewer study paper-textures` and `paper-scenes`: the paper's Tables 2, 3 and 4 again."""
 
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -79,10 +80,10 @@ def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingIn
 
     if source.scene is None:
         raise InputError(f"{options.source}: is no scene; use study paper-textures for a folder of images")
-    seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, 0))
-    views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())
-    seen.renderer.release()
-    return GroupingInputs(views, {}, FeatureOptions(cache=features_cache()))
+    views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, 0))
+    if views.note:
+        sys.stderr.write(f"note: {views.note}\n")
+    return GroupingInputs(views.all_then_release(), {}, FeatureOptions(cache=features_cache()))
 
 
 def study_paper_scenes(options: PaperScenesOptions) -> int:

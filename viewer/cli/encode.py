@@ -94,10 +94,10 @@ def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
     # Only this grouping needs OpenGL.
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
-    seen = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
-    views = (*seen.exactly(seen.cameras), *seen.near(seen.cameras), *seen.from_sampled())
-    seen.renderer.release()
-    return GroupingInputs(views, labels, features)
+    views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
+    if views.note:
+        sys.stderr.write(f"note: {views.note}\n")
+    return GroupingInputs(views.all_then_release(), labels, features)
 
 
 def training_config(options: EncodeOptions) -> TrainingConfig:

@@ -88,7 +88,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
     except InputError as error:
         # The table names the file already.
         return FileInfo(name, kind, "refused", str(error).removeprefix(f"{path}: "))
-    except Exception as error:  # A table of many files must not end at the one that shows a fault of the reader.
+    except Exception as error:
         return FileInfo(name, kind, "crashed", printable(f"{type(error).__name__}: {error}"))
     report = scene.report
     return FileInfo(

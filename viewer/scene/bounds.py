@@ -59,4 +59,4 @@ def world_bounds(geometry: Geometry, primitives: Sequence[Primitive], instances:
             world = points @ transform[:, :3, :3].transpose(0, 2, 1) + transform[:, None, :3, 3]
             low, high = np.minimum(low, world.min(axis=(0, 1))), np.maximum(high, world.max(axis=(0, 1)))
     largest = float(np.finfo(np.float32).max)
-    return np.clip(np.stack([low, high]), -largest, largest).astype(np.float32)
+    return np.asarray(np.clip(np.stack([low, high]), -largest, largest), np.float32)

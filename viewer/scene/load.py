@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def mesh_to_glb(path: Path) -> bytes:
     import trimesh
 
     try:
-        scene = trimesh.load_scene(path, process=False)
+        scene: Any = trimesh.load_scene(path, process=False)
         meshes = [geometry for geometry in scene.geometry.values() if isinstance(geometry, trimesh.Trimesh)]
         data = scene.export(file_type="glb") if any(len(mesh.faces) for mesh in meshes) else None
     except Exception as error:  # trimesh's readers let any exception through on broken files.

@@ -48,10 +48,8 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     if not hashes >= {texture.pixel_hash for texture in job.textures}:
         # Views of one scene say nothing about the textures of another.
         raise InputError(f"{job.scene}: has changed since it was opened; open it again")
-    found = scene_views(scene, ViewSource(seed=job.config.seed))
-    views = (*found.exactly(found.cameras), *found.near(found.cameras), *found.from_sampled())
-    found.renderer.release()
-    return GroupingInputs(views, {}, features)
+    views = scene_views(scene, ViewSource(seed=job.config.seed))
+    return GroupingInputs(views.all_then_release(), {}, features)
 
 
 def group_textures(request: tuple[GroupingJob, str]) -> Grouping:

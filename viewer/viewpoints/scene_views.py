@@ -1,6 +1,5 @@
-"""Where groupings look from: a cameras file, the scene's own cameras, or places sampled in the scene."""
+"""The views that a grouping is chosen for: a cameras file, the scene's own cameras, or viewpoints sampled in it."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,21 +16,21 @@ from viewer.viewpoints import ViewpointConfig, sample_viewpoints
 from viewer.viewpoints.nearby_cameras import NearbyConfig, nearby_cameras
 
 SIZE = (1280, 720)
-"""Pixels of a view from a given camera."""
+"""Width and height in pixels of a view from a given camera."""
 NEARBY_SIZE = (640, 360)
-"""Pixels of a view from near a given camera, or from a sampled place: a quarter of the blocks, for there are many."""
+"""The same for a view near a given camera or from a sampled viewpoint: a quarter of the blocks, as there are many."""
 SAMPLED_WITHOUT_CAMERAS = 24
 MOST_SAMPLED = 1000
 
 
 @dataclass(frozen=True)
 class ViewSource:
-    """Which cameras are asked for."""
+    """Which views to use."""
 
     file: Path | None = None
     """JSON file of cameras; None: the scene's own."""
     sampled: int | None = None
-    """Places sampled in the scene besides; None: 24 where there are no cameras."""
+    """Viewpoints sampled in the scene besides; None: 24 where there are no cameras."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -41,13 +40,15 @@ class ViewSource:
 
 @dataclass(frozen=True, eq=False)
 class SceneViews:
-    """What is seen of a scene."""
+    """The views of a scene and a renderer that draws their texture ids."""
 
     cameras: tuple[Camera, ...]
     """Named cameras, from the file or the scene."""
     sampled: tuple[Camera, ...]
-    """Places sampled in the scene."""
+    """Viewpoints sampled in the scene."""
     renderer: Renderer
+    note: str = ""
+    """One line for the user about sampled viewpoints; empty without them."""
 
     def exactly(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
         """Texture ids [H, W] from these cameras."""
@@ -59,8 +60,14 @@ class SceneViews:
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in nearby)
 
     def from_sampled(self) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] from the sampled places."""
+        """Texture ids [H, W] from the sampled viewpoints."""
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in self.sampled)
+
+    def all_then_release(self) -> tuple[NDArray[np.int32], ...]:
+        """Texture ids [H, W] of all views, those near the cameras included; the renderer is released after it."""
+        views = (*self.exactly(self.cameras), *self.near(self.cameras), *self.from_sampled())
+        self.renderer.release()
+        return views
 
 
 def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
@@ -69,17 +76,18 @@ def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
 
 
 def scene_views(scene: Scene, source: ViewSource) -> SceneViews:
-    """The cameras that `source` asks for. Raises InputError for a file that cannot be read and where nothing is seen."""
+    """The views that `source` asks for. Raises InputError for a file that cannot be read and where nothing is visible."""
     cameras = cameras_of(scene, source)
     wanted = source.sampled
     if wanted is None:
         wanted = 0 if cameras else SAMPLED_WITHOUT_CAMERAS
     renderer = Renderer(create_headless_context(), scene)
     sampled: tuple[Camera, ...] = ()
+    note = ""
     if wanted:
         sampled = sample_viewpoints(scene, renderer.texture_ids_from, ViewpointConfig(count=wanted, seed=source.seed))
         reason = "" if cameras else f"{scene.name} has no cameras: "
-        sys.stderr.write(f"note: {reason}looking from {len(sampled)} places sampled in it\n")
+        note = f"{reason}looking from {len(sampled)} places sampled in it"
     if not cameras and not sampled:
         raise InputError("--views: the scene has no cameras; name a file of them, or give --sampled-views")
-    return SceneViews(cameras, sampled, renderer)
+    return SceneViews(cameras, sampled, renderer, note)

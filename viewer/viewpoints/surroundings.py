@@ -72,8 +72,8 @@ class Surroundings:
 
     def on_top(self) -> NDArray[np.bool_]:
         """[N] whether it is on a roof or the like: under the sky, far above another ground."""
-        return self.high_up & self.open_sky()
+        return np.asarray(self.high_up & self.open_sky())
 
     def open_sky(self) -> NDArray[np.bool_]:
         """[N] whether nothing is above."""
-        return ~np.isfinite(self.distance[1, 0])
+        return np.asarray(~np.isfinite(self.distance[1, 0]))

@@ -28,7 +28,7 @@ def normalize(values: NDArray[Any]) -> NDArray[np.float32]:
     if values.dtype.kind == "f":
         return values.astype(np.float32)
     scaled = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
-    return np.maximum(scaled, np.float32(-1.0))
+    return np.asarray(np.maximum(scaled, np.float32(-1.0)))
 
 
 class Accessors:

@@ -134,7 +134,7 @@ def _factor(file: GltfFile, owner: dict[str, Any], key: str, where: str) -> tupl
     return red, green, blue, alpha
 
 
-def _note_unused(file: GltfFile, entry: dict[str, Any], pbr: dict[str, Any], notes: ReportNotes) -> None:
+def _note_unused(entry: dict[str, Any], pbr: dict[str, Any], notes: ReportNotes) -> None:
     for key, what in UNUSED_TEXTURES.items():
         notes.ignored(what, int(key in entry))
     notes.ignored("metallic-roughness textures", int("metallicRoughnessTexture" in pbr))
@@ -145,7 +145,7 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
     entry = file.entries_checked("materials")[index]
     where = f"materials[{index}]"
     pbr = file.object(entry, "pbrMetallicRoughness", where)
-    _note_unused(file, entry, pbr, notes)
+    _note_unused(entry, pbr, notes)
     glossiness = file.extension(entry, "KHR_materials_pbrSpecularGlossiness", where)
     if glossiness is not None:
         notes.honoured("KHR_materials_pbrSpecularGlossiness: diffuse as base colour")

@@ -66,7 +66,7 @@ def test_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_fault_of_the_reader_does_not_end_the_table(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(path: Path) -> None:
+    def broken(_path: Path) -> None:
         raise ZeroDivisionError("a\x1b[2J")
 
     monkeypatch.setattr(info_all, "load_scene", broken)
