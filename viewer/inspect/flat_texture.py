@@ -1,4 +1,4 @@
-"""One texture flat: its original and what packs make of it, ready to be shown."""
+"""One texture by itself: its original, and as packs decode it."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ from viewer.scene.model import SceneTexture
 from viewer.scene.source_textures import reduce_texture
 
 PREVIEW_SIDE = 256
-ROWS_AT_ONCE = 1 << 15
-"""Texels decoded between two reports: about a tenth of a second."""
+TEXELS_AT_ONCE = 1 << 15
+"""Texels decoded between two reports of progress: about a tenth of a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +25,13 @@ class FlatTexture:
     """A texture, decoded or original."""
 
     mips: tuple[NDArray[np.uint8], ...]
-    """[h, w, 3] uint8 sRGB each, from the finest: what is shown when it is made smaller."""
+    """[h, w, 3] uint8 sRGB each, from the finest."""
     level: int
-    """Mip that is decoded: above 0 while the whole is still to come."""
+    """Mip that `mips` starts from: above 0 for a preview."""
     psnr_db: float | None
     """Of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and for the original itself."""
     reduced: bool = False
-    """Whether the texture was made smaller before it was encoded, and is compared with the original made so small."""
+    """Whether the texture was reduced before it was encoded; `psnr_db` is then against the original reduced in the same way."""
 
 
 def as_rgb8(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -55,8 +55,8 @@ def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np
     width, height = geometry.texel_width, geometry.texel_height
     uv = texel_centres(width, height)
     parts: list[NDArray[np.uint8]] = []
-    for start in range(0, len(uv), ROWS_AT_ONCE):
-        part = uv[start : start + ROWS_AT_ONCE]
+    for start in range(0, len(uv), TEXELS_AT_ONCE):
+        part = uv[start : start + TEXELS_AT_ONCE]
         values = decode_texels(pack, index, part, np.full(len(part), float(level)))
         parts.append(np.rint(values * 255.0).astype(np.uint8))
         report.progress(start + len(part), len(uv))
@@ -74,12 +74,9 @@ def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport
     original = texture.pixels
     reduced = original.shape[:2] != decoded.shape[:2]
     if reduced:
-        original = _reduced(texture, max(encoded.width, encoded.height))
+        source = SourceTexture(texture.name, texture.pixels, texture.pixel_hash)
+        original = reduce_texture(source, max(encoded.width, encoded.height)).pixels
     same = original.shape[:2] == decoded.shape[:2]
     channels = min(original.shape[2], decoded.shape[2])
     quality = psnr_db(original[..., :channels], decoded[..., :channels]) if same else None
     return FlatTexture(_mips(decoded), 0, quality, reduced)
-
-
-def _reduced(texture: SceneTexture, side: int) -> NDArray[np.uint8]:
-    return reduce_texture(SourceTexture(texture.name, texture.pixels, texture.pixel_hash), side).pixels

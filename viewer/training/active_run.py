@@ -8,8 +8,8 @@ from ntc.pack.model import Pack
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
 from ntc.worker.protocol import TrainingRequest, WorkerProgress
 from viewer.scene.model import Scene
-from viewer.training.preparation import TrainingJob, settings_text
-from viewer.training.run_log import Curves, Run, mean_of_psnr, mean_psnr_db
+from viewer.training.preparation import TrainingJob, job_title, settings_text
+from viewer.training.run_log import Curves, Run, mean_of_psnr
 
 State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
 MOST_NOTES = 20
@@ -83,17 +83,18 @@ class ActiveRun:
     def ended(self, outcome: str, pack: Pack | None, lines: tuple[str, ...]) -> Run:
         """The run as the log keeps it; `pack` is what it made, `lines` say what became of each group."""
         progress = self.progress
-        psnr = mean_psnr_db(pack) if pack is not None else None
-        if psnr is None and pack is not None and progress is not None and progress.psnr_db:
-            psnr = mean_of_psnr(list(progress.psnr_db.values()))
+        textures = pack.textures if pack is not None else ()
+        known = [texture.psnr_db for texture in textures if texture.psnr_db is not None]
+        if len(known) < len(textures):
+            known = list(progress.psnr_db.values()) if progress is not None else []
         return Run(
             self.number,
-            self.job.title(),
+            job_title(self.job),
             settings_text(self.job),
             self.request.grouping.group_count if self.request is not None else 0,
             outcome,
             progress.elapsed_seconds if progress is not None else 0.0,
-            psnr,
+            mean_of_psnr(known) if known else None,
             (*lines, *self.notes),
             pack,
         )

@@ -17,7 +17,7 @@ from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackUpdated, RunStarted
 from viewer.training.active_run import ActiveRun, State, changed_groups
 from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_pack
-from viewer.training.preparation import EncodeScene, TrainingJob, prepare
+from viewer.training.preparation import EncodeScene, TrainingJob, job_title, prepare
 from viewer.training.run_log import Curves, Run, RunLog
 
 SECONDS_BETWEEN_TICKS = 0.1
@@ -261,7 +261,7 @@ class LiveTraining:
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
         kept = f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were" if worse else ""
         self._end(run, finished.reason, finished.pack, lines)
-        self._emit(Notification(f"{run.name} ({run.job.title()}): {finished.reason}{kept}. Accept or discard it"))
+        self._emit(Notification(f"{run.name} ({job_title(run.job)}): {finished.reason}{kept}. Accept or discard it"))
 
     def _end(self, run: ActiveRun, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()) -> None:
         """Log the run; one that made no pack is closed."""

@@ -22,10 +22,6 @@ class EncodeScene:
 
     settings: TrainingSettings
 
-    def title(self) -> str:
-        """For progress and log."""
-        return f"encode {strategy_text(self.settings)}"
-
 
 @dataclass(frozen=True)
 class RetrainGroups:
@@ -34,24 +30,16 @@ class RetrainGroups:
     settings: TrainingSettings
     groups: frozenset[int]
 
-    def title(self) -> str:
-        """For progress and log."""
-        numbers = ", ".join(map(str, sorted(self.groups)[:6])) + (" ..." if len(self.groups) > 6 else "")
-        return f"retrain group{'s' if len(self.groups) > 1 else ''} {numbers}"
-
 
 @dataclass(frozen=True)
 class MoveTexture:
-    """Put one texture of a pack into another group, and train the two."""
+    """Put one texture of a pack into another group, and train both groups."""
 
     settings: TrainingSettings
     texture: int
+    """Its index in the pack."""
     group: int
-    """One more than there are for a group of its own."""
-
-    def title(self) -> str:
-        """For progress and log."""
-        return f"move texture {self.texture} to group {self.group}"
+    """The number of groups stands for a new group."""
 
 
 @dataclass(frozen=True)
@@ -60,17 +48,22 @@ class Regroup:
 
     settings: TrainingSettings
 
-    def title(self) -> str:
-        """For progress and log."""
-        return f"regroup {strategy_text(self.settings)}"
-
 
 TrainingJob = EncodeScene | RetrainGroups | MoveTexture | Regroup
 
 
-def strategy_text(settings: TrainingSettings) -> str:
-    """`clustered`, `clustered k=4`."""
-    return settings.strategy if settings.clusters is None else f"{settings.strategy} k={settings.clusters}"
+def job_title(job: TrainingJob) -> str:
+    """One line for progress and log: `retrain groups 0, 3`."""
+    match job:
+        case EncodeScene():
+            return f"encode {job.settings.grouping_text}"
+        case RetrainGroups():
+            numbers = ", ".join(map(str, sorted(job.groups)[:6])) + (" ..." if len(job.groups) > 6 else "")
+            return f"retrain group{'s' if len(job.groups) > 1 else ''} {numbers}"
+        case MoveTexture():
+            return f"move texture {job.texture} to group {job.group}"
+        case Regroup():
+            return f"regroup {job.settings.grouping_text}"
 
 
 def settings_text(job: TrainingJob) -> str:
@@ -89,22 +82,17 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         return _encode(job.settings, scene, report)
     if base is None:
         raise InputError("no pack is shown; encode the scene first")
+    grouping = base.grouping
     if isinstance(job, MoveTexture):
         grouping = moved_texture(base.grouping, job.texture, job.group)
         if grouping.groups == base.grouping.groups:
             raise InputError(f"texture {job.texture} is in group {job.group} already")
-    else:
-        grouping = base.grouping
     textures = _textures_of(base, scene, report)
-    dirty: frozenset[int] | None = None
     if isinstance(job, Regroup):
         grouping = _grouping(job.settings, textures, scene, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
-            raise InputError(
-                f"{strategy_text(job.settings)}: gives the groups that there are; nothing is to be trained"
-            )
-    elif isinstance(job, RetrainGroups):
-        dirty = job.groups
+            raise InputError(f"{job.settings.grouping_text}: gives the groups that there are; nothing is to be trained")
+    dirty = job.groups if isinstance(job, RetrainGroups) else None
     training = recipe_config(job.settings.recipe)
     return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
 

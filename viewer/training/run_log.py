@@ -49,17 +49,9 @@ class Run:
         return f"run {self.number}"
 
 
-def mean_psnr_db(pack: Pack) -> float | None:
-    """PSNR in dB of the mean square error over the textures of `pack`; None where not all have been measured."""
-    known = [texture.psnr_db for texture in pack.textures]
-    if not known or any(value is None for value in known):
-        return None
-    return mean_of_psnr([value for value in known if value is not None])
-
-
 def mean_of_psnr(values: list[float]) -> float:
     """PSNR in dB of the mean of the mean square errors that belong to `values`."""
-    return float(psnr_of_mse(float(np.mean([255.0**2 * 10.0 ** (-value / 10.0) for value in values]))))
+    return psnr_of_mse(float(np.mean([255.0**2 * 10.0 ** (-value / 10.0) for value in values])))
 
 
 @dataclass

@@ -8,6 +8,7 @@ from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 from viewer.training.active_run import ActiveRun
 from viewer.training.live_training import LiveTraining
+from viewer.training.preparation import job_title
 from viewer.training.run_log import Run
 from viewer.training.settings import TrainingSettings
 from viewer.ui.area import Area
@@ -62,7 +63,7 @@ class TrainingPanel:
 
     def _under_way(self, run: ActiveRun, emit: Emit, items: ItemPlaces) -> None:
         progress = run.progress
-        imgui.text_wrapped(f"{run.name}: {run.job.title()}")
+        imgui.text_wrapped(f"{run.name}: {job_title(run.job)}")
         state = STATES[run.state]
         share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.of)
         imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
