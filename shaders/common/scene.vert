@@ -1,5 +1,5 @@
 #version 430
-// Vertices of the scene. The visibility pass and the forward path both draw with this one shader, so depths agree bit for bit.
+// Vertices of the scene. The visibility pass and the forward path share this shader, so that their depths agree bit for bit.
 invariant gl_Position;
 
 layout(location = 0) in vec3 position;
@@ -7,7 +7,7 @@ layout(location = 1) in vec2 texture_coordinate;
 #if VERTEX_COLORS
 layout(location = 2) in vec4 vertex_color;
 #endif
-// Per instance: rows of the local-to-world matrix, and the ids as the visibility buffer stores them.
+// Per instance: rows of the local-to-world matrix, and texture and material id as the visibility buffer stores them.
 layout(location = 3) in vec4 transform_x;
 layout(location = 4) in vec4 transform_y;
 layout(location = 5) in vec4 transform_z;

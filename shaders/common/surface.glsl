@@ -1,11 +1,11 @@
-// What is seen at a pixel, and its storage in the visibility buffer. Nothing else reads or writes that storage.
+// A visible surface, and its encoding in the visibility buffer. All shaders read and write that encoding through this file.
 #include "generated/layout.glsl"
 
-// Defined to 1 where the scene has vertex colours.
+// 1: the scene has vertex colours.
 #ifndef VERTEX_COLORS
 #define VERTEX_COLORS 0
 #endif
-// Defined to 1 where an anisotropic filter needs the shape of the footprint, not only its length.
+// 1: the visibility buffer holds gradients of uv, for anisotropic filters.
 #ifndef GRADIENTS
 #define GRADIENTS 0
 #endif
@@ -19,7 +19,7 @@ struct Surface {
 };
 
 uint pack_color(vec3 color) {
-    // Square root before 10 bits a channel: steps of about equal visibility.
+    // Square roots in 10 bits a channel: steps are about equally visible.
     uvec3 bits = uvec3(sqrt(clamp(color, 0.0, 1.0)) * 1023.0 + 0.5);
     return bits.r | (bits.g << 10) | (bits.b << 20);
 }
@@ -29,7 +29,7 @@ vec3 unpack_color(uint bits) {
     return root * root;
 }
 
-// From the changes to the next pixel on the right and above, of uv measured in widths of the image.
+// The longer of the changes of uv to the next pixel on the right and above; uv in widths of the image.
 float pixel_footprint(vec2 gradient_x, vec2 gradient_y) {
     return sqrt(max(dot(gradient_x, gradient_x), dot(gradient_y, gradient_y)));
 }
@@ -42,7 +42,7 @@ int surface_material(uint ids) {
     return int(ids >> MATERIAL_SHIFT) - 1;
 }
 
-// `ids` is the word that SceneBuffers made for the instance.
+// `ids` is the instance's word from SceneBuffers.
 uvec4 pack_surface(uint ids, vec2 uv, float footprint) {
     return uvec4(ids, floatBitsToUint(uv), floatBitsToUint(footprint));
 }

@@ -1,7 +1,7 @@
 // Wrapping of texture coordinates (docs/codec.md, steps 1 and 2).
 #include "generated/layout.glsl"
 
-// Into [0, 1]; what is not finite counts as 0.
+// Into [0, 1]; NaN and infinity count as 0.
 float wrap_coordinate(float coordinate, int mode) {
     if (isnan(coordinate) || isinf(coordinate)) coordinate = 0.0;
     float repeated = coordinate - floor(coordinate);

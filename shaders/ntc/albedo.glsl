@@ -1,18 +1,18 @@
-// Linear albedo of a surface: what is to be decoded for it, and what is shown once it is.
+// Linear albedo of a surface: the texel to decode for it, and the colour that the decoded texel gives.
 #include "common/color.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
 #include "ntc/decode.glsl"
 
 struct WantedTexel {
-    vec3 factor;       // linear: what the texture's colour is multiplied by, or shown without one
+    vec3 factor;       // linear, multiplies the texture's colour; the albedo where there is no texture
     int texture_id;    // -1: nothing is decoded
     vec2 uv;
     float lod;
     ivec2 wrap;        // WRAP_ codes
 };
 
-// Moves `uv` and `lod` to where a filter that is not trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
+// Changes `uv` and `lod` to those that a filter other than trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
 void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int last_level) {
     if (flags == 0) return;
     bool magnified = lod <= 0.0;
@@ -23,7 +23,7 @@ void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int las
     if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
 }
 
-// Decoder of a surface; -1 for the background, and for materials without a texture or with one that the pack does not hold.
+// Decoder of a surface; -1 for the background, and for materials without a texture or whose texture is not in the pack.
 int surface_decoder(Surface surface) {
     return surface.material >= 0 && surface.texture_id >= 0 ? textures[surface.texture_id].decoder : -1;
 }

@@ -13,7 +13,7 @@ layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
     uint latent_words[];
 };
 
-// Defined to 1 where weights lie in an image: a software renderer fetches from one several times faster than from a buffer.
+// 1: weights are stored in an image, which a software renderer reads several times faster than a buffer.
 #ifndef WEIGHTS_IN_IMAGE
 #define WEIGHTS_IN_IMAGE 0
 #endif
@@ -43,7 +43,8 @@ vec4 weight(int block) {
 }
 #endif
 
-// Hidden blocks of the decoder: a uniform, so that its loops stay loops (see viewer/render/resources/network.py).
+// Number of 4-neuron blocks of a hidden layer: a uniform, so that compilers do not unroll loops over them (see
+// viewer/render/resources/network.py).
 uniform int network_blocks;
 
 #include "ntc/half.glsl"
@@ -53,7 +54,7 @@ int neighbour(int cell, int cells, int mode) {
     return mode == WRAP_REPEAT ? (cell + cells) % cells : clamp(cell, 0, cells - 1);
 }
 
-// Four channels of a cell as stored integers: channels 4 word to 4 word + 3.
+// Channels 4 word to 4 word + 3 of a cell, as stored integers.
 vec4 stored_latents(int cell, int word) {
 #if LATENT_BITS == 4
     uint bits = latent_words[cell * CELL_WORDS + (word >> 1)] >> ((word & 1) * 16);
@@ -70,7 +71,7 @@ float triangle_wave(float turns) {
 
 const uint HALF_A_CELL = 0x80000000u;
 
-// Adds `share` times the features of one level at `uv`, in 2^-32, to `x`.
+// Adds `share` times the features of one level to `x`; `uv` in units of 2^-32.
 void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord level, uvec2 uv, ivec2 wrap, float share) {
     Place cell_x = place_along(uv.x, level.width);
     Place cell_y = place_along(uv.y, level.height);
@@ -93,7 +94,7 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     int position = LATENT_CHANNELS;
     for (int axis = 0; axis < 2; ++axis) {
         Place texel = place_along(uv[axis], axis == 0 ? level.texel_width : level.texel_height);
-        // Whole periods of the longest wave are of no effect, and digits that fractions of a texel need.
+        // Whole periods of the longest wave have no effect, but would take bits that the fraction of a texel needs.
         float turns = float(texel.part & ((1u << POSITIONAL_OCTAVES) - 1u)) + as_fraction(texel.within);
         for (int octave = 0; octave < POSITIONAL_OCTAVES; ++octave) {
             turns *= 0.5;
@@ -104,7 +105,7 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     }
 }
 
-// What the decoder reads for `record` at `uv`, wrapped and in 2^-32, and `lod`. `wrap` holds WRAP_ codes.
+// The decoder's inputs for `record` at `lod` and `uv`, which is wrapped and in units of 2^-32. `wrap` holds WRAP_ codes.
 void decoder_input(TextureRecord record, uvec2 uv, float lod, ivec2 wrap, out float x[DECODER_INPUTS]) {
     if (isnan(lod) || isinf(lod)) lod = 0.0;
     lod = clamp(lod, float(record.finest_level), float(record.levels - 1));
@@ -120,15 +121,15 @@ void decoder_input(TextureRecord record, uvec2 uv, float lod, ivec2 wrap, out fl
     for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = to_half(x[input_number]);
 }
 
-// What may be shown of the network's result: in [0, 1]. Sums that overflow can give what is no number, for which clamp is undefined.
-vec4 shown_result(vec4 result) {
+// The network's output limited to [0, 1], NaN as 0: sums that overflow can give NaN, for which clamp is undefined.
+vec4 limit_output(vec4 result) {
     return mix(clamp(result, 0.0, 1.0), vec4(0.0), isnan(result));
 }
 
 // Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
-// Where `wanted` is false nothing is decoded and the result means nothing.
+// Where `wanted` is false nothing is decoded and the result is undefined.
 vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
     float x[DECODER_INPUTS];
     decoder_input(record, fixed_coordinates(uv, wrap), lod, wrap, x);
-    return shown_result(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0));
+    return limit_output(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0));
 }

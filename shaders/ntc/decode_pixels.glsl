@@ -8,14 +8,14 @@ layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D albedo;
 // Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
 ivec2 own_pixel(int p, out bool inside);
 
-// Decodes pixels 0 to PIXELS - 1. One that decodes nothing shows its factor.
+// Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get their material's factor.
 void decode_pixels() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];
     bool any_wanted = false;
-    // The loops over pixels have a length that the compiler does not know: what it knows it unrolls, and compiles many times.
-    // What they hand over is chosen with conditions, for arrays with a varying index are stored lane by lane on a CPU.
+    // Compilers unroll loops of constant length, which takes long to compile: the length depends on a uniform.
+    // Results are stored by conditional assignments: a CPU stores to arrays with a varying index lane by lane.
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         bool inside;
@@ -41,7 +41,7 @@ void decode_pixels() {
         vec4 own = decoded[0];
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
-        vec3 shown = shown_albedo(wanted_texel(surface), shown_result(own));
+        vec3 shown = shown_albedo(wanted_texel(surface), limit_output(own));
         imageStore(albedo, pixel, vec4(shown, surface.material >= 0 ? 1.0 : 0.0));
     }
 }

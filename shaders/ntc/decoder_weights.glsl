@@ -1,12 +1,12 @@
-// The weights of one decoder, bound alone: a range of the buffer of all decoders.
-// Defined to 1 where a decoder is larger than a uniform buffer may be.
+// The weights of one decoder, bound as a range of the buffer of all decoders.
+// DECODER_IN_STORAGE 1: decoders are larger than the driver's limit of uniform buffers.
 #ifndef DECODER_IN_STORAGE
 #define DECODER_IN_STORAGE 0
 #endif
 
 #if WEIGHTS_IN_IMAGE
 layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
-    ivec4 decoder_place;    // x: its first block among all weights
+    ivec4 decoder_place;    // x: the decoder's first block among all weights
 };
 
 vec4 decoder_weight(int block) {
@@ -15,7 +15,7 @@ vec4 decoder_weight(int block) {
 #else
 
 #if PRECISION_FP16
-// Two blocks of four halves in each element, for uniform arrays are padded to 16 bytes.
+// Two blocks of four halves in each element: std140 pads elements of arrays to 16 bytes.
 #define DECODER_ELEMENT uvec4
 #define DECODER_ELEMENTS ((DECODER_BLOCKS + 1) / 2)
 #else

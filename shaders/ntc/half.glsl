@@ -1,6 +1,7 @@
-// The arithmetic of the network: single precision, or halves as far as HALF_ARITHMETIC says.
-// 1: products are halves, sums are not. 2: sums of hidden layers are, too. HALF_EMULATED rounds single precision after each step
-// instead. Outputs are summed up in single precision: a sixteenth of the last layer's additions, and most of what is seen of rounding.
+// The arithmetic of the network. HALF_ARITHMETIC 0: single precision. 1: products are halves, sums are single precision.
+// 2: sums of hidden layers are halves, too. HALF_EMULATED 1: single precision, rounded to halves after each step.
+// Outputs are always summed up in single precision: those are few additions, whose rounding would be the most visible.
+// MUL_T and ACC_T are the vector types of factors and of sums, MUL_SCALAR and ACC_SCALAR those of their components.
 #ifndef HALF_ARITHMETIC
 #define HALF_ARITHMETIC 0
 #endif
@@ -9,7 +10,7 @@
 #endif
 
 #if HALF_ARITHMETIC && HALF_EMULATED
-// To the nearest half, ties to even. Not by packHalf2x16, whose rounding is the driver's own choice.
+// To the nearest half, ties to even. packHalf2x16 may round in another way.
 float to_half(float value) {
     uint bits = floatBitsToUint(abs(value));
     uint kept = (bits + 0xFFFu + ((bits >> 13) & 1u)) & ~0x1FFFu;
@@ -85,7 +86,7 @@ float product_sum(vec4 values, vec4 w) {
 #define PRODUCT_SUM(values, w) product_sum(values, w)
 #endif
 
-// Two sums for each neuron where they are halves, of inputs with even and with odd numbers: half as many roundings on the way.
+// Half sums are kept apart for inputs with even and odd numbers, so that half as many roundings accumulate in each.
 #if HALF_ARITHMETIC == 2
 #define ODD_ACCUMULATOR(odd) ACC_T odd = ACC_T(0.0);
 #define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(odd, w, value)

@@ -1,10 +1,10 @@
-// Places on a texture as fractions of its side in steps of 2^-32 (docs/codec.md, steps 1 to 3): fp32 would leave 10 bits
-// within a texel of a side of 16384, and the waves of the positional encoding need more.
+// Texture coordinates in fixed point, in units of 2^-32 of the texture's side (docs/codec.md, steps 1 to 3): on a side of 16384
+// texels fp32 would leave 10 bits within a texel, and the waves of the positional encoding need more.
 #include "common/wrap.glsl"
 
-// `coordinate` wrapped into [0, 1), to 2^-32; what is not finite counts as 0.
+// `coordinate` wrapped into [0, 1), in units of 2^-32; NaN and infinity count as 0.
 uint fixed_coordinate(float coordinate, int mode) {
-    // `repeat` left of 0 is taken from the other end: 1 - x has fewer digits than a small x.
+    // Negative coordinates that repeat are inverted as integers: 1 - x in fp32 would drop the low bits of a small x.
     bool from_end = mode == WRAP_REPEAT && coordinate < 0.0;
     float wrapped = wrap_coordinate(from_end ? -coordinate : coordinate, mode);
     uint steps = wrapped >= 1.0 ? 0xFFFFFFFFu : uint(wrapped * 4294967296.0);
@@ -15,10 +15,10 @@ uvec2 fixed_coordinates(vec2 uv, ivec2 wrap) {
     return uvec2(fixed_coordinate(uv.x, wrap.x), fixed_coordinate(uv.y, wrap.y));
 }
 
-// A place along a side of equal parts, texels or cells.
+// A position along a side that is divided into equal parts: texels or cells.
 struct Place {
     uint part;
-    uint within;   // in 2^-32
+    uint within;   // position in the part, in units of 2^-32
 };
 
 Place place_along(uint coordinate, int parts) {
@@ -32,10 +32,10 @@ float as_fraction(uint steps) {
     return float(steps) * (1.0 / 4294967296.0);
 }
 
-// The middle of texel `texel` of a side of `texels`, to 2^-32 of the side.
+// The centre of texel `texel` of a side of `texels`, in units of 2^-32 of the side.
 uint texel_centre(int texel, int texels) {
     uint near = uint((float(texel) + 0.5) / float(texels) * 4294967296.0);
-    // A quotient in fp32 is off by up to some thousandths of a texel: what it lacks is found without rounding.
+    // A quotient in fp32 is off by up to some thousandths of a texel: the rest is computed in integers.
     int missing = int(0x80000000u - place_along(near, texels).within);
     return near + uint(int(roundEven(float(missing) / float(texels))));
 }

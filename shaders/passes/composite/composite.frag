@@ -12,13 +12,13 @@ layout(binding = UNIT_ALBEDO_A) uniform sampler2D albedo_a;
 layout(binding = UNIT_ALBEDO_B) uniform sampler2D albedo_b;
 #endif
 #if SPLIT
-uniform vec3 line;       // normal and distance in shown pixels: B where dot(pixel, normal) is not below the distance
-uniform float shift;     // shown pixels by which A's part looks further to the right, and B's to the left
+uniform vec3 line;       // normal and distance in window pixels: slot B where dot(pixel, normal) >= distance
+uniform float shift;     // window pixels: A is sampled this much further right, B further left
 #endif
 #if DIFFERENCE == 1
 uniform float gain;
 #elif DIFFERENCE == 2
-uniform float least;     // linear light below which the difference is no longer divided by less
+uniform float least;     // linear light: lower bound of the divisor
 #elif DIFFERENCE == 3
 layout(binding = UNIT_FLIP) uniform sampler2D flip_errors;   // 0 to 1
 uniform bool flip_is_known;
@@ -27,8 +27,8 @@ const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 const float UNKNOWN_LIGHT = 0.3;
 #endif
 #if ZOOM
-uniform float zoom;      // shown pixels along a side of a pixel of the picture
-uniform vec2 corner;     // lower left corner of what is shown, in pixels of the picture
+uniform float zoom;      // window pixels along a side of a picture pixel
+uniform vec2 corner;     // lower left corner of the visible part, in picture pixels
 #endif
 #if OVERLAY || MARKS
 uniform float opacity;
@@ -36,8 +36,8 @@ uniform vec3 palette[PALETTE_STEPS];   // sRGB
 #endif
 #if MARKS
 struct TextureMark {
-    float share;         // place on the palette, -1: no colour
-    float light;         // 1: as it is
+    float share;         // position on the palette, -1: no colour
+    float light;         // factor: 1 is unchanged
 };
 layout(std430, binding = BINDING_DECODERS) readonly buffer Marks {
     TextureMark marks[];
@@ -50,7 +50,7 @@ uniform ivec2 block;         // width, height in pixels
 uniform ivec2 first_rows;    // first rows of A's and B's maps
 uniform float most;          // decoders at the hot end of the palette
 
-const float GRID_FROM = 16.0;      // shown pixels along the shorter side of a block from which its edges are drawn
+const float GRID_FROM = 16.0;      // window pixels along the shorter side of a block from which its edges are drawn
 const vec3 GRID = vec3(0.0);
 const float GRID_OPACITY = 0.45;
 
@@ -61,7 +61,7 @@ ivec2 block_of(ivec2 pixel) {
 
 layout(location = 0) out vec4 color;
 
-// A macro: as a parameter the palette would be copied.
+// A macro, because a palette as a parameter would be copied.
 #define ON_PALETTE(colors, place) mix( \
     colors[min(int(place), PALETTE_STEPS - 2)], \
     colors[min(int(place), PALETTE_STEPS - 2) + 1], \
@@ -121,7 +121,7 @@ void main() {
     shown = mix(shown, heat, decoders > 0u ? opacity : 0.0);
 #if ZOOM
     if (float(min(block.x, block.y)) * zoom >= GRID_FROM) {
-        // The last shown pixel of a block, to the right and below.
+        // The last window pixels of a block, to the right and below.
         bool edge = block_of(picture_pixel(shown_pixel + vec2(1.0, 0.0))) != at
             || block_of(picture_pixel(shown_pixel - vec2(0.0, 1.0))) != at;
         if (edge) shown = mix(shown, GRID, GRID_OPACITY);

@@ -7,7 +7,7 @@ layout(local_size_x = BIN_GROUP) in;
 
 uniform int bin;
 
-// Neighbours in a work group read neighbours in the list.
+// Neighbouring invocations read neighbouring entries of the list.
 ivec2 own_pixel(int p, out bool inside) {
     uint count = bins[bin].pixels;
     uint place = gl_WorkGroupID.x * uint(BIN_GROUP * PIXELS) + gl_LocalInvocationID.x + uint(p * BIN_GROUP);

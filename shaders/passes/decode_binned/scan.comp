@@ -1,5 +1,5 @@
 #version 430
-// Where the pixels of each decoder lie in the list: a sum over the counts before it. One work group for all bins.
+// Prefix sum over the pixel counts: where each decoder's pixels begin in the list. One work group for all bins.
 #include "passes/decode_binned/bins.glsl"
 layout(local_size_x = SCAN_GROUP) in;
 

@@ -1,5 +1,5 @@
 #version 430
-// Puts each pixel into the list at the place of its decoder.
+// Writes each pixel into its decoder's part of the list.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
 #include "ntc/albedo.glsl"

@@ -1,5 +1,5 @@
 #version 430
-// Decodes the tiles of one decoder into their pages of the atlas, border and all: several texels in each invocation.
+// Decodes the tiles of one decoder, with their borders, into their pages of the atlas: several texels in each invocation.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "common/color.glsl"
@@ -18,7 +18,7 @@ uniform int tile_count;
 
 const int PAGE_TEXELS = PAGE_SIDE * PAGE_SIDE;
 
-// The texel that stands at `texel` of a side of `size`, which may lie outside.
+// `texel` of a side of `size` by the wrap mode; it may lie outside.
 int wrapped_texel(int texel, int size, int mode) {
     if (mode == WRAP_CLAMP) return clamp(texel, 0, size - 1);
     int period = mode == WRAP_MIRROR ? 2 * size : size;
@@ -42,7 +42,7 @@ void main() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];
-    // As in decode_pixels.glsl: loops of a length that the compiler does not know, and no array with a varying index.
+    // As in decode_pixels.glsl: no loops of constant length over pixels, no array with a varying index.
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         ivec2 place;
@@ -70,9 +70,9 @@ void main() {
         if (!inside) continue;
         vec4 value = decoded[0];
         for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
-        value = shown_result(value);
+        value = limit_output(value);
         vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
-        // The atlas holds sRGB, whatever the texture: the hardware filters it in linear light.
+        // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
         if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
         ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
         imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));

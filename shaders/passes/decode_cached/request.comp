@@ -1,10 +1,10 @@
 #version 430
-// Marks the tiles that visible pixels read as used, and lists those that are not there.
+// Marks the pages that visible pixels read as used, and lists the tiles that are missing.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "passes/decode_cached/tiles.glsl"
 
 layout(std430, binding = BINDING_PAGE_USED) writeonly buffer PageUsed {
-    uint page_used[];   // the last frame that read each page
+    uint page_used[];   // number of the last frame that read each page
 };
 layout(std430, binding = BINDING_RESULTS) buffer AskedFor {
     uint asked_count;
@@ -12,14 +12,14 @@ layout(std430, binding = BINDING_RESULTS) buffer AskedFor {
 };
 uniform uint frame;
 
-// Whether the tile is there.
+// Whether the tile is resident; else it is requested.
 bool ask_for(int entry) {
     uint page = tile_entries[entry];
     if (is_resident(page)) {
         page_used[page - 1u] = frame;
         return true;
     }
-    // Only the first pixel that asks is heard.
+    // Only the first pixel that needs a tile lists it.
     if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_ASKED_FOR) == 0u) {
         uint place = atomicAdd(asked_count, 1u);
         if (place < MOST_TILES_ASKED_FOR) asked_for[place] = uint(entry);

@@ -5,8 +5,8 @@
 layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
 layout(location = 0) out vec4 albedo;
 
-// Shown until the first tile of a texture has come, linear.
-const vec3 NOTHING_YET = vec3(0.2);
+// Linear; shown until the first tile of a texture is decoded.
+const vec3 MISSING_COLOR = vec3(0.2);
 
 vec3 sample_page(uint page, vec2 at) {
     uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
@@ -14,7 +14,7 @@ vec3 sample_page(uint page, vec2 at) {
     return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0).rgb;
 }
 
-// `level`, or the next coarser one that is there.
+// A sample of `level`, or of the next coarser level whose tile is resident.
 vec3 sample_level(int first, int texture_id, int level, vec2 uv) {
     int last = textures[texture_id].levels - 1;
     for (int found = level; found <= last; ++found) {
@@ -22,7 +22,7 @@ vec3 sample_level(int first, int texture_id, int level, vec2 uv) {
         uint entry = tile_entries[place.entry];
         if (is_resident(entry)) return sample_page(entry - 1u, place.at);
     }
-    return NOTHING_YET;
+    return MISSING_COLOR;
 }
 
 void main() {

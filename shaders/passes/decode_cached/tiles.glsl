@@ -1,4 +1,4 @@
-// Tiles of decoded mips: where a surface finds its own.
+// Lookup of the decoded tiles that a surface reads.
 #include "common/visibility.glsl"
 #include "ntc/albedo.glsl"
 
@@ -22,7 +22,7 @@ struct TilePlace {
 uniform int anisotropy;   // most probes along the longer side of a footprint
 #endif
 
-// Where a pixel's footprint is probed (EXT_texture_filter_anisotropic): once where it is about as long as it is wide.
+// Trilinear samples along a pixel's footprint (EXT_texture_filter_anisotropic): one where it is about as long as wide.
 struct Probes {
     int count;
     vec2 step;     // uv from one to the next
@@ -39,7 +39,7 @@ Probes probes_of(ivec2 pixel, WantedTexel wanted, int sampler_flags) {
         float along_x = length(gradients.xy * size);
         float along_y = length(gradients.zw * size);
         float longer = max(along_x, along_y);
-        // Also false for what is not a number.
+        // False for NaN, too.
         if (longer > 1.0 && longer < 1e10) {
             probes.count = int(clamp(ceil(longer / max(min(along_x, along_y), 1e-10) - 1e-4), 1.0, float(anisotropy)));
             probes.step = (along_x >= along_y ? gradients.xy : gradients.zw) / float(probes.count + 1);
@@ -54,7 +54,7 @@ vec2 probe_offset(Probes probes, int number) {
     return probes.step * (float(number + 1) - 0.5 * float(probes.count + 1));
 }
 
-// The mip levels that a trilinear filter reads, and how much of the second.
+// The mip levels that a trilinear filter reads, and the weight of the second.
 struct FilterLevels {
     int lower;
     int upper;
@@ -90,7 +90,7 @@ bool is_resident(uint entry) {
     return entry != 0u && entry != TILE_ASKED_FOR;
 }
 
-// The finest level that is one tile: what a missing tile is replaced by first.
+// The finest level that is a single tile: the first substitute for missing tiles.
 int single_tile_level(int texture_id) {
     TextureRecord record = textures[texture_id];
     LevelRecord finest = levels[record.first_level];

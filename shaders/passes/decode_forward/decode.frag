@@ -1,5 +1,5 @@
 #version 430
-// Decodes in the material's own fragment shader, where the depth test passes for the surface that is seen.
+// Decodes in the material's fragment shader, for fragments at the depth of the visible surface.
 #include "common/visibility.glsl"
 #include "ntc/albedo.glsl"
 
@@ -14,11 +14,11 @@ flat in uint ids;
 layout(location = 0) out vec4 albedo;
 
 void main() {
-    // Two surfaces may share a depth, and parts of one may have been cut out by alpha: the visibility buffer says whose pixel this is.
+    // Two surfaces may have the same depth, and alpha may have cut out parts of one: the visibility buffer decides.
     if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
     float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
 #if VERTEX_COLORS
-    // Rounded as in the visibility buffer, so that both paths show the same.
+    // Rounded as in the visibility buffer, so that all paths give the same colour.
     vec3 rounded = unpack_color(pack_color(color.rgb));
 #else
     vec3 rounded = vec3(1.0);

@@ -1,15 +1,15 @@
-// Distinct decoders of a block of pixels (paper, Sec. 2, Eq. 1), from texture ids alone: nothing is decoded for it.
-// Exact for any number of decoders: a block has no more than it has pixels.
+// Distinct decoders of a block of pixels (paper, Sec. 2, Eq. 1), from texture ids alone: nothing is decoded.
+// Exact for any number of decoders: a block has at most as many as it has pixels.
 #include "common/visibility.glsl"
 
 layout(std430, binding = BINDING_DECODERS) readonly buffer Decoders {
     int decoder_of_texture[];   // one table of `textures` entries after the other, one for each grouping
 };
 uniform ivec2 picture;   // width, height in pixels
-uniform int textures;    // entries of a table
+uniform int textures;    // entries of one table
 uniform int rows;        // rows of blocks of one map; the maps of several groupings lie one below the other
 
-// D of the block whose place in the maps is `place`.
+// D of the block at `place` in the maps.
 uint count_decoders(ivec2 place) {
     int grouping = place.y / rows;
     ivec2 block = ivec2(place.x, place.y - grouping * rows);

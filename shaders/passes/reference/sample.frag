@@ -1,8 +1,8 @@
 #version 430
 // Samples the original images of one texture array.
-// FIRST: the pass of the first array; also colours what has no texture, and the background.
-// SORTS: with FIRST, writes the array of the pixels that are still to be coloured as depth, so that the pass of each further
-// array touches only its own pixels.
+// FIRST 1: the pass of the first array; it also colours untextured surfaces and the background.
+// SORTS 1: with FIRST, writes as depth which array each remaining pixel needs, so that the pass of each further array draws only
+// its own pixels.
 #include "common/materials.glsl"
 #include "common/visibility.glsl"
 #include "common/wrap.glsl"
@@ -19,7 +19,7 @@ layout(location = 0) out vec4 albedo;
 void main() {
     Surface surface = read_surface(ivec2(gl_FragCoord.xy));
     MaterialRecord material = materials[max(surface.material, 0)];
-    // Folded here for mirrored wrap; where the sampler repeats, the coordinate only loses its whole turns.
+    // Mirroring is done here; where the sampler repeats, the coordinate only loses its integer part.
     vec2 uv = vec2(wrap_coordinate(surface.uv.x, wrap.x), wrap_coordinate(surface.uv.y, wrap.y));
     vec3 at = vec3(uv, float(material.image_layer));
 #if GRADIENTS

@@ -1,5 +1,5 @@
 #version 430
-// Writes what is seen. Nothing is shaded here; hidden surfaces cost one depth test.
+// Writes the visibility buffer. Nothing is shaded here; hidden surfaces cost one depth test.
 #include "common/materials.glsl"
 #include "common/surface.glsl"
 #include "common/wrap.glsl"
