@@ -28,10 +28,8 @@ from viewer.app.headless import HeadlessApp
 from viewer.cli.sources import builtin_scene_path
 from viewer.gl.timer import PassTimer
 from viewer.scene.load import load_scene
-from viewer.state.actions import SetCamera, SetCoarseWhileMoving, SetOverlay
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import Overlay
 
 SHOWN_FUNCTIONS = 10
 OWN_PACKAGES = ("viewer", "ntc")
@@ -81,7 +79,7 @@ def _frames(app: HeadlessApp, moving: bool, count: int, around: Callable[[Callab
     camera = app.session.view.camera
     for number in range(count):
         if moving:
-            app.session.apply(SetCamera(nudged(camera, number)))
+            app.run("camera.set", nudged(camera, number))
         around(app.frame)
         # The window would show the frame here. What the renderer still has to do belongs to no later frame.
         app.screenshot()
@@ -147,9 +145,9 @@ def main() -> int:
         settings = replace(ViewerSettings(), show_panels=True)
         app = HeadlessApp(load_scene(path), open_packs(packs_beside(path)), given.size, Path(pictures), settings)
         # A coarse picture would be another one.
-        app.session.apply(SetCoarseWhileMoving(False))
+        app.run("view.coarse-while-moving", False)
         if given.overlay:
-            app.session.apply(SetOverlay(Overlay("divergence")))
+            app.run("overlay.kind", "divergence")
         app.settle()
         facts: dict[str, Any] = {
             "size": "{}x{}".format(*given.size),

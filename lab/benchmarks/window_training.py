@@ -24,7 +24,7 @@ from ntc.io import write_text
 from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
-from viewer.state.session import FirstLook
+from viewer.state.open_files import InitialView
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import Overlay
 
@@ -37,14 +37,14 @@ class Window:
     def __init__(self, app: HeadlessApp) -> None:
         self.app = app
         app.settle()
-        self._at = app.frontend.interface.items.centre("Timings")
+        self._at = app.widgets.centre("Timings")
         app.move(*self._at)
         app.button(True)
         self._frames = 0
 
     def frames_while(self, wanted: Callable[[], bool], longest: float) -> list[dict[str, Any]]:
         """One row for each frame: its time in ms, and what the training did meanwhile."""
-        training = self.app.session.training
+        training = self.app.training
         began = time.monotonic()
         rows = []
         while wanted() and time.monotonic() - began < longest:
@@ -53,7 +53,7 @@ class Window:
             state, packs = training.state, self.app.session.packs
             start = time.perf_counter()
             self.app.move(self._at[0] + 20.0 * math.cos(angle), self._at[1] + 10.0 * math.sin(angle))
-            self.app.context.gl.finish()
+            self.app.graphics.gl.finish()
             spent = time.perf_counter() - start
             rows.append({"ms": 1e3 * spent, "state": state, "snapshot": packs is not self.app.session.packs})
             time.sleep(max(0.0, FRAME_SECONDS - spent))
@@ -92,14 +92,14 @@ def main() -> None:
     loads = [os.getloadavg()[0]]
     with tempfile.TemporaryDirectory() as folder:
         settings = ViewerSettings(window_size=options.size)
-        app = HeadlessApp(scene, {}, options.size, Path(folder), settings, FirstLook("reference", "cached"))
+        app = HeadlessApp(scene, {}, options.size, Path(folder), settings, InitialView("reference", "cached"))
         session = app.session
         session.view = replace(session.view, camera=camera, overlay=Overlay("divergence"))
         window = Window(app)
-        training = session.training
+        training = app.training
         rows = [summary("before, reference", window.frames_while(lambda: True, 5.0))]
         encode = f"training.encode clustered {options.clusters} {options.texture_size} {options.seconds:g}s"
-        run_line(encode, session)
+        run_line(app.context, encode)
         window_rows = window.frames_while(lambda: training.state == "preparing", 120.0)
         rows.append(summary("preparing", window_rows))
         run = training.active
@@ -115,7 +115,7 @@ def main() -> None:
         window.frames_while(lambda: True, 5.0)
         loads.append(os.getloadavg()[0])
         rows.append(summary("without training", window.frames_while(lambda: True, 15.0)))
-        run_line(f"training.retrain all {options.seconds:g}s", session)
+        run_line(app.context, f"training.retrain all {options.seconds:g}s")
         rows.append(summary("preparing again", window.frames_while(lambda: training.state == "preparing", 120.0)))
         rows.append(summary("retraining", window.frames_while(lambda: training.active is not None, 600.0)))
         rows.append(summary("without, again", window.frames_while(lambda: True, 15.0)))
@@ -129,7 +129,7 @@ def main() -> None:
             "psnr_db_first_and_last": mean_db,
             "runs": [(run.title, run.outcome, run.psnr_db) for run in training.log.runs],
             "load_average": loads,
-            "toasts": [toast.text for toast in session.toasts],
+            "toasts": [toast.text for toast in session.window.toasts],
         }
         app.close()
     report("frame times while training", rows, facts, None)

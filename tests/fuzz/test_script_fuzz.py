@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from ntc.errors import InputError
 from tests.support.scenes import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
+from viewer.commands.command import Context
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import DIRECTIONS
 from viewer.script.parse import parse_script
-from viewer.state.session import FirstLook, Session
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_file import SavedView, parse_view, view_json
 
@@ -48,18 +49,18 @@ def test_any_script_is_read_or_refused(text: str) -> None:
 @given(lines=st.lists(LINES, max_size=6))
 @settings(max_examples=200, deadline=None)
 def test_any_command_runs_or_is_refused(lines: list[str]) -> None:
-    session = Session(SCENE, {}, ViewerSettings(), FirstLook())
+    context = Context(new_session(SCENE, {}, ViewerSettings(), InitialView()))
     for line in lines:
         if any(line.split()[:1] == [command.id] for command in COMMANDS if command not in HARMLESS):
             continue
         try:
-            run_line(line, session)
+            run_line(context, line)
         except InputError as error:
             one_line(error)
 
 
 def saved() -> SavedView:
-    return example_view(Session(SCENE, {}, ViewerSettings(), FirstLook()))
+    return example_view(new_session(SCENE, {}, ViewerSettings(), InitialView()))
 
 
 @given(path=st.lists(st.integers(0, 30), min_size=1, max_size=4), value=VALUES)

@@ -12,11 +12,11 @@ from lab.bench.random_pack import random_pack
 from ntc.pack.file import write_pack
 from ntc.pack.model import Pack
 from tests.support.gltf_builder import GltfBuilder, png
-from viewer.commands import run_command
+from viewer.commands import run_or_notify
+from viewer.commands.command import Context
 from viewer.scene.load import load_scene
-from viewer.state.actions import RunCommand
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.session import FirstLook, Session
 from viewer.state.settings import ViewerSettings
 from viewer.training.run_log import Run
 
@@ -88,39 +88,37 @@ def pack_of(path: Path, seed: int = 0) -> Pack:
     return random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
 
 
-def open_session(path: Path) -> Session:
+def open_context(path: Path) -> Context:
     """A session on the scene at `path` with the packs beside it; pictures go beside the scene."""
-    made = Session(load_scene(path), open_packs(packs_beside(path)), ViewerSettings(), FirstLook())
-    made.use_commands(run_command)
-    made.pictures_folder = path.parent / "pictures"
-    return made
+    scene, packs, pictures = load_scene(path), open_packs(packs_beside(path)), path.parent / "pictures"
+    return Context(new_session(scene, packs, ViewerSettings(), InitialView(), pictures))
 
 
-def errors(session: Session) -> list[str]:
-    lines = [entry.text for entry in session.log if entry.kind == "error"]
+def errors(context: Context) -> list[str]:
+    lines = [entry.text for entry in context.session.window.log if entry.kind == "error"]
     assert all("\n" not in line and "Traceback" not in line for line in lines)
     return lines
 
 
-def finished(session: Session, seed: int = 7) -> Pack:
+def finished(context: Context, seed: int = 7) -> Pack:
     """A training has ended, and waits to be accepted."""
-    assert session.scene.path is not None
-    hashes = [texture.pixel_hash for texture in session.scene.textures]
+    assert context.session.scene.path is not None
+    hashes = [texture.pixel_hash for texture in context.session.scene.textures]
     pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
     run = Run(1, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
-    session.training.log.add(run)
-    session.packs = {**session.packs, run.name: pack}
+    context.training.log.add(run)
+    context.session.packs = {**context.session.packs, run.name: pack}
     return pack
 
 
-def settle(session: Session) -> None:
+def settle(context: Context) -> None:
     began = time.monotonic()
-    while session.training.saving:
-        session.training.tick(session.scene, frozenset())
+    while context.training.saving:
+        context.training.tick(context.session.scene, frozenset())
         assert time.monotonic() - began < SECONDS
         time.sleep(0.005)
 
 
-def accept(session: Session, *path: Path) -> None:
-    session.apply(RunCommand("training.accept", tuple(map(str, path))))
-    settle(session)
+def accept(context: Context, *path: Path) -> None:
+    run_or_notify(context, "training.accept", *path)
+    settle(context)

@@ -55,7 +55,7 @@ def run_window(
 
 def hide_panels(app: HeadlessApp) -> None:
     app.press(imgui.Key.h)
-    assert not app.session.show_panels
+    assert not app.session.window.show_panels
 
 
 @pytest.fixture(scope="module")

@@ -19,11 +19,12 @@ import moderngl
 
 from viewer.app.loss_recovery import LossHistory
 from viewer.app.window_app import WindowApp, WindowContent, run_window
+from viewer.commands import run_line
 from viewer.gl.ui_textures import Thumbnails
 from viewer.scene.load import load_scene
 from viewer.script.parse import parse_script
+from viewer.state.open_files import InitialView
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.session import FirstLook
 
 KINDS = (
     moderngl.Buffer,
@@ -52,7 +53,7 @@ def objects_alive() -> dict[str, int]:
 def open_app(scene_path: Path, pictures: Path, clock: Callable[[], float]) -> WindowApp:
     """The window with a clock for its losses."""
     packs = open_packs(packs_beside(scene_path))
-    app = WindowApp(WindowContent(load_scene(scene_path), packs, FirstLook(), size=(700, 420), pictures=pictures))
+    app = WindowApp(WindowContent(load_scene(scene_path), packs, InitialView(), size=(700, 420), pictures=pictures))
     app._lost_before = LossHistory(clock)
     return app
 
@@ -67,7 +68,7 @@ def die(app: WindowApp) -> None:
 def often(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses long after another, each in a dead context, at different moments of the frame."""
     session, used, handles = app.session, [], []
-    app.run(FRAMES)
+    app.show(FRAMES)
     checks = app._losses
     next_is_lost = checks.next_is_lost
 
@@ -81,10 +82,10 @@ def often(app: WindowApp, losses: int) -> dict[str, Any]:
     for number in range(losses):
         checks._at = frozenset({checks._checks + 1 + 2 * number})
         session.view = replace(session.view, wipe_position=0.3 + 0.01 * number)
-        app.run(FRAMES)
+        app.show(FRAMES)
         used.append(objects_alive())
         handles.append(len(list(Path("/proc/self/fd").iterdir())))
-    told = sum(entry.repeats for entry in session.log if "uploaded again" in entry.text)
+    told = sum(entry.repeats for entry in session.window.log if "uploaded again" in entry.text)
     return {"objects": used, "handles": handles, "told": told}
 
 
@@ -92,26 +93,25 @@ def take_pictures(app: WindowApp, name: str) -> str:
     """Write the picture, and the window with its panels, when they rest. The view as text."""
     session = app.session
     for _ in range(100):
-        app.run(1)
+        app.show(1)
         if app.frontend.is_settled(app.size):
             break
-    session.toasts = ()
-    session.run_command("file.screenshot-picture", ("plain", f"{name}.png"))
-    app.run(1)
-    session.toasts = ()
-    session.run_command("file.screenshot", (f"{name}-window.png",))
-    app.run(1)
-    session.run_command("view.copy")
-    return session.clipboard.read()
+    session.window.toasts = ()
+    app.run("file.screenshot-picture", "plain", f"{name}.png")
+    app.show(1)
+    session.window.toasts = ()
+    app.run("file.screenshot", f"{name}-window.png")
+    app.show(1)
+    app.run("view.copy")
+    return app.context.read_clipboard()
 
 
 def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
     """Pictures before and after a loss; the handles of what must live on, and of what must not."""
     session = app.session
-    app.run(FRAMES)
+    app.show(FRAMES)
     for line in ("compare.mode wipe", "compare.divider 0.4", "overlay.kind divergence", "window.panel Pixel on"):
-        name, *arguments = line.split()
-        session.run_command(name, tuple(arguments))
+        run_line(app.context, line)
     view = session.view
     session.view = replace(view, camera=replace(view.camera, eye=tuple(side * 0.8 for side in view.camera.eye)))  # type: ignore[arg-type]
     views, placements, windows = [], [], []
@@ -122,37 +122,36 @@ def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
         windows.append(id(app._window))
         if name == "before":
             glfw.set_window_size(app._window.handle, 760, 470)
-            app.run(FRAMES)
+            app.show(FRAMES)
             placements[0] = app._window.placement
             views[0] = take_pictures(app, name)
             die(app)
-            app.run(1)
+            app.show(1)
     return {
         "views": views,
         "same_window": windows[0] == windows[1],
         "same_place": placements[0] == placements[1],
         "same_session": session is app.session is app.frontend.session,
-        "told": [entry.text for entry in session.log],
-        "details": [entry.details for entry in session.log],
+        "told": [entry.text for entry in session.window.log],
+        "details": [entry.details for entry in session.window.log],
     }
 
 
 def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while the worker trains: it goes on to its end."""
-    session = app.session
-    app.run(FRAMES)
-    session.run_command("training.encode", ("single", "auto", "32", "40steps"))
+    app.show(FRAMES)
+    app.run("training.encode", "single", "auto", "32", "40steps")
     workers, states = set(), []
     began = time.monotonic()
-    while session.training.active is not None and time.monotonic() - began < PATIENCE:
-        app.run(3)
-        if session.training.state == "training" and len(states) < losses:
-            states.append(session.training.state)
-            workers.add(session.training.process_id)
+    while app.training.active is not None and time.monotonic() - began < PATIENCE:
+        app.show(3)
+        if app.training.state == "training" and len(states) < losses:
+            states.append(app.training.state)
+            workers.add(app.training.process_id)
             die(app)
-            app.run(3)
-            workers.add(session.training.process_id)
-    run = session.training.log[1]
+            app.show(3)
+            workers.add(app.training.process_id)
+    run = app.training.log[1]
     return {"states": states, "workers": len(workers), "outcome": run.outcome, "has_pack": run.pack is not None}
 
 
@@ -164,11 +163,11 @@ def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
         die(app)
         raise errors.pop()
 
-    app.run(FRAMES)
+    app.show(FRAMES)
     app.frontend.reader.thumbnail = fails  # type: ignore[method-assign]
-    session.run_command("window.panel", ("Textures", "on"))
-    app.run(FRAMES)
-    return {"told": [entry.text for entry in session.log], "raised": not errors}
+    app.run("window.panel", "Textures")
+    app.show(FRAMES)
+    return {"told": [entry.text for entry in session.window.log], "raised": not errors}
 
 
 def fail_in_a_panel(scene_path: Path, pictures: Path) -> None:
@@ -180,15 +179,15 @@ def fail_in_a_panel(scene_path: Path, pictures: Path) -> None:
     Thumbnails.__getitem__ = fails  # type: ignore[method-assign, assignment]
     script = parse_script("wait frames 5\nwindow.panel Textures on\nwait frames 30\nwindow.close", "broken")
     packs = open_packs(packs_beside(scene_path))
-    run_window(WindowContent(load_scene(scene_path), packs, FirstLook(), script, size=(900, 500), pictures=pictures))
+    run_window(WindowContent(load_scene(scene_path), packs, InitialView(), script, size=(900, 500), pictures=pictures))
 
 
 def before_any_frame(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while nothing has been drawn yet, and then at each of the first checks."""
     checks = app._losses
     checks._at = frozenset(range(1, losses + 1))
-    app.run(FRAMES)
-    return {"told": sum(entry.repeats for entry in app.session.log)}
+    app.show(FRAMES)
+    return {"told": sum(entry.repeats for entry in app.session.window.log)}
 
 
 DEEDS = {deed.__name__: deed for deed in (same_picture, while_training, often, in_a_panel, before_any_frame)}

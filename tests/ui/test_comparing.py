@@ -66,11 +66,11 @@ def live(
 
 
 def labels(app: HeadlessApp) -> tuple[str, ...]:
-    return app.frontend.interface.items.labels()
+    return app.widgets.labels()
 
 
 def hide_panels(app: HeadlessApp) -> None:
-    app.session.show_panels = False
+    app.session.window.show_panels = False
     app.settle()
 
 
@@ -89,8 +89,8 @@ def test_the_difference_is_chosen_in_the_panel(app: HeadlessApp) -> None:
     app.click("difference: relative")
     assert app.session.view.difference.kind == "relative"
     assert "gain" not in labels(app)
-    run_line("compare.gain 12", app.session)
-    run_line("compare.difference amplified", app.session)
+    run_line(app.context, "compare.gain 12")
+    run_line(app.context, "compare.difference amplified")
     app.settle()
     assert app.session.view.difference.gain == 12.0
     assert "gain" in labels(app)
@@ -98,7 +98,7 @@ def test_the_difference_is_chosen_in_the_panel(app: HeadlessApp) -> None:
 
 def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: HeadlessApp) -> None:
     hide_panels(app)
-    run_line("compare.mode wipe-horizontal", app.session)
+    run_line(app.context, "compare.mode wipe-horizontal")
     app.settle()
     camera = app.session.view.camera
     app.drag((100.0, MIDDLE[1] + 11), (130.0, SIZE[1] * 0.8))
@@ -141,7 +141,7 @@ def test_space_shows_the_other_slot_in_every_mode(app: HeadlessApp, mode: Compar
 def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> None:
     hide_panels(app)
     for mode in ("a", "b", "a"):
-        run_line(f"compare.mode {mode}", app.session)
+        run_line(app.context, f"compare.mode {mode}")
         app.settle()
     passes: list[tuple[str, ...]] = []
     render = Renderer.render
@@ -154,7 +154,7 @@ def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pyt
     monkeypatch.setattr(Renderer, "render", counted)
     now = [1000.0]
     monkeypatch.setattr(frontend.time, "monotonic", lambda: now[0])
-    run_line("compare.flicker 4", app.session)
+    run_line(app.context, "compare.flicker 4")
     shown = []
     for _ in range(16):
         now[0] += 1.0 / 16.0
@@ -166,7 +166,7 @@ def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pyt
     assert set(shown) == {"a", "b"}
     assert set(passes) == {("composite",)}
     assert len(passes) in (7, 8)
-    run_line("compare.flicker 0", app.session)
+    run_line(app.context, "compare.flicker 0")
     app.frame()
     assert app.session.shown_view.compare == "a"
     assert app.frontend.seconds_until_change == math.inf
@@ -197,7 +197,7 @@ def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
     assert sum(row.pixels for row in found.decoders) == sum(row.pixels for row in found.textures)
     # Other modes are of the same picture.
     for mode in ("a", "b", "side-by-side", "difference"):
-        run_line(f"compare.mode {mode}", live.session)
+        run_line(live.context, f"compare.mode {mode}")
         live.settle()
         assert live.frontend.facts().live.comparison is found
         assert live.frontend.facts().live.is_current
@@ -240,7 +240,7 @@ def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> No
     until(live, lambda: live.frontend.facts().live.is_current)
     live.click("show histogram")
     assert "histogram" in labels(live)
-    run_line("histogram.panel", live.session)
+    run_line(live.context, "histogram.panel")
     live.settle()
     live.click("show errors")
     found = live.frontend.facts().live.comparison
@@ -251,8 +251,8 @@ def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> No
     assert len(listed) == len(found.textures) == 2
     live.click("sort by psnr")
     assert [label for label in labels(live) if label.startswith("error texture ")] == listed[::-1]
-    run_line("errors.sort mean", live.session)
-    assert (live.session.comparing.column, live.session.comparing.descending) == ("mean", True)
+    run_line(live.context, "errors.sort mean")
+    assert (live.session.inspection.errors.column, live.session.inspection.errors.descending) == ("mean", True)
     live.settle()
     live.click(f"error texture {worst}")
     assert live.session.view.highlight == (worst,)
@@ -266,16 +266,16 @@ def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> No
     decoder = found.decoders[0].number
     live.click(f"error decoder {decoder}")
     assert len(live.session.view.highlight) == 1
-    assert live.session.comparing.lit_decoder == decoder
+    assert live.session.inspection.errors.highlighted_decoder == decoder
 
 
 def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> None:
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
     app.session.view = replace(app.session.view, camera=camera)
-    width, height = app.session.picture_size
+    width, height = app.session.window.picture_size
     x, y = round(0.58 * width), round(0.45 * height)
-    run_line(f"pixel.keep {x} {y}", app.session)
+    run_line(app.context, f"pixel.keep {x} {y}")
     app.settle()
     assert "pixel" in labels(app)
     pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
@@ -298,32 +298,32 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> N
     assert app.frontend.reader.pixels.reads == reads
     app.click("let the pixel go")
     hide_panels(app)
-    app.session.show_panels = True
+    app.session.window.show_panels = True
     app.move(MIDDLE[0] + 22, SIZE[1] - 60.0)
     app.settle()
     assert app.frontend.reader.pixels.reads > reads
 
 
 def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:
-    run_line("pixel.keep 0 0", app.session)
+    run_line(app.context, "pixel.keep 0 0")
     app.settle()
     pixel = app.frontend.facts().pixel
     assert pixel is not None
     assert pixel.inside == (7, 7, 15, 15)
     assert pixel.material_name is None
-    run_line("pixel.let-go", app.session)
-    run_line("compare.mode side-by-side", app.session)
+    run_line(app.context, "pixel.let-go")
+    run_line(app.context, "compare.mode side-by-side")
     hide_panels(app)
     for x, seen in ((SIZE[0] // 4, 0.5), (SIZE[0] * 3 // 4, 0.5), (SIZE[0] // 2 - 2, 0.75), (SIZE[0] // 2 + 2, 0.25)):
         app.move(float(x), 200.0)
-        hovered = app.session.hovered
+        hovered = app.session.inspection.hovered
         assert hovered is not None
         assert hovered[0] == pytest.approx(seen, abs=0.004)
 
 
 def test_a_click_keeps_the_pixel(app: HeadlessApp) -> None:
-    run_line("pixel.panel", app.session)
+    run_line(app.context, "pixel.panel")
     hide_panels(app)
     app.click_at(MIDDLE[0] + 60, MIDDLE[1] + 30)
-    kept = app.session.kept_pixel
+    kept = app.session.inspection.pixel
     assert kept == pytest.approx(((MIDDLE[0] + 60) / SIZE[0], (MIDDLE[1] + 30) / SIZE[1]))

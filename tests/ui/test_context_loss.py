@@ -19,8 +19,8 @@ from viewer.cli.options import ViewOptions
 from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.session import FirstLook, Session
 from viewer.state.settings import ViewerSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -142,7 +142,7 @@ def test_the_context_lost_error_names_all_that_was_open(scene: Scene, scene_path
     elsewhere = tmp_path / "a pack.ntc"
     pack = next(iter(open_packs(packs_beside(scene_path)).values()))
     write_pack(elsewhere, pack)
-    session = Session(scene, open_packs([*packs_beside(scene_path), elsewhere]), ViewerSettings(), FirstLook())
+    session = new_session(scene, open_packs([*packs_beside(scene_path), elsewhere]), ViewerSettings(), InitialView())
     session.pictures_folder = tmp_path / "pictures"
     line = str(context_lost_error(session, ContextLostError("guilty"), "no window could be opened"))
     assert "\n" not in line
@@ -151,17 +151,15 @@ def test_the_context_lost_error_names_all_that_was_open(scene: Scene, scene_path
     assert (options.scene, options.pack) == (scene_path.resolve(), (elsewhere,))
     (kept,) = session.pictures_folder.iterdir()
     assert re.search(re.escape(str(kept)), options.exec[0])
-    session.close()
 
 
 def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) -> None:
-    session = Session(scene, {}, ViewerSettings(), FirstLook())
+    session = new_session(scene, {}, ViewerSettings(), InitialView())
     session.pictures_folder = tmp_path / "file"
     session.pictures_folder.write_text("")
     line = str(context_lost_error(session, ContextLostError("unknown"), "no window could be opened"))
     assert "could not be kept" in line
     assert list(tmp_path.iterdir()) == [session.pictures_folder]
-    session.close()
 
 
 ROBUST_UNDER_EGL = """

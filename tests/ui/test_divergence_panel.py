@@ -34,7 +34,7 @@ def mapped(app: HeadlessApp) -> HeadlessApp:
 
 
 def labels(app: HeadlessApp) -> tuple[str, ...]:
-    return app.frontend.interface.items.labels()
+    return app.widgets.labels()
 
 
 def wheel(app: HeadlessApp, at: tuple[float, float], notches: int) -> None:
@@ -80,7 +80,7 @@ def test_both_sides_and_the_cut_are_shown(mapped: HeadlessApp) -> None:
 
 
 def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
-    mapped.session.show_panels = False
+    mapped.session.window.show_panels = False
     mapped.move(MEETING[0], MEETING[1])
     mapped.settle()
     assert mapped.frontend.facts().block is not None
@@ -99,38 +99,38 @@ def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
 
 
 def test_a_click_keeps_the_block_and_lets_it_go(mapped: HeadlessApp) -> None:
-    mapped.session.show_panels = False
+    mapped.session.window.show_panels = False
     mapped.click_at(MEETING[0] - 20, MEETING[1] + 60)
-    mapped.session.show_panels = True
-    kept = mapped.session.inspected
+    mapped.session.window.show_panels = True
+    kept = mapped.session.inspection.block
     assert kept is not None
     mapped.move(5, SIZE[1] - 5)
     mapped.settle()
     block = mapped.frontend.facts().block
     assert block is not None
     # It is the place that is kept: panels leave less room to the picture, which has other blocks.
-    assert block.column == int(kept[0] * mapped.session.picture_size[0]) // 8
+    assert block.column == int(kept[0] * mapped.session.window.picture_size[0]) // 8
     assert f"block texture {block.textures[0].texture_id}" in labels(mapped)
     mapped.click("let go")
-    assert mapped.session.inspected is None
+    assert mapped.session.inspection.block is None
 
 
 def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: HeadlessApp) -> None:
-    mapped.session.show_panels = False
+    mapped.session.window.show_panels = False
     camera = mapped.session.view.camera
     mapped.drag((MEETING[0], MEETING[1] + 60), (MEETING[0] + 30, MEETING[1] + 80))
     assert mapped.session.view.camera != camera
-    assert mapped.session.inspected is None
+    assert mapped.session.inspection.block is None
 
 
 def test_without_the_map_a_click_keeps_nothing(app: HeadlessApp) -> None:
-    app.session.show_panels = False
+    app.session.window.show_panels = False
     app.click_at(MEETING[0] - 20, MEETING[1] + 60)
-    assert app.session.inspected is None
+    assert app.session.inspection.block is None
 
 
 def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: HeadlessApp) -> None:
-    mapped.session.show_panels = False
+    mapped.session.window.show_panels = False
     mapped.settle()
     whole = mapped.screenshot()
     camera = mapped.session.view.camera
@@ -161,4 +161,4 @@ def test_a_path_is_recorded_as_a_cameras_file(app: HeadlessApp, monkeypatch: pyt
     cameras = read_cameras(file)
     assert len(cameras) == 4
     assert cameras[-1].eye == last.eye
-    assert app.session.recording is None
+    assert app.session.navigation.recording is None

@@ -13,9 +13,10 @@ from imgui_bundle import imgui
 from tests.support.picture_scenes import Part, scene_of, texture
 from tests.ui.conftest import SIZE
 from viewer.app.headless import HeadlessApp
+from viewer.commands import find_command
 from viewer.inspect.texture_table import TextureRow
 from viewer.scene.model import Material, Scene
-from viewer.state.actions import RunCommand
+from viewer.state.event_handlers import notify
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.panels import make_panels
@@ -44,18 +45,18 @@ def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
 
 
 def labels(app: HeadlessApp) -> tuple[str, ...]:
-    return app.frontend.interface.items.labels()
+    return app.widgets.labels()
 
 
 def run(app: HeadlessApp, command: str, *arguments: str) -> None:
-    app.session.apply(RunCommand(command, arguments))
+    app.run(command, *find_command(command).parse(arguments))
     app.settle()
 
 
 def shown_textures(app: HeadlessApp) -> list[str]:
     """Rows of the table from top to bottom."""
     found = [label for label in labels(app) if label.startswith("texture ") and label.split()[1].isdecimal()]
-    return sorted(found, key=lambda label: app.frontend.interface.items.centre(label)[1])
+    return sorted(found, key=lambda label: app.widgets.centre(label)[1])
 
 
 def wait_for_background(app: HeadlessApp) -> None:
@@ -77,7 +78,7 @@ def test_textures_are_filtered_sorted_and_selected(app: HeadlessApp) -> None:
     app.show_panel("Textures")
     assert shown_textures(app) == ["texture 0", "texture 1"]
     app.click("texture 1")
-    assert app.session.selected_texture == 1
+    assert app.session.inspection.selected_texture == 1
     app.click("texture filter")
     app.type("group:0")
     assert shown_textures(app) == ["texture 0"]
@@ -85,8 +86,8 @@ def test_textures_are_filtered_sorted_and_selected(app: HeadlessApp) -> None:
         app.press(imgui.Key.backspace)
     assert shown_textures(app) == ["texture 0", "texture 1"]
     # A click on the heading of the names turns their order round.
-    y = app.frontend.interface.items.centre("texture 0")[1]
-    left = app.frontend.interface.items.centre("texture filter")[0] - 60
+    y = app.widgets.centre("texture 0")[1]
+    left = app.widgets.centre("texture filter")[0] - 60
     app.click_at(left, y - 26)
     assert shown_textures(app) == ["texture 1", "texture 0"]
 
@@ -112,7 +113,7 @@ def test_thumbnails_are_made_for_rows_in_sight_only(opener: Opener) -> None:
 def test_a_double_click_shows_a_texture_flat(app: HeadlessApp) -> None:
     app.show_panel("Textures")
     app.double_click("texture 1")
-    assert app.session.flat_texture == 1
+    assert app.session.inspection.flat_texture == 1
     wait_for_background(app)
     assert {"flat picture", "flat caption a", "flat caption b"} <= set(labels(app))
     side_by_side = app.screenshot()
@@ -120,7 +121,7 @@ def test_a_double_click_shows_a_texture_flat(app: HeadlessApp) -> None:
     assert (app.screenshot() != side_by_side).any()
     camera = app.session.view.camera
     before = app.screenshot()
-    app.move(*app.frontend.interface.items.centre("flat picture"))
+    app.move(*app.widgets.centre("flat picture"))
     imgui.get_io().add_mouse_wheel_event(0.0, 3.0)
     app.settle()
     assert (app.screenshot() != before).any()
@@ -152,7 +153,7 @@ def test_groups_have_members_distances_and_a_way_to_train(app: HeadlessApp) -> N
     app.click("group 1")
     assert "member 1" in labels(app)
     app.click("member 1")
-    assert app.session.selected_texture == 1
+    assert app.session.inspection.selected_texture == 1
     run(app, "texture.select", "0")
     assert "member 0" in labels(app)
     run(app, "slot.source", "a", "reference")
@@ -170,14 +171,14 @@ def test_nodes_and_materials_are_found_and_lead_to_textures(app: HeadlessApp) ->
         app.key(imgui.Key.backspace, False)
     app.settle()
     app.click("material 1")
-    assert app.session.selected_texture == app.session.scene.materials[1].texture_id
+    assert app.session.inspection.selected_texture == app.session.scene.materials[1].texture_id
     app.click("materials")
     app.click("nodes")
     node = next(label for label in labels(app) if label.startswith("node "))
     app.click(node)
     instance = next(label for label in labels(app) if label.startswith("instance "))
     app.click(instance)
-    assert app.session.selected_texture is not None
+    assert app.session.inspection.selected_texture is not None
 
 
 def test_reports_and_tables_are_copied(app: HeadlessApp) -> None:
@@ -193,9 +194,9 @@ def test_reports_and_tables_are_copied(app: HeadlessApp) -> None:
 
 
 def test_messages_stay_in_the_log_with_details(app: HeadlessApp) -> None:
-    app.session.say("all is well")
-    app.session.say("it broke", "error", "line one\nline two")
-    app.session.toasts = ()
+    notify(app.session, "all is well")
+    notify(app.session, "it broke", "error", "line one\nline two")
+    app.session.window.toasts = ()
     app.show_panel("Log")
     app.click("errors only")
     assert "log 0" not in labels(app)
@@ -211,13 +212,13 @@ def test_messages_stay_in_the_log_with_details(app: HeadlessApp) -> None:
 def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     app = opener((1280, 720))
     places = app.frontend.interface.items
-    first = {title: places.centre(title) for title in app.session.panel_titles if title in labels(app)}
+    first = {title: places.centre(title) for title in app.session.window.panel_titles if title in labels(app)}
     assert {"Compare", "Scene", "Log"} <= set(first)
     run(app, "window.panel", "Log", "off")
     assert "Log" not in labels(app)
-    assert app.session.present_settings().hidden_panels == ("Log",)
+    assert app.session.present_settings.hidden_panels == ("Log",)
     app.drag(first["Scene"], (640.0, 300.0))
-    assert app.frontend.interface.items.centre("Scene") != first["Scene"]
+    assert app.widgets.centre("Scene") != first["Scene"]
     run(app, "window.layout-reset")
     assert app.session.settings.hidden_panels == ()
     again = {title: places.centre(title) for title in first}
@@ -226,7 +227,7 @@ def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
 
 def test_an_unknown_panel_is_a_message(app: HeadlessApp) -> None:
     run(app, "window.panel", "Nonsense", "on")
-    assert "Compare" in app.session.toasts[-1].text
+    assert "Compare" in app.session.window.toasts[-1].text
 
 
 def test_the_middle_of_the_window_is_left_to_the_picture(opener: Opener) -> None:
@@ -242,7 +243,7 @@ def test_the_middle_of_the_window_is_left_to_the_picture(opener: Opener) -> None
 @pytest.mark.parametrize("size", [(640, 360), (320, 200), (1280, 720)])
 def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, int]) -> None:
     app = opener(size)
-    for title in app.session.panel_titles:
+    for title in app.session.window.panel_titles:
         run(app, "overlay.kind", "divergence" if title == "Divergence" else "none")
         app.show_panel(title)
         assert not imgui.internal.find_window_by_name(title).hidden
@@ -262,9 +263,9 @@ def test_theme_and_scale_are_applied_and_kept(app: HeadlessApp, tmp_path: Path) 
     run(app, "window.ui-scale", "1.5")
     assert places.centre("B source")[1] == pytest.approx(1.5 * lower, rel=0.05)
     run(app, "window.ui-scale", "9")
-    assert app.session.toasts[-1].kind == "error"
+    assert app.session.window.toasts[-1].kind == "error"
     run(app, "window.panel", "Memory", "off")
-    settings = app.session.present_settings()
+    settings = app.session.present_settings
     save_settings(tmp_path / "kept", settings)
     assert load_settings(tmp_path / "kept") == (settings, None)
     assert (settings.theme, settings.ui_scale, settings.hidden_panels) == ("light", 1.5, ("Memory",))
@@ -288,7 +289,7 @@ def test_titles_are_unique_and_known_to_the_session(app: HeadlessApp) -> None:
     interface = UserInterface()
     titles = [panel.title for panel in make_panels(interface.background)]
     assert len(set(titles)) == len(titles)
-    assert app.session.panel_titles == tuple(titles)
+    assert app.session.window.panel_titles == tuple(titles)
 
 
 def test_the_row_of_a_texture_is_plain_data() -> None:

@@ -13,9 +13,8 @@ from ntc.pack.file import read_pack
 from tests.ui.conftest import SIZE, write_scene
 from viewer.app.headless import HeadlessApp
 from viewer.scene.load import load_scene
-from viewer.state.actions import OpenFile, RunCommand
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.picture_request import PictureKind
+from viewer.state.session import PictureKind
 from viewer.state.settings import ViewerSettings
 
 
@@ -37,11 +36,11 @@ def window(own: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
 
 
 def errors(app: HeadlessApp) -> list[str]:
-    return [entry.text for entry in app.session.log if entry.kind == "error"]
+    return [entry.text for entry in app.session.window.log if entry.kind == "error"]
 
 
 def picture(app: HeadlessApp) -> np.ndarray:
-    app.session.show_panels, app.session.toasts = False, ()
+    app.session.window.show_panels, app.session.window.toasts = False, ()
     app.settle()
     return app.screenshot()
 
@@ -66,7 +65,7 @@ def test_a_pack_is_replaced_by_half_of_itself(window: HeadlessApp, own: Path) ->
     window.drop(own)
     # The scene is opened without it.
     assert set(window.session.packs) == {"single"}
-    assert window.session.log[0].repeats == 2
+    assert window.session.window.log[0].repeats == 2
     read_pack(own.with_name("scene.single.ntc"))
 
 
@@ -74,14 +73,14 @@ def test_pictures_go_to_a_folder_that_is_no_more(window: HeadlessApp, tmp_path: 
     pictures = tmp_path / "pictures"
     for spoil in (lambda: None, lambda: shutil.rmtree(pictures)):
         spoil()
-        window.session.apply(RunCommand("file.screenshot", ("shot.png",)))
+        window.run("file.screenshot", "shot.png")
         window.settle()
         assert (pictures / "shot.png").is_file(), errors(window)
     shutil.rmtree(pictures)
     pictures.write_text("a file")
-    window.session.apply(RunCommand("file.screenshot", ("shot.png",)))
+    window.run("file.screenshot", "shot.png")
     window.settle()
-    window.session.apply(RunCommand("file.screenshot-picture", (get_args(PictureKind)[-1], "other.png")))
+    window.run("file.screenshot-picture", get_args(PictureKind)[-1], "other.png")
     window.settle()
     assert ["cannot be written" in line for line in errors(window)] == [True, True]
 
@@ -93,7 +92,7 @@ def test_what_is_typed_need_not_be_a_file(window: HeadlessApp, name: str) -> Non
     window.type(name)
     window.press(imgui.Key.enter)
     assert len(errors(window)) == 1
-    window.session.apply(OpenFile(Path("a\0b.glb")))
-    window.session.apply(OpenFile(Path("a\0b.ntc")))
+    window.run("file.open", Path("a\0b.glb"))
+    window.run("file.open", Path("a\0b.ntc"))
     window.settle()
     assert len(errors(window)) == 3

@@ -13,7 +13,6 @@ from tests.ui.conftest import SIZE
 from viewer.app.headless import HeadlessApp
 from viewer.gl.allocation import GpuMemoryError
 from viewer.scene.model import Scene
-from viewer.state.actions import OpenFile, SetCompare
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
@@ -41,7 +40,7 @@ def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp
 
 
 def errors(app: HeadlessApp) -> list[str]:
-    return [entry.text for entry in app.session.log if entry.kind == "error"]
+    return [entry.text for entry in app.session.window.log if entry.kind == "error"]
 
 
 def picture(app: HeadlessApp) -> NDArray[np.uint8]:
@@ -72,7 +71,7 @@ def test_a_scene_is_refused_and_the_old_one_stays(app: HeadlessApp, tmp_path: Pa
     before, scene = picture(app), app.session.scene
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, word)
-    app.session.apply(OpenFile(other))
+    app.run("file.open", other)
     app.frame()
     # What the old scene needs was there before the new one took it.
     refuse(app, "nothing any more")
@@ -87,16 +86,16 @@ def test_a_window_without_any_memory_stays_open(app: HeadlessApp, tmp_path: Path
     before = picture(app)
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, "draw commands")
-    app.session.apply(OpenFile(other))
+    app.run("file.open", other)
     app.frame()
     refuse(app, "")
     for _ in range(5):
         app.frame()
-    assert len(app.session.log) <= 5
+    assert len(app.session.window.log) <= 5
     assert not app.frontend.needs_frame(SIZE)
     refuse(app, "nothing any more")
-    app.session.apply(SetCompare("a"))
-    app.session.apply(SetCompare("wipe"))
+    app.run("compare.mode", "a")
+    app.run("compare.mode", "wipe")
     app.resize((SIZE[0] + 1, SIZE[1]))
     app.settle()
     app.resize(SIZE)
@@ -110,14 +109,14 @@ def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Ref
     refuse(app, "what is seen")
     for _ in range(5):
         app.frame()
-    width, height = app.session.picture_size
+    width, height = app.session.window.picture_size
     assert errors(app) == [line for line in errors(app) if f"picture of {width} x {height}" in line]
-    assert len(app.session.log) == 1
-    assert app.session.log[0].repeats == 1
+    assert len(app.session.window.log) == 1
+    assert app.session.window.log[0].repeats == 1
     assert not app.frontend.needs_frame(larger)
     np.testing.assert_array_equal(picture(app), before)
     refuse(app, "nothing any more")
-    app.session.apply(SetCompare("a"))
+    app.run("compare.mode", "a")
     assert app.frontend.needs_frame(larger)
     app.resize(SIZE)
     app.settle()
@@ -133,7 +132,7 @@ def test_without_its_reference_a_scene_shows_its_pack(bare: HeadlessApp, refuse:
     assert len(errors(bare)) == 1
     shown = picture(bare)
     assert shown[..., :3].any()
-    bare.session.apply(SetCompare("wipe"))
+    bare.run("compare.mode", "wipe")
     bare.settle()
     # It is tried again, and what was shown before stays.
     assert bare.session.view.compare == "a"
@@ -143,7 +142,7 @@ def test_without_its_reference_a_scene_shows_its_pack(bare: HeadlessApp, refuse:
 def test_panels_show_grey_where_there_is_no_memory(app: HeadlessApp, tmp_path: Path, refuse: Refuse) -> None:
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, "thumbnail")
-    app.session.apply(OpenFile(other))
+    app.run("file.open", other)
     app.show_panel("Textures")
     app.settle()
     assert errors(app)

@@ -39,7 +39,7 @@ def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_p
     before = app.session.scene, app.session.view
     app.drop(path)
     assert (app.session.scene, app.session.view) == before
-    (toast,) = app.session.toasts
+    (toast,) = app.session.window.toasts
     assert toast.kind == "error"
     assert name in toast.text
     assert app.screenshot().std() > 5
@@ -51,14 +51,14 @@ def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, 
     app.drop(path)
     assert app.session.scene.path == path
     assert app.session.sources == (REFERENCE, "single")
-    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.toasts)
+    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
 
 
 def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
     other = write_scene(tmp_path, seed=9)
     app.drop(other.with_name("scene.single.ntc"))
     assert app.session.view.slot_a.source == "clustered"
-    assert "0 of 2 textures match" in app.session.toasts[-1].text
+    assert "0 of 2 textures match" in app.session.window.toasts[-1].text
 
 
 def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
@@ -81,8 +81,10 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
     assert app.session.scene is scene
     assert app.session.packs == packs
     assert app.session.view == view
-    assert [toast.text for toast in app.session.toasts if toast.kind == "error"] == ["other.glb: has too many textures"]
-    app.session.toasts = ()
+    assert [toast.text for toast in app.session.window.toasts if toast.kind == "error"] == [
+        "other.glb: has too many textures"
+    ]
+    app.session.window.toasts = ()
     app.settle()
     assert (app.screenshot() == shown).all()
 
@@ -94,7 +96,7 @@ def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Sce
     for seed in (1, 2):
         write_pack(tmp_path / "again.ntc", random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes, seed=seed))
         app.drop(tmp_path / "again.ntc")
-        app.session.toasts = ()
+        app.session.window.toasts = ()
         app.settle()
         pictures.append(app.screenshot())
     assert app.session.view.slot_a.source == "random"

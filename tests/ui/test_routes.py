@@ -3,29 +3,33 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from imgui_bundle import imgui
 
 from tests.ui.conftest import SIZE
+from viewer.app import frontend
 from viewer.app.headless import HeadlessApp
-from viewer.commands import COMMANDS, bindings
-from viewer.commands.chords import Chord
-from viewer.commands.command import Command
+from viewer.commands import COMMANDS, bindings, run
+from viewer.commands.command import Command, Context
+from viewer.commands.keys import Chord
 from viewer.scene.model import Camera, Scene
+from viewer.script import parse
 from viewer.script.inputs import press
 from viewer.script.parse import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import Session
 
-Seen = list[tuple[str, tuple[str, ...]]]
+Seen = list[tuple[str, tuple[Any, ...]]]
 
 
 @pytest.fixture(scope="module")
 def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[HeadlessApp]:
     """One app for all: what reaches a command here is noted and not carried out."""
     made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path_factory.mktemp("pictures"))
-    made.session.keep_bookmarks({"here": Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))})
+    here = Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
+    made.session.navigation.bookmarks = {made.session.scene_key: {"here": here}}
     made.session.scene = replace(scene, cameras=scene.cameras or tuple(made.session.bookmarks.values()))
     made.settle()
     yield made
@@ -33,21 +37,32 @@ def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def seen(shared: HeadlessApp) -> Iterator[Seen]:
-    """What was reached."""
+def seen(shared: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
+    """What was reached; gestures are carried out all the same."""
     reached: Seen = []
-    shared.session.use_commands(lambda command_id, arguments, _session: reached.append((command_id, arguments)))
+
+    def note(context: Context, command_id: str, *values: Any) -> None:
+        if any(command.id == command_id for command in COMMANDS):
+            reached.append((command_id, values))
+        else:
+            run(context, command_id, *values)
+
+    monkeypatch.setattr(frontend, "run_or_notify", note)
+    monkeypatch.setattr(parse, "run", note)
     yield reached
-    shared.session.palette = None
-    shared.session.toasts = ()
+    shared.session.window.palette = None
+    shared.session.window.toasts = ()
     shared.move(SIZE[0] - 1.0, SIZE[1] - 1.0)
     shared.settle()
 
 
 def chosen(command: Command, session: Session) -> tuple[str, ...]:
     """Something to tell a command: the last choice of each list, and what can be typed."""
-    typed = {"text": "a name", "path": "a-file.png", "number": "0.25", "whole": "2"}
-    return tuple(p.options(session)[-1] if p.kind == "choice" else typed[p.kind] for p in command.parameters)
+    typed = {str: "a name", Path: "a-file.png", int: "2"}
+    return tuple(
+        p.options(session)[-1] if p.is_choice else typed.get(p.type, str(p.arg.minimum or 0.25))
+        for p in command.parameters
+    )
 
 
 def press_chord(app: HeadlessApp, chord: Chord) -> None:
@@ -63,13 +78,13 @@ def test_by_script(shared: HeadlessApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     quoted = " ".join(f"'{argument}'" for argument in arguments)
     shared.play(parse_script(f"{command.id} {quoted}", "line"))
-    assert seen == [(command.id, arguments)]
+    assert seen == [(command.id, command.parse(arguments))]
 
 
 @every_command
 def test_by_palette(shared: HeadlessApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
-    shared.session.palette = ""
+    shared.session.window.palette = ""
     shared.frame(2)
     for text in (command.id, *arguments):
         imgui.get_io().add_input_characters_utf8(text)
@@ -77,8 +92,8 @@ def test_by_palette(shared: HeadlessApp, seen: Seen, command: Command) -> None:
         shared.key(imgui.Key.enter, True)
         shared.key(imgui.Key.enter, False)
         shared.frame()
-    assert seen == [(command.id, arguments)]
-    assert shared.session.palette is None
+    assert seen == [(command.id, command.parse(arguments))]
+    assert shared.session.window.palette is None
 
 
 @every_command
@@ -89,14 +104,14 @@ def test_by_menu(shared: HeadlessApp, seen: Seen, command: Command) -> None:
         shared.click(f"menu: {command.id}")
         assert seen == [(command.id, ())]
         return
-    if any(parameter.kind != "choice" for parameter in command.parameters):
+    if not all(parameter.is_choice for parameter in command.parameters):
         # The menu hands over to the palette, which asks.
         shared.click(f"menu: {command.id}")
-        assert (seen, shared.session.palette) == ([], command.id)
+        assert (seen, shared.session.window.palette) == ([], command.id)
         return
     for count in range(len(arguments) + 1):
         shared.click("menu: " + " ".join((command.id, *arguments[:count])))
-    assert seen == [(command.id, arguments)]
+    assert seen == [(command.id, command.parse(arguments))]
 
 
 @pytest.mark.parametrize(
@@ -117,20 +132,20 @@ def test_a_key_with_other_modifiers_does_nothing(shared: HeadlessApp, seen: Seen
 
 def test_a_click_beside_the_palette_and_escape_close_it(shared: HeadlessApp, seen: Seen) -> None:
     for close in (lambda: shared.click_at(5.0, SIZE[1] - 5.0), lambda: shared.press(imgui.Key.escape)):
-        shared.session.palette = ""
+        shared.session.window.palette = ""
         shared.settle()
         close()
-        assert shared.session.palette is None
+        assert shared.session.window.palette is None
     assert seen == []
 
 
 def test_the_palette_is_gone_through_with_arrows_and_the_mouse(shared: HeadlessApp, seen: Seen) -> None:
-    shared.session.palette = "compare.mode"
+    shared.session.window.palette = "compare.mode"
     shared.settle()
     shared.press(imgui.Key.down_arrow)
     shared.press(imgui.Key.enter)
     assert seen == [("compare.mode", ("b",))]
-    shared.session.palette = ""
+    shared.session.window.palette = ""
     shared.settle()
     shared.type("frame all")
     shared.click("palette: camera.frame-all")
@@ -138,25 +153,25 @@ def test_the_palette_is_gone_through_with_arrows_and_the_mouse(shared: HeadlessA
 
 
 def test_the_palette_says_what_does_not_fit(shared: HeadlessApp, seen: Seen) -> None:
-    shared.session.palette = "overlay.opacity"
+    shared.session.window.palette = "overlay.opacity"
     shared.settle()
     for text in ("", "much"):
         shared.type(text)
         shared.press(imgui.Key.enter)
-        assert shared.session.palette == "overlay.opacity"
-    shared.session.palette = ""
+        assert shared.session.window.palette == "overlay.opacity"
+    shared.session.window.palette = ""
     shared.settle()
     shared.type("zzzz")
     shared.press(imgui.Key.enter)
-    assert shared.session.palette == ""
+    assert shared.session.window.palette == ""
     assert seen == []
 
 
 def test_the_key_sheet_is_searched_and_closed(shared: HeadlessApp, seen: Seen) -> None:
-    shared.session.show_help = True
+    shared.session.window.show_help = True
     shared.settle()
     shared.type("divergence")
-    assert "search keys" in shared.frontend.interface.items.labels()
+    assert "search keys" in shared.widgets.labels()
     shared.press(imgui.Key.escape)
-    assert not shared.session.show_help
+    assert not shared.session.window.show_help
     assert seen == []

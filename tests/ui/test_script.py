@@ -14,7 +14,6 @@ from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
 from viewer.scene.model import Camera
 from viewer.script.parse import parse_script
-from viewer.state.actions import RunCommand
 from viewer.state.zoom import Zoom
 
 
@@ -76,7 +75,7 @@ def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:
     np.testing.assert_array_equal(shots["split"][:, left], shots["a"][:, left])
     np.testing.assert_array_equal(shots["split"][:, right], shots["b"][:, right])
     assert (shots["plain"] != shots["shown"]).any()
-    assert shots["shown"].shape[:2] == app.session.picture_size[::-1]
+    assert shots["shown"].shape[:2] == app.session.window.picture_size[::-1]
     assert shots["window"].shape[:2] == app.size[::-1]
     with pytest.raises(InputError, match=r"must end in \.png"):
         play(app, "file.screenshot a.jpg")
@@ -86,7 +85,7 @@ def test_the_window_shows_the_same_after_a_picture_of_something_else(app: Headle
     play(app, "wait settled")
     before = app.screenshot()
     play(app, "file.screenshot-picture b b.png", "wait settled")
-    app.session.toasts = ()
+    app.session.window.toasts = ()
     play(app, "wait settled")
     np.testing.assert_array_equal(app.screenshot(), before)
 
@@ -96,7 +95,7 @@ def test_views_go_through_files_and_the_clipboard(app: HeadlessApp, tmp_path: Pa
     play(app, *changes, "view.save v.json", "view.copy")
     view, bookmarks = app.session.view, app.session.bookmarks
     for restore in ("view.load v.json", f"view.load {tmp_path / 'pictures' / 'v.json'}", "view.paste"):
-        app.session.keep_bookmarks({})
+        app.session.navigation.bookmarks = {}
         play(app, "slot.path a deferred", "compare.mode a", "camera.look 0 0 9 0 0 0", "view.resolution 1", restore)
         assert app.session.view == view
         assert app.session.resolution == 0.5
@@ -106,11 +105,11 @@ def test_views_go_through_files_and_the_clipboard(app: HeadlessApp, tmp_path: Pa
 
 def test_a_view_with_a_source_that_is_not_open(app: HeadlessApp) -> None:
     play(app, "view.copy")
-    content = json.loads(app.session.clipboard.read())
+    content = json.loads(app.context.read_clipboard())
     content["slots"]["a"]["source"], content["scene"] = "elsewhere", "another"
-    app.session.clipboard.write(json.dumps(content))
+    app.context.write_clipboard(json.dumps(content))
     play(app, "view.paste", "expect source clustered", "expect toast 'not open: elsewhere'", "expect toast another")
-    app.session.clipboard.write("nothing of the kind")
+    app.context.write_clipboard("nothing of the kind")
     before = app.session.view
     with pytest.raises(InputError, match="clipboard: not JSON"):
         play(app, "view.paste")
@@ -141,13 +140,13 @@ def test_paths_are_played(app: HeadlessApp, tmp_path: Path) -> None:
     (tmp_path / "path.json").write_text(cameras_json(ends))
     play(app, f"camera.play {tmp_path / 'path.json'}", "wait frames 10", "expect moving on", "wait frames 40")
     play(app, "expect moving off", "expect camera p2")
-    app.session.last_path = ends[:2]
+    app.session.navigation.last_path = ends[:2]
     play(app, "camera.play", "wait frames 30", "expect camera p1")
 
 
 def test_what_is_recorded_can_be_played(app: HeadlessApp) -> None:
     play(app, "camera.record", "wait frames 2", "camera.next", "wait seconds 0.3", "camera.record", "wait frames 1")
-    assert app.session.last_path
+    assert app.session.navigation.last_path
     play(app, "camera.play", "wait frames 60", "expect moving off")
 
 
@@ -173,12 +172,12 @@ def test_what_ends_a_script(app: HeadlessApp, lines: tuple[str, ...], message: s
 
 def test_errors_that_are_expected_do_not_end_it(app: HeadlessApp) -> None:
     play(app, "file.open missing.glb", "expect toast missing.glb", "slot.source a no", "expect toast 'one of'", "key H")
-    assert not app.session.show_panels
+    assert not app.session.window.show_panels
 
 
 def test_closing_ends_a_script(app: HeadlessApp) -> None:
     play(app, "window.close", "expect source nothing-of-the-kind")
-    assert app.session.closing
+    assert app.session.requests.close
 
 
 def test_keys_of_the_users_own(app: HeadlessApp) -> None:
@@ -195,7 +194,7 @@ def test_tab_is_a_key_of_commands_even_after_a_click_into_a_panel(app: HeadlessA
 def test_no_command_breaks_the_window(app: HeadlessApp) -> None:
     """Without arguments each runs, or says in one line what it lacks."""
     for command in COMMANDS:
-        app.session.toasts = ()
-        app.session.apply(RunCommand(command.id))
+        app.session.window.toasts = ()
+        app.run(command.id)
         app.frame()
-        assert not any("\n" in toast.text for toast in app.session.toasts)
+        assert not any("\n" in toast.text for toast in app.session.window.toasts)

@@ -19,7 +19,6 @@ from tests.support.training_workers import blocks
 from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
-from viewer.state.actions import OpenFile
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
 
@@ -44,7 +43,7 @@ def app(folder: Path) -> Iterator[HeadlessApp]:
 
 
 def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraining:
-    training, began = app.session.training, time.monotonic()
+    training, began = app.training, time.monotonic()
     while not done(training):
         app.frame()
         assert time.monotonic() - began < PATIENCE, (training.state, messages(app))
@@ -54,12 +53,12 @@ def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraini
 
 def run(app: HeadlessApp, line: str) -> LiveTraining:
     """Run a command that trains, to its end."""
-    run_line(line, app.session)
+    run_line(app.context, line)
     return wait(app, lambda training: training.active is None)
 
 
 def messages(app: HeadlessApp) -> str:
-    return "\n".join(toast.text for toast in app.session.toasts)
+    return "\n".join(toast.text for toast in app.session.window.toasts)
 
 
 def fingerprint(pack: Pack, group: int) -> str:
@@ -76,11 +75,11 @@ def fingerprint(pack: Pack, group: int) -> str:
 
 
 def picture_at_rest(app: HeadlessApp) -> np.ndarray:
-    app.session.show_panels = False
-    app.session.toasts = ()
+    app.session.window.show_panels = False
+    app.session.window.toasts = ()
     app.settle()
     shot = app.screenshot()
-    app.session.show_panels = True
+    app.session.window.show_panels = True
     app.settle()
     return shot
 
@@ -89,13 +88,13 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
     session = app.session
     before = picture_at_rest(app)
-    assert "Encode it now" in app.frontend.interface.items.labels()
+    assert "Encode it now" in app.widgets.labels()
     app.show_panel("Training")
     app.click("budget")
-    app.frontend.interface.items.centre("Encode this scene")
-    run_line("training.encode baseline auto 32 60steps", session)
+    app.widgets.centre("Encode this scene")
+    run_line(app.context, "training.encode baseline auto 32 60steps")
     app.settle()
-    assert "Encode it now" not in app.frontend.interface.items.labels()
+    assert "Encode it now" not in app.widgets.labels()
     training = wait(app, lambda t: t.active is None or t.active.groups_seen)
     assert session.view.slot_a.source == "run 1"
     assert session.view.slot_b.source == REFERENCE
@@ -107,15 +106,15 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert (picture_at_rest(app) != before).any()
 
     with pytest.raises(InputError, match=r"ends in \.ntc"):
-        run_line("training.accept pack.zip", session)
+        run_line(app.context, "training.accept pack.zip")
     (folder / "file").write_text("no folder")
-    run_line(f"training.accept {folder / 'file' / 'pack.ntc'}", session)
+    run_line(app.context, f"training.accept {folder / 'file' / 'pack.ntc'}")
     wait(app, lambda t: not t.saving)
     assert "cannot be written" in messages(app)
     assert training.log.undecided == 1
     if os.geteuid() != 0:  # root may write anywhere
         folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
-        run_line("training.accept", session)
+        run_line(app.context, "training.accept")
         wait(app, lambda t: not t.saving)
         folder.chmod(stat.S_IRWXU)
         assert training.log.undecided == 1
@@ -127,11 +126,11 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     first = read_pack(written)
     assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["run 1"].textures]
     with pytest.raises(InputError, match="no finished run waits"):
-        run_line("training.discard", session)
+        run_line(app.context, "training.discard")
 
     app.click("tab Retrain")
     app.click("group 1")
-    assert "Retrain" in app.frontend.interface.items.labels()
+    assert "Retrain" in app.widgets.labels()
     run(app, "training.retrain 1 30steps")
     old, new = session.packs["run 1"], session.packs["run 2"]
     assert fingerprint(old, 0) == fingerprint(new, 0)
@@ -139,7 +138,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert (new.textures[1].psnr_db or 0.0) >= (old.textures[1].psnr_db or 0.0)
     assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", "run 1")
 
-    run_line("training.discard", session)
+    run_line(app.context, "training.discard")
     app.settle()
     assert session.view.slot_a.source == "run 1"
     assert "run 2" not in session.packs
@@ -151,16 +150,16 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert session.packs["run 3"].grouping.groups == (0, 0)
     run(app, "training.regroup baseline auto 20steps")
     assert session.packs["run 4"].grouping.groups == (0, 1)
-    run_line("training.regroup baseline auto 20steps", session)
+    run_line(app.context, "training.regroup baseline auto 20steps")
     wait(app, lambda t: t.active is None)
     assert "nothing is to be trained" in messages(app)
 
 
 def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     session = app.session
-    run_line("training.encode single auto 32 600s", session)
+    run_line(app.context, "training.encode single auto 32 600s")
     with pytest.raises(InputError, match="another one is under way"):
-        run_line("training.encode", session)
+        run_line(app.context, "training.encode")
     training = wait(app, lambda t: t.active is not None and t.active.groups_seen)
     app.click("Pause")
     wait(app, lambda t: t.state == "paused")
@@ -179,12 +178,12 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     assert "was cancelled" in messages(app)
     assert training.log.runs[-1].outcome == "cancelled"
     assert session.view.slot_a.source == "run 1"
-    run_line("training.discard", session)
+    run_line(app.context, "training.discard")
     app.settle()
     assert session.view.slot_a.source == REFERENCE
     assert not session.packs
 
-    run_line("training.encode single auto 32 600s", session)
+    run_line(app.context, "training.encode single auto 32 600s")
     wait(app, lambda t: t.active is not None and t.active.groups_seen)
     process = training.process_id
     assert process is not None
@@ -200,19 +199,19 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
 
 
 def test_cancel_while_preparing(app: HeadlessApp) -> None:
-    run_line("training.encode clustered 2 32 600s", app.session)
-    run_line("training.cancel", app.session)
+    run_line(app.context, "training.encode clustered 2 32 600s")
+    run_line(app.context, "training.cancel")
     training = wait(app, lambda t: t.active is None)
     assert training.log.runs[-1].outcome == "cancelled"
-    assert "it made no pack" in messages(app)
+    assert "nothing came of it" in messages(app)
 
 
 def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:
     other = two_squares(6).write(folder / "other.glb")
-    run_line("training.encode single auto 32 600s", app.session)
-    app.session.apply(OpenFile(other))
+    run_line(app.context, "training.encode single auto 32 600s")
+    app.run("file.open", other)
     app.frame()
-    training = app.session.training
+    training = app.training
     assert training.active is None
     assert "another scene" in messages(app)
     assert app.session.view.slot_a.source == REFERENCE
@@ -236,7 +235,7 @@ def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None
 )
 def test_what_cannot_be_is_said(app: HeadlessApp, line: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        run_line(line, app.session)
+        run_line(app.context, line)
 
 
 def test_more_groups_than_textures(app: HeadlessApp) -> None:

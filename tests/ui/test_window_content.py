@@ -11,12 +11,13 @@ from imgui_bundle import imgui
 from tests.ui.conftest import SIZE, hide_panels
 from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS
-from viewer.commands.chords import parse_chord
 from viewer.commands.command import Command
+from viewer.commands.keys import parse_chord
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.script.inputs import hold
-from viewer.state.actions import RunCommand
+from viewer.state.event_handlers import apply_event, notify
+from viewer.state.events import TimePassed
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Slot
 
@@ -49,7 +50,7 @@ def test_a_precision_that_the_driver_lacks_is_a_message(app: HeadlessApp) -> Non
     if app.session.view.slot_a.precision == "fp16-accumulate":
         pytest.skip("this driver has half arithmetic")
     assert app.session.view.slot_a == Slot("clustered", "deferred", "fp16")
-    assert any("no half arithmetic" in toast.text for toast in app.session.toasts)
+    assert any("no half arithmetic" in toast.text for toast in app.session.window.toasts)
 
 
 def test_auto_finds_the_cheapest_precision_beside_the_frames(app: HeadlessApp) -> None:
@@ -57,17 +58,17 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(app: HeadlessApp) -
     app.click("A precision: auto")
     for _ in range(2000):
         app.frame()
-        if not app.session.precision_wishes:
+        if not app.session.requests.precision:
             break
         time.sleep(0.01)
     assert app.session.view.slot_a.precision != "fp32", "weights of the built-in packs are halves"
-    assert any("clustered: precision fp16" in toast.text for toast in app.session.toasts)
+    assert any("clustered: precision fp16" in toast.text for toast in app.session.window.toasts)
 
 
 def test_auto_lasts_until_another_precision_is_asked_for(app: HeadlessApp) -> None:
-    app.session.apply(RunCommand("slot.precision", ("a", "auto")))
+    app.run("slot.precision", "a", "auto")
     assert not app.frontend.is_settled(app.size)
-    app.session.apply(RunCommand("slot.precision", ("a", "fp32")))
+    app.run("slot.precision", "a", "fp32")
     for _ in range(20):
         app.frame()
         time.sleep(0.01)
@@ -75,8 +76,8 @@ def test_auto_lasts_until_another_precision_is_asked_for(app: HeadlessApp) -> No
 
 
 def test_the_reference_has_no_precision(app: HeadlessApp) -> None:
-    app.session.apply(RunCommand("slot.precision", ("b", "auto")))
-    assert any("slot B shows the reference" in toast.text for toast in app.session.toasts)
+    app.run("slot.precision", "b", "auto")
+    assert any("slot B shows the reference" in toast.text for toast in app.session.window.toasts)
 
 
 @pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])
@@ -177,13 +178,13 @@ def test_measuring_fills_the_table(app: HeadlessApp) -> None:
     app.settle()
     app.click("Measure")
     app.settle()
-    figures = app.session.measurements
+    figures = app.session.inspection.measurements
     assert figures["a"].source == "clustered"
     assert figures["a"].psnr_db is not None
     assert figures["a"].divergence is not None
     assert figures["a"].divergence.maximum == 2
     assert figures["b"].psnr_db is None
-    assert app.session.measured_view == app.session.view
+    assert app.session.inspection.measured_view == app.session.view
 
 
 def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -> None:
@@ -211,26 +212,26 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -
 def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
     app.click("divergence")
     assert app.session.view.overlay.kind == "divergence"
-    assert "opacity" in app.frontend.interface.items.labels()
+    assert "opacity" in app.widgets.labels()
     app.click("divergence")
     assert app.session.view.overlay.kind == "none"
 
 
 def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) -> None:
-    app.session.say("hello")
-    assert app.session.toasts[0].until is None
+    notify(app.session, "hello")
+    assert app.session.window.toasts[0].until is None
     app.frame()
-    until = app.session.toasts[0].until
+    until = app.session.window.toasts[0].until
     assert until is not None
-    app.session.forget_old_toasts(until + 0.01)
-    assert not app.session.toasts
+    apply_event(app.session, TimePassed(until + 0.01))
+    assert not app.session.window.toasts
 
 
 def test_typing_runs_no_commands(app: HeadlessApp) -> None:
     app.click("path")
     app.key(imgui.Key.h, True)
     app.key(imgui.Key.h, False)
-    assert app.session.show_panels
+    assert app.session.window.show_panels
 
 
 def test_screenshots_are_written_with_the_interface_in_them(app: HeadlessApp, tmp_path: Path) -> None:
@@ -241,7 +242,7 @@ def test_screenshots_are_written_with_the_interface_in_them(app: HeadlessApp, tm
     assert written.shape == (SIZE[1], SIZE[0], 3)
     hide_panels(app)
     assert (written.astype(int) != app.screenshot().astype(int)).mean() > 0.1
-    assert any(str(file) in toast.text for toast in app.session.toasts)
+    assert any(str(file) in toast.text for toast in app.session.window.toasts)
 
 
 def test_cameras_of_the_scene_and_frame_all(app: HeadlessApp) -> None:
@@ -273,34 +274,34 @@ def test_every_key_runs_its_command(app: HeadlessApp, command: Command) -> None:
     for down in (True, False):
         for _ in hold(parse_chord(command.key), down):
             app.frame()
-        assert vars(app.session) != before or app.session.toasts
+        assert vars(app.session) != before or app.session.window.toasts
 
 
 def test_help_lists_the_keys(app: HeadlessApp) -> None:
     app.press(imgui.Key.f1)
-    assert "help" in app.frontend.interface.items.labels()
+    assert "help" in app.widgets.labels()
 
 
 def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None:
     app.click("A source")
     app.press(imgui.Key.escape)
-    assert not app.session.closing
-    assert "A source: single" not in app.frontend.interface.items.labels()
+    assert not app.session.requests.close
+    assert "A source: single" not in app.widgets.labels()
     app.press(imgui.Key.escape)
-    assert app.session.closing
+    assert app.session.requests.close
 
 
 def test_what_panels_hide_is_not_drawn(app: HeadlessApp) -> None:
     area = app.frontend.interface.picture_area
     assert area is not None
-    assert app.session.picture_size == (area.width, area.height)
+    assert app.session.window.picture_size == (area.width, area.height)
     assert area.width < SIZE[0] - 300
     shot = app.screenshot()
     hide_panels(app)
-    assert app.session.picture_size == SIZE
-    app.session.show_panels = True
+    assert app.session.window.picture_size == SIZE
+    app.session.window.show_panels = True
     app.settle()
-    assert app.session.picture_size == (area.width, area.height)
+    assert app.session.window.picture_size == (area.width, area.height)
     np.testing.assert_array_equal(app.screenshot(), shot)
 
 

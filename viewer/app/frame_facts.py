@@ -10,26 +10,26 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, BlockReader
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.measurement import SeenPicture, SlotMeasurement, measure_slot
+from viewer.inspect.measurement import SeenPicture, measure_slot
 from viewer.inspect.pixel_content import PixelContent, PixelReader
 from viewer.render.frame_times import FrameTimes
-from viewer.render.viewport import ShownPicture
-from viewer.state.session import Session
-from viewer.state.view_state import REFERENCE, Slot
+from viewer.render.viewport import Viewport
+from viewer.state.session import Session, SlotMeasurement
+from viewer.state.view_state import REFERENCE, Side, Slot
 from viewer.ui.facts import FrameFacts
 
 
 class FactsReader:
     """Reads a picture for the panels, and no more of it than they show."""
 
-    def __init__(self, context: GraphicsContext, session: Session, picture: ShownPicture, times: FrameTimes) -> None:
+    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes) -> None:
         self._renderer_name = context.info.renderer
         self._session, self._picture, self._times = session, picture, times
         self._images = NamedImages(context)
         self._blocks = BlockReader()
         self.pixels = PixelReader()
 
-    def read(self, live: LiveFigures) -> FrameFacts:
+    def read(self, live: LiveFigures, is_training: bool) -> FrameFacts:
         """The facts of the last frame; `live` is what comparing A with B has found."""
         last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
         slots = (self._session.view.slot_a, self._session.view.slot_b)
@@ -48,6 +48,7 @@ class FactsReader:
             gpu_bytes={slot: sum(of_slot.values()) for slot, of_slot in parts.items()},
             frames_drawn=self._picture.frames_drawn,
             live=live,
+            is_training=is_training,
             pixel=self._pixel(),
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
@@ -65,15 +66,15 @@ class FactsReader:
         assert self._picture.thumbnails is not None
         return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
 
-    def measurements(self) -> Mapping[str, SlotMeasurement] | None:
+    def measurements(self) -> Mapping[Side, SlotMeasurement] | None:
         """Both slots of the present view, measured now; None while there is no picture of it."""
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return None
         reference = renderer.albedo(Slot(REFERENCE))
         covered, texture_ids = renderer.covered(), renderer.texture_ids()
-        results: dict[str, SlotMeasurement] = {}
-        for side, slot in (("a", view.slot_a), ("b", view.slot_b)):
+        results: dict[Side, SlotMeasurement] = {}
+        for side, slot in view.slots.items():
             shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
             seen = SeenPicture(shown, reference, covered, texture_ids)
             pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
@@ -96,15 +97,20 @@ class FactsReader:
     def _pixel(self) -> PixelContent | None:
         """The pixel to speak of, while its panel is open."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
-        at = session.kept_pixel or session.hovered
-        if renderer is None or view is None or at is None or not (session.comparing.pixel and session.show_panels):
+        at = session.inspection.pixel or session.inspection.hovered
+        if (
+            renderer is None
+            or view is None
+            or at is None
+            or not ("Pixel" in session.window.open_panels and session.window.show_panels)
+        ):
             return None
         return self.pixels.read(renderer, view, at)
 
     def _block(self) -> BlockContent | None:
         """The block to speak of, while the map is shown."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
-        at = session.inspected or session.hovered
+        at = session.inspection.block or session.inspection.hovered
         if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
             return None
         return self._blocks.read(renderer, session.packs, view, at)

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Mapping
-from pathlib import Path
+from functools import partial
 
 import moderngl
 from imgui_bundle import imgui
@@ -11,22 +11,29 @@ from imgui_bundle import imgui
 from ntc.errors import InputError
 from viewer.app.frame_facts import FactsReader
 from viewer.capture.picture_writer import PictureWriter
-from viewer.commands import bindings, run_command
+from viewer.commands import bindings, run_or_notify
+from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
 from viewer.render.frame_times import FrameTimes
 from viewer.render.resources.precision import supported_precisions
-from viewer.render.viewport import ShownPicture
-from viewer.state.session import Session
-from viewer.ui.clipboard import WindowClipboard
+from viewer.render.viewport import Viewport
+from viewer.state.event_handlers import apply_event
+from viewer.state.events import (
+    CameraSampled,
+    FlickerTurned,
+    FrameStarted,
+    Measured,
+    Notification,
+    PanelsMade,
+    TimePassed,
+)
 from viewer.ui.facts import FrameFacts
 from viewer.ui.user_interface import UserInterface
 
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
-SETTLING_FRAMES = 3
-"""Frames that ImGui needs after an event until its layout rests."""
 RECORDING_SECONDS = 0.25
 """A recorded path has a camera so often."""
 LONGEST_STEP = 0.1
@@ -38,20 +45,19 @@ COMPARISON_POLL_SECONDS = 0.05
 class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
-    def __init__(self, context: GraphicsContext, session: Session, pictures: Path) -> None:
-        self._context, self.session = context, session
-        session.use_commands(run_command)
-        session.pictures_folder = pictures
-        session.clipboard = WindowClipboard()
+    def __init__(self, graphics: GraphicsContext, context: Context) -> None:
+        session = context.session
+        self._graphics, self._context, self.session = graphics, context, session
+        self._report = partial(apply_event, session)
         for problem in bindings(session.settings.keys).problems:
-            session.say(problem, "error")
+            self._report(Notification(problem, "error"))
         self.interface = UserInterface()
-        session.panel_titles = self.interface.panel_titles
+        self._report(PanelsMade(self.interface.panel_titles))
         self._times = FrameTimes()
-        self.picture = ShownPicture(context, session, self._times, self.interface.background)
-        self.reader = FactsReader(context, session, self.picture, self._times)
-        self._writer = PictureWriter(context, session, self.picture)
-        self._precision = PrecisionSearch(self.interface.background, supported_precisions(context))
+        self.picture = Viewport(graphics, session, self._times, self.interface.background, self._report)
+        self.reader = FactsReader(graphics, session, self.picture, self._times)
+        self._writer = PictureWriter(graphics, session, self.picture, self._report)
+        self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics))
         self._recorded_at = -math.inf
         self.live = LiveComparison()
 
@@ -67,7 +73,7 @@ class Frontend:
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
-        return self.reader.read(self.live.figures)
+        return self.reader.read(self.live.figures, self._is_training)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.
@@ -76,24 +82,24 @@ class Frontend:
         """
         session, room = self.session, self._picture_size(size)
         self._times.begin()
-        session.picture_size = room or size
-        session.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
-        self._precision.step(session)
-        session.move_camera(min(imgui.get_io().delta_time, LONGEST_STEP))
+        self._context.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
+        self._precision.step(session, self._report)
+        self._report(FrameStarted(min(imgui.get_io().delta_time, LONGEST_STEP), room or size))
         self._update_flicker()
         if room is not None:
             self._draw_picture(room)
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:
             self._recorded_at = now
-            session.record_camera()
+            self._report(CameraSampled())
         # After the picture: messages are seen from now on, however long it took.
-        session.forget_old_toasts(time.monotonic())
+        self._report(TimePassed(time.monotonic()))
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
-        self.interface.draw(session, self.facts(), picture, session.apply)
+        emit = partial(run_or_notify, self._context)
+        self.interface.draw(session, self._context.training, self.facts(), picture, emit)
         for problem in self.reader.take_problems():
-            session.say(problem, "error")
+            self._report(Notification(problem, "error"))
         imgui.render()
         return imgui.get_draw_data()
 
@@ -103,10 +109,10 @@ class Frontend:
         framebuffer.clear(*BACKGROUND)
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
-        self._context.gl.enable_only(moderngl.NOTHING)
+        self._graphics.gl.enable_only(moderngl.NOTHING)
         self._times.end()
-        self._context.reset.check()
-        self._writer.write_wanted(framebuffer)
+        self._graphics.reset.check()
+        self._writer.write_requested(framebuffer)
 
     def prepare_next(self) -> bool:
         """Compile the next thing that the user may toggle to: for when there is nothing else to do. False when all is ready."""
@@ -115,22 +121,22 @@ class Frontend:
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a wish is open."""
         session = self.session
-        waiting = session.recorded_path is not None or session.training.is_due
-        ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.toasts)
+        waiting = session.requests.camera_path is not None or self._context.training.is_due
+        ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.window.toasts)
         comparing = self._compares and self.live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
         return waiting or ending or comparing or self._frame_is_due(size)
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
-        return not (self._frame_is_due(size) or self.picture.is_coarse() or self.session.precision_wishes)
+        return not (self._frame_is_due(size) or self.picture.is_coarse() or self.session.requests.precision)
 
     @property
     def seconds_until_change(self) -> float:
         """Seconds until the picture changes by itself; infinite where it does not."""
         if self.live.is_computing:
             return COMPARISON_POLL_SECONDS
-        if not self.session.flickers:
+        if not self.session.window.flickers:
             return math.inf
         turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
         return (math.floor(turns) + 1.0 - turns) / (2.0 * self.session.settings.flicker_hz)
@@ -151,17 +157,17 @@ class Frontend:
         session = self.session
         try:
             self.picture.draw(size)
-            if session.measure_requested:
-                found = self.reader.measurements()
-                if found is not None:
-                    session.measurements, session.measured_view = dict(found), session.view
+            if session.requests.measure:
+                self._report(Measured(self.reader.measurements()))
             self._compare(size)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
-            self._context.reset.check_after(error)
+            self._graphics.reset.check_after(error)
             if not self.picture.note_failure(size):
                 raise
-            session.say(" ".join(str(error).split()) or "there is not enough memory", "error", str(error))
-        session.measure_requested = False
+            line = " ".join(str(error).split()) or "there is not enough memory"
+            self._report(Notification(line, "error", str(error)))
+            if session.requests.measure:
+                self._report(Measured(None))
 
     def _compare(self, size: tuple[int, int]) -> None:
         """Do what there is to do while the picture rests."""
@@ -180,17 +186,22 @@ class Frontend:
         in_picture = view.overlay.kind in ("error-texture", "error-decoder") or (
             view.compare == "difference" and view.difference.kind == "flip"
         )
-        return session.show_panels or in_picture
+        return session.window.show_panels or in_picture
+
+    @property
+    def _is_training(self) -> bool:
+        """Whether a training changes the picture every second and needs the processors."""
+        return self._context.training.state not in ("idle", "paused")
 
     @property
     def _compares(self) -> bool:
-        """Whether A is compared with B: not while a training changes the picture every second and needs the processors."""
-        return self.session.settings.live_figures and self.session.training.state in ("idle", "paused")
+        """Whether A is compared with B while the picture rests."""
+        return self.session.settings.live_figures and not self._is_training
 
     def _update_flicker(self) -> None:
-        session = self.session
-        turns = time.monotonic() * 2.0 * session.settings.flicker_hz
-        session.flicker_phase = session.flickers and int(turns) % 2 == 1
+        if self.session.window.flickers:
+            turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
+            self._report(FlickerTurned(int(turns) % 2 == 1))
 
     def _frame_is_due(self, size: tuple[int, int]) -> bool:
         """Whether the next frame shows something else, because of a wish, of what was opened, or of what was found meanwhile."""
@@ -198,5 +209,5 @@ class Frontend:
         found = self.interface.background.take_news() or self.interface.is_settling(session)
         if room is None:
             return True
-        wishes = session.measure_requested or bool(session.picture_requests) or session.motion is not None
+        wishes = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
         return found or self.picture.is_due(room) or (wishes and not self.picture.is_undrawable(room))

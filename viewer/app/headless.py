@@ -1,4 +1,4 @@
-"""The window's content without a window: for tests that click and take pictures."""
+"""The window's content without a window: for scripts, and for tests that click and take pictures."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,21 +9,19 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from ntc.pack.model import Pack
-from viewer.app.frontend import SETTLING_FRAMES, Frontend
+from viewer.app.app import App
 from viewer.capture.picture_writer import read_pixels
 from viewer.gl.context import create_headless_context
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
-from viewer.script.play import play_script
-from viewer.state.actions import OpenFile, RunCommand
-from viewer.state.session import FirstLook, Session
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
-from viewer.ui.theme import Appearance
+from viewer.ui.user_interface import SETTLING_FRAMES
 
 FRAME_SECONDS = 1.0 / 60.0
 
 
-class HeadlessApp:
+class HeadlessApp(App):
     """Session, user interface and renderer under EGL, driven by calls instead of a person."""
 
     def __init__(
@@ -33,10 +31,11 @@ class HeadlessApp:
         size: tuple[int, int],
         pictures: Path,
         settings: ViewerSettings | None = None,
-        first: FirstLook | None = None,
+        initial: InitialView | None = None,
     ) -> None:
+        """`size` (width, height) in pixels; `pictures`: where pictures, views and camera paths are written."""
         self._size = size
-        self.context = create_headless_context()
+        self.graphics = create_headless_context()
         self._framebuffer = self._make_framebuffer(size)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
@@ -46,12 +45,11 @@ class HeadlessApp:
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.display_size = imgui.ImVec2(*size)
         imgui.backends.opengl3_init("#version 330")
-        self.session = Session(scene, packs, settings or ViewerSettings(), first or FirstLook())
-        self.frontend = Frontend(self.context, self.session, pictures)
-        self._appearance = Appearance()
+        session = new_session(scene, packs, settings or ViewerSettings(), initial or InitialView(), pictures)
+        super().__init__(self.graphics, session)
 
     def _make_framebuffer(self, size: tuple[int, int]) -> moderngl.Framebuffer:
-        memory, what = self.context.memory, f"a window of {size[0]} x {size[1]}"
+        memory, what = self.graphics.memory, f"a window of {size[0]} x {size[1]}"
         with memory.transaction():
             return memory.framebuffer(what, [memory.texture(what, size, 4)])
 
@@ -74,14 +72,14 @@ class HeadlessApp:
 
     def play(self, script: Script) -> None:
         """Play a script to its end. Raises InputError with its file and line where a line cannot be carried out."""
-        for _ in play_script(script, self):
+        for _ in self.played(script):
             self.frame()
 
     def frame(self, count: int = 1) -> None:
         """Draw this many frames."""
         for _ in range(count):
             imgui.get_io().delta_time = FRAME_SECONDS
-            self._appearance.apply(self.session.settings.theme, self.session.settings.ui_scale, 1.0)
+            self._apply_appearance(1.0)
             imgui.backends.opengl3_new_frame()
             imgui.new_frame()
             draw_data = self.frontend.build(self._size)
@@ -105,19 +103,19 @@ class HeadlessApp:
 
     def show_panel(self, title: str) -> None:
         """Bring a panel to the front."""
-        self.session.apply(RunCommand("window.panel", (title, "on")))
+        self.run("window.panel", title)
         self.settle()
 
     def double_click(self, label: str) -> None:
         """Click twice on the widget called `label`. Raises KeyError when there is none."""
-        self.move(*self.frontend.interface.items.centre(label))
+        self.move(*self.widgets.centre(label))
         for down in (True, False, True, False):
             self.button(down)
         self.settle()
 
     def click(self, label: str) -> None:
         """Click on the widget called `label`. Raises KeyError when there is none."""
-        self.click_at(*self.frontend.interface.items.centre(label))
+        self.click_at(*self.widgets.centre(label))
 
     def click_at(self, x: float, y: float) -> None:
         """Click at a place in window pixels."""
@@ -153,7 +151,7 @@ class HeadlessApp:
 
     def drop(self, path: Path) -> None:
         """Drop a file on the window."""
-        self.session.apply(OpenFile(path))
+        self.open_files([path])
         self.settle()
 
     def screenshot(self) -> NDArray[np.uint8]:
@@ -162,11 +160,11 @@ class HeadlessApp:
 
     def close(self) -> None:
         """Free everything."""
-        self.session.close()
+        self.training.close()
         self.frontend.release()
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()
         implot.destroy_context()
         imgui.destroy_context(self._imgui)
         self._release_framebuffer()
-        self.context.gl.release()
+        self.graphics.gl.release()

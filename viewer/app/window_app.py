@@ -13,7 +13,8 @@ import glfw
 
 from ntc.errors import InputError
 from ntc.pack.model import Pack
-from viewer.app.frontend import SETTLING_FRAMES, Frontend
+from viewer.app.app import App
+from viewer.app.frontend import Frontend
 from viewer.app.imgui_window import ImguiWindow, Placement
 from viewer.app.loss_recovery import (
     MOST_LOSSES,
@@ -27,11 +28,11 @@ from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
-from viewer.script.play import play_script
-from viewer.state.actions import OpenFile
-from viewer.state.session import FirstLook, Session
+from viewer.state.event_handlers import notify
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
 from viewer.ui.theme import Appearance
+from viewer.ui.user_interface import SETTLING_FRAMES
 
 IDLE_SECONDS = 0.2
 """Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
@@ -47,7 +48,7 @@ class WindowContent:
 
     scene: Scene
     packs: Mapping[str, Pack]
-    first: FirstLook
+    initial: InitialView
     script: Script = ()
     """What is played when it has opened; then it stays open, unless the script closes it."""
     size: tuple[int, int] | None = None
@@ -56,8 +57,8 @@ class WindowContent:
     """Folder for pictures, views and paths."""
 
 
-class WindowApp:
-    """A window around a Frontend."""
+class WindowApp(App):
+    """A session in a window, which is opened anew where its OpenGL context is lost."""
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()
@@ -72,20 +73,18 @@ class WindowApp:
         self._size = content.size or settings.window_size
         """In screen units, as it was last."""
         self._awake = SETTLING_FRAMES
-        self._appearance = Appearance()
         self._window: ImguiWindow | None = None
         window = self._open(Placement(self._size))
-        self.session = Session(content.scene, content.packs, settings, content.first)
-        self.frontend = Frontend(window.context, self.session, content.pictures)
-        self._playing: Iterator[None] | None = play_script(content.script, self) if content.script else None
+        session = new_session(content.scene, content.packs, settings, content.initial, content.pictures)
+        super().__init__(window.context, session)
+        self._playing: Iterator[None] | None = self.played(content.script) if content.script else None
         if problem is not None:
-            self.session.say(problem, "error")
+            notify(self.session, problem, "error")
 
     def _open(self, placement: Placement, layout: str = "") -> ImguiWindow:
         layout_file = self._folder / LAYOUT_FILE if self._folder is not None else None
         self._window = ImguiWindow(placement, layout_file, layout, self._listen, self._losses)
         self._handle: Any = self._window.handle
-        self._appearance = Appearance()
         return self._window
 
     def _wake(self, *_event: object) -> None:
@@ -106,8 +105,7 @@ class WindowApp:
         listen_to_drops(handle, self._dropped)
 
     def _dropped(self, _window: object, paths: Any, *_rest: object) -> None:
-        for path in paths:
-            self.session.apply(OpenFile(Path(path)))
+        self.open_files([Path(path) for path in paths])
         self._wake()
 
     def _monitor_scale(self) -> float:
@@ -118,8 +116,7 @@ class WindowApp:
         return min(max(asked * width / max(pixels, 1), 1.0), LARGEST_MONITOR_SCALE)
 
     def _frame(self, window: ImguiWindow, size: tuple[int, int]) -> None:
-        settings = self.session.settings
-        self._appearance.apply(settings.theme, settings.ui_scale, self._monitor_scale())
+        self._apply_appearance(self._monitor_scale())
         window.new_frame()
         draw_data = self.frontend.build(size)
         screen = window.context.gl.screen
@@ -152,10 +149,10 @@ class WindowApp:
             self._playing = None
         except InputError as error:
             self._playing = None
-            self.session.say(f"{error}; the script ends here", "error")
+            notify(self.session, f"{error}; the script ends here", "error")
         self._wake()
 
-    def run(self, frames: int | None = None) -> None:
+    def show(self, frames: int | None = None) -> None:
         """Draw until the window is closed, or `frames` frames have been drawn.
 
         Goes on in a new window where the OpenGL context is lost. Raises InputError where that cannot be, or not any more.
@@ -163,7 +160,7 @@ class WindowApp:
         drawn = 0
         last_size = (0, 0)
         while self._window is not None and not (
-            glfw.window_should_close(self._handle) or self.session.closing or drawn == frames
+            glfw.window_should_close(self._handle) or self.session.requests.close or drawn == frames
         ):
             try:
                 with self._window.context.reset.watched():
@@ -210,9 +207,10 @@ class WindowApp:
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise context_lost_error(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.session, self.session.pictures_folder)
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.context)
+        self._appearance = Appearance()
         self.frontend.interface.take_over(earlier.interface)
-        self.session.say(RECOVERED, details=str(lost))
+        notify(self.session, RECOVERED, details=str(lost))
         self._wake()
 
     def _close_window(self) -> None:
@@ -236,14 +234,14 @@ class WindowApp:
     def close(self) -> None:
         """Remember settings and layout, and free everything."""
         width, height = self._size
-        settings = self.session.present_settings()
+        settings = self.session.present_settings
         try:
             if width > 0 and height > 0:
                 settings = replace(settings, window_size=(max(width, 320), max(height, 200)))
             if self._folder is not None:
                 save_settings(self._folder, settings)
         finally:
-            self.session.close()
+            self.training.close()
             self._close_window()
 
 
@@ -252,7 +250,7 @@ def run_window(content: WindowContent) -> int:
     app = WindowApp(content)
     frames = os.environ.get(FRAMES_VARIABLE, "")
     try:
-        app.run(int(frames) if frames.isdigit() else None)
+        app.show(int(frames) if frames.isdigit() else None)
     except BaseException as error:
         app.leave(error)
         raise

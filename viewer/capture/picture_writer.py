@@ -8,12 +8,12 @@ from ntc.errors import InputError
 from ntc.io import write_text
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
-from viewer.render.viewport import ShownPicture
+from viewer.render.viewport import Viewport
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
 from viewer.scene.model import Camera
-from viewer.state.picture_request import PictureRequest
-from viewer.state.session import Session
+from viewer.state.events import CameraPathWritten, EmitEvent, Notification, PictureWritten
+from viewer.state.session import PictureRequest, Session
 
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
@@ -26,38 +26,44 @@ def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
 
 
 class PictureWriter:
-    """Carries out the session's wishes for files when a frame is on its framebuffer. What fails is a message."""
+    """Writes the requested pictures and paths when a frame is on its framebuffer. What fails becomes a message."""
 
-    def __init__(self, context: GraphicsContext, session: Session, picture: ShownPicture) -> None:
-        self._context, self._session, self._picture = context, session, picture
+    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, emit: EmitEvent) -> None:
+        self._context, self._session, self._picture, self._emit = context, session, picture, emit
 
-    def write_wanted(self, framebuffer: moderngl.Framebuffer) -> None:
-        """Write all that is wanted. Raises ContextLostError; what has not been written is still wanted then."""
+    def write_requested(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Write all that is requested. Raises ContextLostError; what has not been written stays requested then."""
         session = self._session
-        for request in session.picture_requests:
+        for request in session.requests.pictures:
             self._write(request, framebuffer)
-            session.picture_requests = session.picture_requests[1:]
-        if session.recorded_path is not None:
-            self._write_path(session.recorded_path)
-            session.recorded_path = None
+            self._emit(PictureWritten())
+        if session.requests.camera_path is not None:
+            self._write_path(session.requests.camera_path)
+            self._emit(CameraPathWritten())
 
     def _write(self, request: PictureRequest, framebuffer: moderngl.Framebuffer) -> None:
         session, is_window = self._session, request.kind == "window"
         dated = session.dated_file("" if is_window else f"-{request.kind}", ".png")
         path = session.pictures_folder / request.file if request.file else dated
         try:
-            pixels = read_pixels(framebuffer) if is_window else self._picture.alone(request, self._session.picture_size)
+            pixels = (
+                read_pixels(framebuffer)
+                if is_window
+                else self._picture.alone(request, self._session.window.picture_size)
+            )
             self._context.reset.check()
             write_png(path, pixels)
             if not request.quiet:
-                session.say(f"wrote {path}")
+                self._emit(Notification(f"wrote {path}"))
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
-            session.say(" ".join(str(error).split()) or "there is not enough memory for the picture", "error")
+            line = " ".join(str(error).split()) or "there is not enough memory for the picture"
+            self._emit(Notification(line, "error"))
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
         path = self._session.dated_file("-path", ".json")
         try:
             write_text(path, cameras_json(cameras))
-            self._session.say(f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it")
+            line = f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it"
+            self._emit(Notification(line))
         except InputError as error:
-            self._session.say(str(error), "error")
+            self._emit(Notification(str(error), "error"))

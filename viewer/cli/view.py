@@ -11,7 +11,7 @@ from viewer.cli.render import render
 from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.parse import Script, parse_exec, read_script
-from viewer.state.session import FirstLook
+from viewer.state.open_files import InitialView
 from viewer.state.view_state import REFERENCE
 
 PICTURES_SIZE = (960, 540)
@@ -46,8 +46,8 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
-    first = FirstLook(source, options.path, resolve_precision(options.precision, packs.get(source), None))
-    app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, first=first)
+    initial = InitialView(source, options.path, resolve_precision(options.precision, packs.get(source), None))
+    app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial)
     try:
         app.play(script)
     finally:
@@ -66,8 +66,8 @@ def view(options: ViewOptions) -> int:
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        first = FirstLook(source, options.path, options.precision)
-        return run_window(WindowContent(scene, packs, first, script, options.size, options.out))
+        initial = InitialView(source, options.path, options.precision)
+        return run_window(WindowContent(scene, packs, initial, script, options.size, options.out))
     if script:
         raise InputError("no display (DISPLAY and WAYLAND_DISPLAY are unset) to play a script on; add --headless")
     sys.stdout.write("no display (DISPLAY and WAYLAND_DISPLAY are unset): drawing without a window\n")

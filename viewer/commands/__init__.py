@@ -1,40 +1,22 @@
 """Every command of the window: one registry feeds menus, keys, the palette, the help, scripts and README's key table."""
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 from ntc.errors import InputError
-from viewer.commands import (
-    appearance,
-    camera,
-    compare,
-    errors,
-    explore,
-    motion,
-    overlay,
-    pictures,
-    training,
-    views,
-    window,
-)
-from viewer.commands.bindings import HOLD_KEY, Bindings, bind_keys
-from viewer.commands.command import Command, FixedChoices, words
-from viewer.state.session import Session
+from viewer.commands import camera, compare, errors, files, motion, overlay, textures, training, window
+from viewer.commands.command import Command, Context, words
+from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
+from viewer.state.event_handlers import notify
+from viewer.state.message_log import details_of
 
-COMMANDS: tuple[Command, ...] = (
-    *compare.COMMANDS,
-    *errors.COMMANDS,
-    *overlay.COMMANDS,
-    *camera.COMMANDS,
-    *explore.COMMANDS,
-    *motion.COMMANDS,
-    *pictures.COMMANDS,
-    *views.COMMANDS,
-    *training.COMMANDS,
-    *window.COMMANDS,
-    *appearance.COMMANDS,
-)
+_MODULES = (compare, errors, overlay, camera, textures, motion, files, training, window)
+_ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
+COMMANDS = tuple(command for command in _ALL if command.menu is not None)
+"""What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""
+_BY_ID = {command.id: command for command in _ALL}
 PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),
     ("right or middle drag", "pan"),
@@ -52,7 +34,7 @@ PICTURE_HINTS = (
 
 
 def find_command(command_id: str) -> Command:
-    """The command with this id. Raises InputError that names the nearest ones."""
+    """The command with this id and a text form. Raises InputError that names the nearest ones."""
     for command in COMMANDS:
         if command.id == command_id:
             return command
@@ -61,20 +43,30 @@ def find_command(command_id: str) -> Command:
     raise InputError(f"{command_id!r}: no such command{hint}")
 
 
-def run_command(command_id: str, arguments: Sequence[str], session: Session) -> None:
-    """Run a command. Raises InputError for one that does not exist, for arguments that do not fit, and where files fail."""
-    command = find_command(command_id)
+def run(context: Context, command_id: str, *values: Any) -> None:
+    """Run a command with typed values; parameters that are left out take their defaults.
+
+    Raises InputError for values that do not fit, and where files fail.
+    """
     try:
-        command.run(session, *command.values(arguments, session))
+        _BY_ID[command_id].run(context, values)
     except OSError as error:
         raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
 
 
-def run_line(line: str, session: Session) -> None:
+def run_or_notify(context: Context, command_id: str, *values: Any) -> None:
+    """Run a command with typed values; what keeps it from being carried out becomes a message."""
+    try:
+        run(context, command_id, *values)
+    except InputError as error:
+        notify(context.session, str(error), "error", details_of(error))
+
+
+def run_line(context: Context, line: str) -> None:
     """Run a command as it is typed; nothing for an empty line or a comment. Raises InputError."""
     parts = words(line)
     if parts:
-        run_command(parts[0], parts[1:], session)
+        run(context, parts[0], *find_command(parts[0]).parse(parts[1:]))
 
 
 def bindings(keys: Mapping[str, str]) -> Bindings:
@@ -110,7 +102,8 @@ def command_table_markdown() -> str:
 def _parameters(command: Command) -> str:
     parts = []
     for parameter in command.parameters:
-        choices = parameter.choices.names if isinstance(parameter.choices, FixedChoices) else ()
-        what = " \\| ".join(f"`{choice}`" for choice in choices) or parameter.help
-        parts.append(f"{parameter.name.upper()}: {what}" + (f" ({parameter.default})" if parameter.default else ""))
+        what = " \\| ".join(f"`{choice}`" for choice in parameter.fixed) or parameter.help
+        parts.append(
+            f"{parameter.name.upper()}: {what}" + (f" ({parameter.default_text})" if parameter.default_text else "")
+        )
     return "; ".join(parts)

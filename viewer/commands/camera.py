@@ -1,82 +1,103 @@
 """Commands: where the picture is seen from."""
 
 from dataclasses import replace
+from typing import Annotated
 
 from ntc.errors import InputError
-from viewer.commands.command import Command, Parameter, fixed
+from viewer.commands.command import Arg, command, gesture
 from viewer.scene.model import Camera
-from viewer.state.actions import SetCamera
+from viewer.state.event_handlers import notify
 from viewer.state.navigation import frame
 from viewer.state.session import Session
 from viewer.state.settings import CameraMode
 
 
-def _frame_all(session: Session) -> None:
-    aspect = session.picture_size[0] / session.picture_size[1]
-    session.apply(SetCamera(frame(session.view.camera, session.scene.bounds, aspect)))
+def place_camera(session: Session, camera: Camera) -> None:
+    """Look from `camera`; what moved it before ends."""
+    session.navigation.motion = None
+    session.view = replace(session.view, camera=camera)
 
 
-def _next_camera(session: Session) -> None:
+@gesture("camera.set")
+def set_camera(session: Session, camera: Camera) -> None:
+    place_camera(session, camera)
+
+
+@gesture("camera.fly-faster")
+def fly_faster(session: Session, notches: float) -> None:
+    session.navigation.speed_notches += notches
+    notify(session, f"speed {1.25**session.navigation.speed_notches:.2f}x")
+
+
+@command("camera.frame-all", "Frame all", "see the whole scene", "Camera", "F")
+def frame_all(session: Session) -> None:
+    width, height = session.window.picture_size
+    place_camera(session, frame(session.view.camera, session.scene.bounds, width / height))
+
+
+@command("camera.next", "Next camera", "go to the scene's next camera", "Camera", "C")
+def next_camera(session: Session) -> None:
     cameras = session.scene.cameras
     if not cameras:
-        session.say("the scene has no cameras")
+        notify(session, "the scene has no cameras")
         return
     names = [camera.name for camera in cameras]
     present = names.index(session.view.camera.name) if session.view.camera.name in names else -1
-    session.apply(SetCamera(cameras[(present + 1) % len(cameras)]))
+    place_camera(session, cameras[(present + 1) % len(cameras)])
 
 
-def _go(session: Session, name: str) -> None:
-    session.apply(SetCamera(next(camera for camera in session.scene.cameras if camera.name == name)))
+def _camera_names(session: Session) -> tuple[str, ...]:
+    return tuple(camera.name for camera in session.scene.cameras)
 
 
-def _look(session: Session, *numbers: float) -> None:
-    eye, target, fov = numbers[:3], numbers[3:6], numbers[6]
+@command("camera.go", "Camera", "go to a camera of the scene", "Camera")
+def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera_names)]) -> None:
+    place_camera(session, next(camera for camera in session.scene.cameras if camera.name == name))
+
+
+Coordinate = Annotated[float, Arg("scene units, Y up")]
+
+
+@command("camera.look", "Look", "look from a place at another", "Camera")
+def look(
+    session: Session,
+    eye_x: Coordinate,
+    eye_y: Coordinate,
+    eye_z: Coordinate,
+    target_x: Coordinate,
+    target_y: Coordinate,
+    target_z: Coordinate,
+    fov: Annotated[float, Arg("vertical field of view, degrees", None, 1.0, 179.0)] = 60.0,
+) -> None:
+    eye, target = (eye_x, eye_y, eye_z), (target_x, target_y, target_z)
     if eye == target:
         raise InputError("camera.look: eye and target are the same place")
-    if not 1.0 <= fov <= 179.0:
-        raise InputError(f"camera.look: fov {fov:g} must be 1 to 179 degrees")
-    place = (eye[0], eye[1], eye[2]), (target[0], target[1], target[2])
-    session.apply(SetCamera(Camera("free", *place, fov_degrees=fov)))
+    place_camera(session, Camera("free", eye, target, fov_degrees=fov))
 
 
-def _mode(session: Session, mode: CameraMode) -> None:
+def _set_mode(session: Session, mode: CameraMode) -> None:
     session.settings = replace(session.settings, camera_mode=mode)
-    session.say(f"camera: {mode}")
+    notify(session, f"camera: {mode}")
 
 
-def _next_mode(session: Session) -> None:
-    _mode(session, "fly" if session.settings.camera_mode == "orbit" else "orbit")
+@command("camera.next-mode", "Orbit or fly", "switch between orbiting and flying", "Camera", "V")
+def next_mode(session: Session) -> None:
+    _set_mode(session, "fly" if session.settings.camera_mode == "orbit" else "orbit")
 
 
-def _record(session: Session) -> None:
-    if session.recording is None:
-        session.recording = ()
-        session.say("recording the camera's path; the same key ends it")
+@command("camera.mode", "Camera mode", "how the mouse moves the camera", "Camera")
+def set_mode(session: Session, mode: Annotated[CameraMode, Arg("how the mouse moves it")]) -> None:
+    _set_mode(session, mode)
+
+
+@command(
+    "camera.record", "Record path", "record the camera's path as a cameras file, until pressed again", "Camera", "R"
+)
+def record(session: Session) -> None:
+    navigation = session.navigation
+    if navigation.recording is None:
+        navigation.recording = ()
+        notify(session, "recording the camera's path; the same key ends it")
     else:
-        session.recorded_path, session.recording = session.recording, None
-        session.last_path = session.recorded_path
-
-
-NAME = Parameter("name", "choice", "camera of the scene", lambda s: tuple(camera.name for camera in s.scene.cameras))
-MODE = Parameter("mode", "choice", "how the mouse moves it", fixed("orbit", "fly"))
-PLACE = tuple(
-    Parameter(f"{what}_{axis}", "number", "scene units, Y up") for what in ("eye", "target") for axis in "xyz"
-)
-FOV = Parameter("fov", "number", "vertical field of view, degrees", default="60")
-COMMANDS = (
-    Command("camera.frame-all", "Frame all", "see the whole scene", "Camera", _frame_all, key="F"),
-    Command("camera.next", "Next camera", "go to the scene's next camera", "Camera", _next_camera, key="C"),
-    Command("camera.go", "Camera", "go to a camera of the scene", "Camera", _go, (NAME,)),
-    Command("camera.look", "Look", "look from a place at another", "Camera", _look, (*PLACE, FOV)),
-    Command("camera.next-mode", "Orbit or fly", "switch between orbiting and flying", "Camera", _next_mode, key="V"),
-    Command("camera.mode", "Camera mode", "how the mouse moves the camera", "Camera", _mode, (MODE,)),
-    Command(
-        "camera.record",
-        "Record path",
-        "record the camera's path as a cameras file, until pressed again",
-        "Camera",
-        _record,
-        key="R",
-    ),
-)
+        session.requests.camera_path = navigation.last_path = navigation.recording
+        navigation.recording = None

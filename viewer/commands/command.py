@@ -1,19 +1,49 @@
-"""What a command is, and how a line of text becomes one."""
+"""What a command is. Its parameters are declared once, by the types of a function, for scripts, widgets, help and tables."""
 
+import inspect
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ntc.errors import InputError
-
-if TYPE_CHECKING:
-    from viewer.state.session import Session
+from viewer.state.event_handlers import apply_event
+from viewer.state.session import Session
+from viewer.training.live_training import LiveTraining
 
 Menu = Literal["File", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
-Value = str | float | int | Path
-Choices = Callable[["Session"], tuple[str, ...]]
+SWITCH = {"on": True, "off": False}
+REQUIRED: Any = inspect.Parameter.empty
+
+
+class Context:
+    """What commands change, and what they use for it."""
+
+    def __init__(
+        self,
+        session: Session,
+        read_clipboard: Callable[[], str] = str,
+        write_clipboard: Callable[[str], object] = len,
+    ) -> None:
+        """Without a clipboard, an empty one is read and what is written is lost."""
+        self.session, self.training = session, LiveTraining(partial(apply_event, session))
+        self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
+
+
+@dataclass(frozen=True)
+class Arg:
+    """How a parameter of a command is described and checked, as `Annotated[type, Arg(...)]`."""
+
+    help: str = ""
+    choices: Callable[[Session], tuple[str, ...]] | None = None
+    """What it can be now, where that depends on what is open; a Literal declares choices that are always the same."""
+    minimum: float | None = None
+    maximum: float | None = None
+    """Both or neither; a value beyond them is an error."""
+    clamp: bool = False
+    """Take the nearer of minimum and maximum in place of a value beyond them."""
 
 
 def typed_path(text: str) -> Path:
@@ -27,66 +57,86 @@ def typed_path(text: str) -> Path:
 
 
 @dataclass(frozen=True)
-class FixedChoices:
-    """Choices that do not depend on what is open: a script is checked against them before it starts."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, _session: "Session") -> tuple[str, ...]:
-        return self.names
-
-
-def fixed(*choices: str) -> FixedChoices:
-    """Choices that do not depend on what is open."""
-    return FixedChoices(choices)
-
-
-@dataclass(frozen=True)
 class Parameter:
-    """Something that a command must be told."""
+    """One argument of a command."""
 
     name: str
-    kind: Literal["text", "choice", "number", "whole", "path"]
-    help: str
-    choices: Choices | None = None
-    """What it can be, for kind `choice`."""
-    default: str | None = None
-    """None: it must be given."""
+    type: Any
+    """str, Path, float, int, bool (written as `on` and `off`) or a Literal; any other for commands without a text form."""
+    arg: Arg
+    default: Any = REQUIRED
 
-    def options(self, session: "Session") -> tuple[str, ...]:
-        """What it can be now, for kind `choice`."""
-        return self.choices(session) if self.choices is not None else ()
+    @property
+    def help(self) -> str:
+        """What it is, in a few words."""
+        return self.arg.help
 
-    def check(self, text: str) -> None:
-        """Raise InputError where `text` is wrong whatever is open."""
-        if isinstance(self.choices, FixedChoices) and text not in self.choices.names:
-            raise InputError(f"{self.name} {text!r}: must be one of {', '.join(self.choices.names)}")
-        if self.kind in ("number", "whole"):
-            self._number(text)
+    @property
+    def fixed(self) -> dict[str, Any]:
+        """Values by their text, where they do not depend on what is open; else empty."""
+        if self.type is bool:
+            return SWITCH
+        return {str(value): value for value in get_args(self.type)} if get_origin(self.type) is Literal else {}
 
-    def read(self, text: str, session: "Session") -> Value:
-        """The value that `text` stands for. Raises InputError."""
-        if self.kind == "choice":
-            choices = self.options(session)
-            if text not in choices:
-                raise InputError(f"{self.name} {text!r}: must be one of {', '.join(choices) or 'nothing yet'}")
+    @property
+    def is_choice(self) -> bool:
+        """Whether it is one of a list."""
+        return self.arg.choices is not None or bool(self.fixed)
+
+    @property
+    def default_text(self) -> str | None:
+        """The default as it is typed; None where it must be given."""
+        if self.default is REQUIRED:
+            return None
+        if isinstance(self.default, float):
+            return f"{self.default:g}"
+        return "" if self.default == Path() else str(self.default)
+
+    def options(self, session: Session) -> tuple[str, ...]:
+        """The texts that it can be now; empty unless it is a choice."""
+        return self.arg.choices(session) if self.arg.choices is not None else tuple(self.fixed)
+
+    def parse(self, text: str) -> Any:
+        """The value of `text`. Raises InputError where it is wrong whatever is open."""
+        if self.fixed:
+            if text not in self.fixed:
+                raise InputError(f"{self.name} {text!r}: must be one of {', '.join(self.fixed)}")
+            return self.fixed[text]
+        if self.type is Path:
+            return typed_path(text)
+        if self.type not in (int, float):
             return text
-        if self.kind in ("number", "whole"):
-            return self._number(text)
-        return typed_path(text) if self.kind == "path" else text
-
-    def _number(self, text: str) -> float | int:
         try:
-            number = float(text) if self.kind == "number" else int(text)
+            number = self.type(text)
         except ValueError as error:
-            what = "a number" if self.kind == "number" else "a whole number"
+            what = "a whole number" if self.type is int else "a number"
             raise InputError(f"{self.name} {text!r}: must be {what}") from error
-        if not abs(number) < 1e30:
-            raise InputError(f"{self.name} {text!r}: must be finite")
+        self._require_finite(number)
         return number
 
+    def checked(self, value: Any, session: Session) -> Any:
+        """`value`, or what is taken in its place. Raises InputError where it cannot be now."""
+        if self.is_choice:
+            options = self.options(session) if self.arg.choices is not None else tuple(self.fixed.values())
+            if value not in options:
+                raise InputError(
+                    f"{self.name} {value!r}: must be one of {', '.join(map(str, options)) or 'nothing yet'}"
+                )
+        elif self.type in (int, float):
+            self._require_finite(value)
+            low, high = self.arg.minimum, self.arg.maximum
+            if low is not None and high is not None and not low <= value <= high:
+                if not self.arg.clamp:
+                    raise InputError(f"{self.name} {value:g}: must be {low:g} to {high:g}")
+                return min(max(value, low), high)
+        return typed_path(value) if self.type is Path and isinstance(value, str) else value
 
-@dataclass(frozen=True)
+    def _require_finite(self, number: float) -> None:
+        if not abs(number) < 1e30:
+            raise InputError(f"{self.name} '{number}': must be finite")
+
+
+@dataclass(frozen=True, eq=False)
 class Command:
     """Something the user can do. One definition feeds menus, keys, the palette, the help, scripts and README's table."""
 
@@ -96,54 +146,78 @@ class Command:
     """A few words, for menus and the palette."""
     help: str
     """One line."""
-    menu: Menu
-    run: Callable[..., None]
-    """(session, *values of the parameters). Raises InputError."""
-    parameters: tuple[Parameter, ...] = ()
+    menu: Menu | None
+    """None: a gesture of the mouse or a widget, which menus, palette, scripts and tables do not show."""
+    function: Callable[..., None]
+    """Takes a Session, or a Context where it needs more than that, and the values of the parameters. Raises InputError."""
+    parameters: tuple[Parameter, ...]
     key: str = ""
-    """Default key as `viewer.commands.chords` spells it; "" for none. Only for commands that need no arguments."""
+    """Default key as `viewer.commands.keys` spells it; "" for none. Only for commands that need no arguments."""
     second_key: str = ""
     """Another one."""
 
     @property
     def usage(self) -> str:
         """The command as it is typed."""
-        parts = [p.name if p.default is None else f"[{p.name}]" for p in self.parameters]
+        parts = [p.name if p.default is REQUIRED else f"[{p.name}]" for p in self.parameters]
         return " ".join([self.id, *(part.upper() for part in parts)])
 
     @property
     def needs_arguments(self) -> bool:
-        """Whether it must be told something."""
-        return any(parameter.default is None for parameter in self.parameters)
+        """Whether a parameter has no default."""
+        return any(parameter.default is REQUIRED for parameter in self.parameters)
 
-    def _texts(self, arguments: Sequence[str]) -> list[str]:
-        """One text for each parameter, defaults filled in. Raises InputError."""
-        if len(arguments) > len(self.parameters):
+    @cached_property
+    def _takes_context(self) -> bool:
+        return "context" in inspect.signature(self.function).parameters
+
+    def parse(self, texts: Sequence[str]) -> tuple[Any, ...]:
+        """Values from texts. Raises InputError where they are wrong whatever is open."""
+        self._require_all(len(texts))
+        return tuple(self._each(lambda parameter, text: parameter.parse(text), texts))
+
+    def run(self, context: Context, values: Sequence[Any]) -> None:
+        """Check the values, and carry the command out. Raises InputError."""
+        self._require_all(len(values))
+        values = [*values, *(parameter.default for parameter in self.parameters[len(values) :])]
+        values = self._each(lambda parameter, value: parameter.checked(value, context.session), values)
+        self.function(context if self._takes_context else context.session, *values)
+
+    def _require_all(self, given: int) -> None:
+        if given > len(self.parameters):
             raise InputError(f"{self.id}: takes at most {len(self.parameters)} arguments; usage: {self.usage}")
-        texts = list(arguments)
-        for parameter in self.parameters[len(arguments) :]:
-            if parameter.default is None:
+        for parameter in self.parameters[given:]:
+            if parameter.default is REQUIRED:
                 raise InputError(f"{self.id}: lacks {parameter.name} ({parameter.help}); usage: {self.usage}")
-            texts.append(parameter.default)
-        return texts
 
-    def check(self, arguments: Sequence[str]) -> None:
-        """Raise InputError where the arguments are wrong whatever is open."""
-        for parameter, text in zip(self.parameters, self._texts(arguments), strict=True):
-            try:
-                parameter.check(text)
-            except InputError as error:
-                raise InputError(f"{self.id}: {error}") from error
+    def _each(self, convert: Callable[[Parameter, Any], Any], values: Sequence[Any]) -> list[Any]:
+        try:
+            return [convert(parameter, value) for parameter, value in zip(self.parameters, values, strict=False)]
+        except InputError as error:
+            raise InputError(f"{self.id}: {error}") from error
 
-    def values(self, arguments: Sequence[str], session: "Session") -> tuple[Value, ...]:
-        """Values of the parameters. Raises InputError."""
-        values: list[Value] = []
-        for parameter, text in zip(self.parameters, self._texts(arguments), strict=True):
-            try:
-                values.append(parameter.read(text, session))
-            except InputError as error:
-                raise InputError(f"{self.id}: {error}") from error
-        return tuple(values)
+
+def command(
+    command_id: str, title: str, help_line: str, menu: Menu, key: str = "", second_key: str = ""
+) -> Callable[[Callable[..., None]], Command]:
+    """Make a command of a function: its parameters after the first are the command's."""
+    return lambda function: Command(
+        command_id, title, help_line, menu, function, _parameters(function), key, second_key
+    )
+
+
+def gesture(command_id: str) -> Callable[[Callable[..., None]], Command]:
+    """Make a command of a function that widgets and the mouse call, with values that have no text."""
+    return lambda function: Command(command_id, "", "", None, function, _parameters(function))
+
+
+def _parameters(function: Callable[..., None]) -> tuple[Parameter, ...]:
+    hints = get_type_hints(function, include_extras=True)
+    parameters = []
+    for name, declared in list(inspect.signature(function).parameters.items())[1:]:
+        kind, arg = get_args(hints[name]) if get_origin(hints[name]) is Annotated else (hints[name], Arg())
+        parameters.append(Parameter(name, kind, arg, declared.default))
+    return tuple(parameters)
 
 
 def words(line: str) -> list[str]:

@@ -2,82 +2,69 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 from ntc.errors import InputError
-from viewer.commands.command import Command, Parameter
+from viewer.commands.camera import place_camera
+from viewer.commands.command import Arg, command
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.json_text import printable
-from viewer.state.actions import SetCamera
 from viewer.state.camera_motion import Playback, Turntable
+from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.view_file import MOST_BOOKMARKS
 
 FASTEST_DEGREES = 720.0
-LAST_PATH = ""
-"""As a file: the path that was recorded last."""
+USUAL_DEGREES = 30.0
+BookmarkName = Annotated[str, Arg("any name; an older bookmark of that name is replaced")]
 
 
-def _bookmark(session: Session, name: str) -> None:
+@command("camera.bookmark", "Bookmark", "remember where the camera is", "Camera")
+def bookmark(session: Session, name: BookmarkName) -> None:
     if printable(name) != name or not name:
         raise InputError("camera.bookmark: the name must be one line of at most 200 letters")
     bookmarks = {**session.bookmarks, name: replace(session.view.camera, name=name)}
     if len(bookmarks) > MOST_BOOKMARKS:
         raise InputError(f"camera.bookmark: there are {MOST_BOOKMARKS} bookmarks; use the name of one of them")
-    session.keep_bookmarks(bookmarks)
-    session.say(f"bookmark {name}; view.save keeps it in a file")
+    session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
+    notify(session, f"bookmark {name}; view.save keeps it in a file")
 
 
-def _go_bookmark(session: Session, name: str) -> None:
-    session.apply(SetCamera(session.bookmarks[name]))
+Bookmark = Annotated[str, Arg("a bookmark of this scene", lambda session: tuple(session.bookmarks))]
 
 
-def _turntable(session: Session, degrees_per_second: float) -> None:
-    if not 0.0 < abs(degrees_per_second) <= FASTEST_DEGREES:
-        raise InputError(
-            f"camera.turntable: {degrees_per_second:g} must be up to {FASTEST_DEGREES:g} either way, not 0"
-        )
-    session.motion = Turntable(degrees_per_second)
+@command("camera.go-bookmark", "Go to bookmark", "go back to a bookmark", "Camera")
+def go_bookmark(session: Session, name: Bookmark) -> None:
+    place_camera(session, session.bookmarks[name])
 
 
-def _toggle_turntable(session: Session) -> None:
-    if isinstance(session.motion, Turntable):
-        session.motion = None
-    else:
-        _turntable(session, float(DEGREES.default or 0.0))
+Degrees = Annotated[float, Arg("degrees per second; negative turns the other way")]
 
 
-def _play(session: Session, file: Path) -> None:
-    if file == Path(LAST_PATH):
-        cameras = session.last_path
-        if not cameras:
-            raise InputError("camera.play: no path has been recorded yet; name a file, or use camera.record")
-    else:
-        cameras = read_cameras(session.file_named(file))
-    session.motion = Playback(cameras)
+@command("camera.turntable", "Turntable at a speed", "turn about the scene's centre", "Camera")
+def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
+    if not 0.0 < abs(degrees) <= FASTEST_DEGREES:
+        raise InputError(f"camera.turntable: {degrees:g} must be up to {FASTEST_DEGREES:g} either way, not 0")
+    session.navigation.motion = Turntable(degrees)
 
 
-def _stop(session: Session) -> None:
-    session.motion = None
+@command("camera.toggle-turntable", "Turntable", "turn about the scene's centre, until pressed again", "Camera", "Y")
+def toggle_turntable(session: Session) -> None:
+    turns = isinstance(session.navigation.motion, Turntable)
+    session.navigation.motion = None if turns else Turntable(USUAL_DEGREES)
 
 
-NAME = Parameter("name", "text", "any name; an older bookmark of that name is replaced")
-BOOKMARK = Parameter("name", "choice", "a bookmark of this scene", lambda session: tuple(session.bookmarks))
-DEGREES = Parameter("degrees", "number", "degrees per second; negative turns the other way", default="30")
-FILE = Parameter("file", "path", "a cameras file; without one, the path recorded last", default=LAST_PATH)
-COMMANDS = (
-    Command("camera.bookmark", "Bookmark", "remember where the camera is", "Camera", _bookmark, (NAME,)),
-    Command("camera.go-bookmark", "Go to bookmark", "go back to a bookmark", "Camera", _go_bookmark, (BOOKMARK,)),
-    Command(
-        "camera.turntable", "Turntable at a speed", "turn about the scene's centre", "Camera", _turntable, (DEGREES,)
-    ),
-    Command(
-        "camera.toggle-turntable",
-        "Turntable",
-        "turn about the scene's centre, until pressed again",
-        "Camera",
-        _toggle_turntable,
-        key="Y",
-    ),
-    Command("camera.play", "Play path", "go along a recorded path", "Camera", _play, (FILE,), key="Ctrl+R"),
-    Command("camera.stop", "Stop camera", "end turntable or path", "Camera", _stop),
-)
+PathFile = Annotated[Path, Arg("a cameras file; without one, the path recorded last")]
+
+
+@command("camera.play", "Play path", "go along a recorded path", "Camera", "Ctrl+R")
+def play(session: Session, file: PathFile = Path()) -> None:
+    cameras = session.navigation.last_path if file == Path() else read_cameras(session.file_to_read(file))
+    if not cameras:
+        raise InputError("camera.play: no path has been recorded yet; name a file, or use camera.record")
+    session.navigation.motion = Playback(cameras)
+
+
+@command("camera.stop", "Stop camera", "end turntable or path", "Camera")
+def stop(session: Session) -> None:
+    session.navigation.motion = None

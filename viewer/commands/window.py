@@ -1,79 +1,115 @@
-"""Commands: files, the window and its panels."""
+"""Commands: opening files, the window, its panels and how they look."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
-from ntc.errors import InputError
-from viewer.commands.command import Command, Parameter, fixed
-from viewer.state.actions import OpenFile
+from viewer.commands.command import Arg, command, gesture
+from viewer.state.open_files import open_file
 from viewer.state.session import Session
+from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.zoom import WHOLE
 
+OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram")
+"""Titles of the panels that stay closed until they are asked for."""
+State = Annotated[bool, Arg("on or off")]
 
-def _open(session: Session, path: Path) -> None:
-    session.apply(OpenFile(path))
+
+@command("file.open", "Open", "open a scene or a pack", "File")
+def open_scene_or_pack(session: Session, file: Annotated[Path, Arg("a .gltf, .glb or .ntc")]) -> None:
+    open_file(session, file)
 
 
-def _whole_picture(session: Session) -> None:
+@command("view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", "Z")
+def show_whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
 
 
-def _resolution(session: Session, share: float) -> None:
-    if not 0.05 <= share <= 1.0:
-        raise InputError(f"view.resolution: {share:g} must be 0.05 to 1")
+Share = Annotated[float, Arg("of the window's pixels along a side, 0.05 to 1", None, 0.05, 1.0)]
+
+
+@command("view.resolution", "Resolution", "draw fewer pixels", "View")
+def set_resolution(session: Session, share: Share) -> None:
     session.resolution = share
 
 
-def _coarse(session: Session, state: str) -> None:
-    session.settings = replace(session.settings, coarse_while_moving=state == "on")
+@command("view.coarse-while-moving", "Coarse while moving", "draw fewer pixels while the camera moves", "View")
+def set_coarse_while_moving(session: Session, state: State) -> None:
+    session.settings = replace(session.settings, coarse_while_moving=state)
 
 
-def _panels(session: Session) -> None:
-    session.show_panels = not session.show_panels
+@command("window.panels", "Panels", "hide or show the panels", "Window", "H")
+def toggle_panels(session: Session) -> None:
+    session.window.show_panels = not session.window.show_panels
 
 
-def _help(session: Session) -> None:
-    session.show_help = not session.show_help
+@command("help.palette", "Command palette", "find a command by typing", "Help", "Ctrl+P", "F3")
+def toggle_palette(session: Session) -> None:
+    session.window.palette = None if session.window.palette is not None else ""
 
 
-def _palette(session: Session) -> None:
-    session.palette = None if session.palette is not None else ""
+@command("help.keys", "Keys and mouse", "show keys and mouse", "Help", "F1", "Shift+/")
+def toggle_help(session: Session) -> None:
+    session.window.show_help = not session.window.show_help
 
 
-def _close(session: Session) -> None:
-    if session.show_help:
-        session.show_help = False
+@command("window.close", "Close", "close the help, else the window", "Window", "Escape")
+def close(session: Session) -> None:
+    if session.window.show_help:
+        session.window.show_help = False
     else:
-        session.closing = True
+        session.requests.close = True
 
 
-FILE = Parameter("file", "path", "a .gltf, .glb or .ntc")
-SHARE = Parameter("share", "number", "of the window's pixels along a side, 0.05 to 1")
-STATE = Parameter("state", "choice", "on or off", fixed("on", "off"))
-COMMANDS = (
-    Command("file.open", "Open", "open a scene or a pack", "File", _open, (FILE,)),
-    Command(
-        "view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", _whole_picture, key="Z"
-    ),
-    Command("view.resolution", "Resolution", "draw fewer pixels", "View", _resolution, (SHARE,)),
-    Command(
-        "view.coarse-while-moving",
-        "Coarse while moving",
-        "draw fewer pixels while the camera moves",
-        "View",
-        _coarse,
-        (STATE,),
-    ),
-    Command("window.panels", "Panels", "hide or show the panels", "Window", _panels, key="H"),
-    Command(
-        "help.palette",
-        "Command palette",
-        "find a command by typing",
-        "Help",
-        _palette,
-        key="Ctrl+P",
-        second_key="F3",
-    ),
-    Command("help.keys", "Keys and mouse", "show keys and mouse", "Help", _help, key="F1", second_key="Shift+/"),
-    Command("window.close", "Close", "close the help, else the window", "Window", _close, key="Escape"),
-)
+@command("window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window")
+def reset_layout(session: Session) -> None:
+    session.settings = replace(session.settings, hidden_panels=())
+    session.window.show_panels = True
+    session.requests.reset_layout = True
+
+
+@command("window.theme", "Theme", "dark or light panels", "Window")
+def set_theme(session: Session, theme: Annotated[Theme, Arg("colours of the panels")]) -> None:
+    session.settings = replace(session.settings, theme=theme)
+
+
+Scale = Annotated[float, Arg("size of text and widgets, 1 is the normal one", None, *UI_SCALE_RANGE)]
+
+
+@command("window.ui-scale", "UI scale", "size of text and widgets", "Window")
+def set_ui_scale(session: Session, scale: Scale) -> None:
+    session.settings = replace(session.settings, ui_scale=scale)
+
+
+Title = Annotated[str, Arg("title of the panel", lambda session: session.window.panel_titles)]
+
+
+@command("window.panel", "Panel", "bring a panel to the front, or close it", "Window")
+def show_panel(session: Session, name: Title, state: State = True) -> None:
+    hidden = tuple(title for title in session.settings.hidden_panels if title != name)
+    session.settings = replace(session.settings, hidden_panels=hidden if state else (*hidden, name))
+    others = session.window.open_panels - {name}
+    session.window.open_panels = others | {name} if state and name in OPENED_ON_REQUEST else others
+    if state:
+        session.window.show_panels = True
+        session.requests.raised_panel = name
+
+
+@gesture("window.panel-raised")
+def note_raised_panel(session: Session) -> None:
+    session.requests.raised_panel = None
+
+
+@gesture("window.layout-done")
+def note_layout(session: Session) -> None:
+    session.requests.reset_layout = False
+
+
+@gesture("help.close")
+def close_help(session: Session) -> None:
+    session.window.show_help = False
+
+
+@gesture("palette.set")
+def set_palette(session: Session, asks_for: str | None) -> None:
+    session.window.palette = asks_for

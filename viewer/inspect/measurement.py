@@ -10,19 +10,7 @@ from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
-
-
-@dataclass(frozen=True)
-class SlotMeasurement:
-    """The figures of one slot."""
-
-    source: str
-    psnr_db: float | None
-    """Against the reference picture, covered pixels, 8-bit sRGB; None for the reference itself."""
-    divergence: DivergenceStatistics | None
-    """None for the reference."""
-    gpu_bytes: int | None
-    """Latents, decoders and tables on the GPU; None for the reference."""
+from viewer.state.session import SlotMeasurement
 
 
 def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:

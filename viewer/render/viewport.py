@@ -22,10 +22,9 @@ from viewer.render.frame_times import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Scene
-from viewer.state.actions import SetSlot
+from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
-from viewer.state.picture_request import PictureRequest
-from viewer.state.session import Session
+from viewer.state.session import PictureRequest, Session
 from viewer.state.view_state import REFERENCE, DecodePath, ViewState
 
 SLOW_FRAME_MS = 120.0
@@ -39,12 +38,15 @@ MOVING_SECONDS = 0.3
 """A camera moves until it has rested for so long."""
 
 
-class ShownPicture:
+class Viewport:
     """The renderer of the session's scene, and what it has drawn. Sizes are (width, height) of the picture in pixels."""
 
-    def __init__(self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background) -> None:
-        """`times` and `background` forget what they know when another scene is drawn."""
-        self._context, self._session, self._times, self._background = context, session, times, background
+    def __init__(
+        self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background, emit: EmitEvent
+    ) -> None:
+        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
+        self._context, self._session, self._emit = context, session, emit
+        self._times, self._background = times, background
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
         self.renderer: Renderer | None = None
@@ -60,6 +62,8 @@ class ShownPicture:
         """Whether the renderer has drawn anything yet."""
         self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
         """What the GPU had no memory for last: not tried again before something changes."""
+        self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
+        """What was open and shown when it was drawn last."""
         self.frames_drawn = 0
         """Frames in which the renderer had something to do."""
 
@@ -83,7 +87,7 @@ class ShownPicture:
     def is_coarse(self) -> bool:
         """Whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
         session = self._session
-        if session.measure_requested or session.picture_requests or not session.settings.coarse_while_moving:
+        if session.requests.measure or session.requests.pictures or not session.settings.coarse_while_moving:
             return False
         return self._times.whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
@@ -102,7 +106,7 @@ class ShownPicture:
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
-        whole = self._session.measure_requested or bool(self._session.picture_requests)
+        whole = self._session.requests.measure or bool(self._session.requests.pictures)
         if view == self.last_view and not self.is_waiting:
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
@@ -115,12 +119,12 @@ class ShownPicture:
             return
         except InputError as error:
             self._context.reset.check_after(error)
-            self._session.say(str(error), "error")
+            self._emit(Notification(str(error), "error"))
             self._leave_half_arithmetic()
             return
         self.last_view, self._is_drawn, self._undrawable = view, True, None
         self._tell_of_memory(self.last)
-        self._session.note_drawable()
+        self._drawable = (self._session.scene, self._session.packs, self._session.view)
         self.frames_drawn += 1
         if not coarse:
             self._times.note(self.last)
@@ -185,9 +189,10 @@ class ShownPicture:
                     made = Renderer(self._context, session.scene, tile_cache=tiles)
             except InputError as error:
                 self._context.reset.check_after(error)
-                if self.renderer is None or not session.put_away_undrawable():
+                if self.renderer is None or self._drawable is None:
                     raise
-                session.say(str(error), "error")
+                self._emit(Reverted(*self._drawable))
+                self._emit(Notification(str(error), "error"))
                 return self.renderer
             self.release()
             self.renderer, self.thumbnails, self._scene = made, thumbnails, session.scene
@@ -220,26 +225,26 @@ class ShownPicture:
 
     def _leave_half_arithmetic(self) -> None:
         """Keep the weights as halves, but compute in fp32: what every driver can."""
-        for side, slot in (("a", self._session.view.slot_a), ("b", self._session.view.slot_b)):
+        for side, slot in self._session.view.slots.items():
             if slot.precision not in ("fp32", "fp16"):
-                self._session.apply(SetSlot("a" if side == "a" else "b", replace(slot, precision="fp16")))
+                self._emit(ViewChanged(self._session.view.with_slot(side, replace(slot, precision="fp16"))))
 
     def _give_up(self, error: GpuMemoryError, size: tuple[int, int]) -> None:
         """The GPU has no memory for what is to be drawn: go back to what it has drawn before, or show less."""
         session = self._session
-        session.say(str(error), "error", details_of(error))
+        self._emit(Notification(str(error), "error", details_of(error)))
         before = session.scene, session.packs, session.view
-        session.put_away_undrawable()
+        if self._drawable is not None:
+            self._emit(Reverted(*self._drawable))
         if (session.scene, session.packs, session.view) != before:
             if not self._is_drawn:
                 # All that this scene has taken is needed for the one before.
                 self.release()
             return
-        sources = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
-        alone = next((side for side, source in sources.items() if source != REFERENCE), None)
+        alone = next((side for side, slot in session.view.slots.items() if slot.source != REFERENCE), None)
         if not self._is_drawn and alone is not None and session.view.compare not in ("a", "b"):
-            session.view = replace(session.view, compare="a" if alone == "a" else "b")
-            session.say(f"slot {alone.upper()} is shown alone")
+            self._emit(ViewChanged(replace(session.view, compare=alone)))
+            self._emit(Notification(f"slot {alone.upper()} is shown alone"))
             return
         # The last picture stays, at whatever size.
         self._undrawable = self._wanted(size)
@@ -255,5 +260,5 @@ class ShownPicture:
         if frame.short_latents:
             short.add("the GPU has no memory for all latents: coarser mips are shown in their place; close packs")
         for line in sorted(short - self._told_of_memory):
-            self._session.say(line, "error")
+            self._emit(Notification(line, "error"))
         self._told_of_memory = frozenset(short)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ntc.errors import InputError
-from viewer.commands.chords import parse_chord
+from viewer.commands import run
+from viewer.commands.keys import parse_chord
 from viewer.script import inputs
-from viewer.script.expectations import PROPERTIES, expect
-from viewer.script.stage import Stage
-from viewer.state.picture_request import PictureRequest
+from viewer.script.stage import PROPERTIES, Stage, expect
 
 Play = Callable[[Stage], Iterator[None]]
 """What a line does: yields once for each frame that is to be drawn before it goes on. Raises InputError."""
@@ -89,8 +88,8 @@ def _wait_seconds(seconds: float) -> Iterator[None]:
 def _settle(stage: Stage) -> Iterator[None]:
     end = time.monotonic() + SETTLING_SECONDS
     yield from inputs.rest()
-    while not stage.frontend.is_settled(stage.size):
-        if stage.session.motion is not None:
+    while not stage.is_settled:
+        if stage.session.navigation.motion is not None:
             raise InputError("wait settled: the camera moves by itself; camera.stop ends that")
         if time.monotonic() > end:
             raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
@@ -121,7 +120,7 @@ def _screenshot(arguments: Sequence[str]) -> Play:
         raise InputError(f"{arguments[0]!r}: must end with .png")
 
     def play(stage: Stage) -> Iterator[None]:
-        stage.session.want_picture(PictureRequest("window", file, quiet=True))
+        run(stage.context, "file.screenshot-quietly", file)
         yield
 
     return play

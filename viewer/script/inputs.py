@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from imgui_bundle import imgui
 
 from ntc.errors import InputError
-from viewer.app.frontend import SETTLING_FRAMES
-from viewer.commands.chords import Chord
+from viewer.commands.keys import Chord
 from viewer.script.stage import Stage
 from viewer.ui.keyboard import imgui_key
+from viewer.ui.user_interface import SETTLING_FRAMES
 
 LAYOUT_FRAMES = 16
 """Within which panels come to the front."""
@@ -59,7 +59,7 @@ def _button(down: bool, button: int) -> Iterator[None]:
 
 def click(label: str, stage: Stage) -> Iterator[None]:
     """Click on the widget called `label`, which may still be on its way to the front. Raises InputError where there is none."""
-    items = stage.frontend.interface.items
+    items = stage.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
             break

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.reading import read_file
-from viewer.commands import COMMANDS, find_command
+from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
 from viewer.script.directions import DIRECTIONS, Play
 from viewer.script.stage import Stage
@@ -35,9 +35,11 @@ class Step:
 Script = tuple[Step, ...]
 
 
-def _command(command_id: str, arguments: tuple[str, ...]) -> Play:
+def _command(command_id: str, arguments: Sequence[str]) -> Play:
+    values = find_command(command_id).parse(arguments)
+
     def play(stage: Stage) -> Iterator[None]:
-        stage.session.run_command(command_id, arguments)
+        run(stage.context, command_id, *values)
         yield
 
     return play
@@ -46,7 +48,6 @@ def _command(command_id: str, arguments: tuple[str, ...]) -> Play:
 def _play(parts: Sequence[str]) -> Play:
     name, arguments = parts[0], tuple(parts[1:])
     if "." in name:
-        find_command(name).check(arguments)
         return _command(name, arguments)
     direction = DIRECTIONS.get(name)
     if direction is None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from ntc.errors import InputError
 from viewer.script.parse import Script
 from viewer.script.stage import Stage
+from viewer.state.event_handlers import notify
 
 
 def play_script(script: Script, stage: Stage) -> Iterator[None]:
@@ -20,14 +21,14 @@ def play_script(script: Script, stage: Stage) -> Iterator[None]:
         except InputError as error:
             if following is None or not following.expects_message:
                 raise InputError(f"{step.where}: {error}") from error
-            stage.session.say(str(error), "error")
+            notify(stage.session, str(error), "error")
             yield
         new = [text for text in _errors(stage) if text not in known]
         if new and not (following is not None and following.expects_message):
             raise InputError(f"{step.where}: {new[0]}")
-        if stage.session.closing:
+        if stage.session.requests.close:
             return
 
 
 def _errors(stage: Stage) -> list[str]:
-    return [toast.text for toast in stage.session.toasts if toast.kind == "error"]
+    return [toast.text for toast in stage.session.window.toasts if toast.kind == "error"]

@@ -1,22 +1,73 @@
-"""Where a script is played: the window, or its content without one."""
+"""Where a script is played, and what it can expect there."""
 
+from collections.abc import Callable
 from typing import Protocol
 
-from viewer.app.frontend import Frontend
+from ntc.errors import InputError
+from viewer.commands.command import Context
 from viewer.state.session import Session
+from viewer.ui.widgets import WidgetRects
 
 
 class Stage(Protocol):
-    """What a script needs of a program around a frontend."""
+    """What a script needs of the program that plays it: the window, or its content without one."""
 
     session: Session
-    frontend: Frontend
+    context: Context
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) of the window's content in pixels."""
         ...
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether the next frames would show the same picture."""
+        ...
+
+    @property
+    def widgets(self) -> WidgetRects:
+        """The labelled widgets of the last frame."""
+        ...
+
     def resize(self, size: tuple[int, int]) -> None:
         """Give the window's content this size, from the next frame on."""
         ...
+
+
+def _switch(value: bool) -> str:
+    return "on" if value else "off"
+
+
+PROPERTIES: dict[str, Callable[[Stage], str]] = {
+    "source": lambda stage: stage.session.view.slot_a.source,
+    "source-b": lambda stage: stage.session.view.slot_b.source,
+    "path": lambda stage: stage.session.view.slot_a.path,
+    "path-b": lambda stage: stage.session.view.slot_b.path,
+    "precision": lambda stage: stage.session.view.slot_a.precision,
+    "precision-b": lambda stage: stage.session.view.slot_b.precision,
+    "mode": lambda stage: stage.session.view.compare,
+    "divider": lambda stage: f"{stage.session.view.wipe_position:.2f}",
+    "overlay": lambda stage: stage.session.view.overlay.kind,
+    "camera": lambda stage: stage.session.view.camera.name,
+    "scene": lambda stage: stage.session.scene.name,
+    "resolution": lambda stage: f"{stage.session.resolution:g}",
+    "size": lambda stage: "{}x{}".format(*stage.size),
+    "panels": lambda stage: _switch(stage.session.window.show_panels),
+    "help": lambda stage: _switch(stage.session.window.show_help),
+    "palette": lambda stage: _switch(stage.session.window.palette is not None),
+    "moving": lambda stage: _switch(stage.session.navigation.motion is not None),
+    "waiting": lambda stage: _switch(not stage.is_settled),
+    "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
+    "label": lambda stage: " | ".join(stage.widgets.labels()),
+}
+"""By name. `toast` and `label` need only contain what is expected."""
+CONTAIN = ("toast", "label")
+
+
+def expect(name: str, value: str, stage: Stage) -> None:
+    """Raise InputError where the property is otherwise."""
+    found = PROPERTIES[name](stage)
+    if (value not in found) if name in CONTAIN else (value != found):
+        verb = "contains" if name in CONTAIN else "is"
+        raise InputError(f"expected that {name} {verb} {value!r}; it is {found[:300]!r}")

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.model import Camera
-from viewer.state.navigation import FREE
-from viewer.state.rotation import rotated
+from viewer.state.navigation import FREE, rotated
 
 VERTICAL = np.array([0.0, 1.0, 0.0])
 PATH_SECONDS = 0.25

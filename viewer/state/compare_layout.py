@@ -54,19 +54,19 @@ def _is_second(split: CompareLayout | None, x: float, y: float) -> bool:
     return split is not None and (x if split.vertical else y) >= split.position
 
 
-def seen_at(view: ViewState, x: float, y: float) -> tuple[float, float]:
+def window_to_image(view: ViewState, x: float, y: float) -> tuple[float, float]:
     """What of the picture is shown at (x, y) of the window; both as shares from the upper left corner."""
     split = layout_of(view)
-    return view.zoom.seen_at(x + _shift_at(split, _is_second(split, x, y)), y)
+    return view.zoom.window_to_image(x + _shift_at(split, _is_second(split, x, y)), y)
 
 
-def shown_at(view: ViewState, x: float, y: float) -> tuple[tuple[float, float], ...]:
-    """Where (x, y) of the picture is shown in the window: the inverse of `seen_at`, at one place, or at two side by side.
+def image_to_window(view: ViewState, x: float, y: float) -> tuple[tuple[float, float], ...]:
+    """Where (x, y) of the picture is shown in the window: the inverse of `window_to_image`, at one place, or at two side by side.
 
     A place outside the window is none.
     """
     split = layout_of(view)
-    shown_x, shown_y = view.zoom.shown_at(x, y)
+    shown_x, shown_y = view.zoom.image_to_window(x, y)
     if split is None or split.shift == 0.0:
         return ((shown_x, shown_y),)
     places = ((shown_x - _shift_at(split, second), shown_y) for second in (False, True))

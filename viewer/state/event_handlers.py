@@ -1,49 +1,142 @@
-"""Applies the events of jobs and of the renderer to the session."""
+"""Applies the events of jobs and of the frame to the session."""
 
 from dataclasses import replace
+from functools import singledispatch
 
-from viewer.state.events import Event, Notification, PackClosed, PackUpdated, PrecisionFound, RunStarted
-from viewer.state.session import PreviousView, Session
+from viewer.state import events
+from viewer.state.events import Event
+from viewer.state.message_log import MessageKind
+from viewer.state.session import PreviousView, Session, Toast
 from viewer.state.view_state import REFERENCE
+
+TOAST_SECONDS = 6.0
+MOST_TOASTS = 5
+LONGEST_PATH = 10_000
+"""Cameras of a recorded path."""
 
 
 def apply_event(session: Session, event: Event) -> None:
     """Change the session as `event` says."""
-    match event:
-        case Notification(text=text, kind=kind, details=details):
-            session.say(text, kind, details)
-        case PackUpdated(name=name, pack=pack):
-            if session.packs.get(name) is not pack:
-                session.packs = {**session.packs, name: pack}
-        case PackClosed(name=name):
-            _close_pack(session, name)
-        case RunStarted():
-            _show_run(session, event)
-        case PrecisionFound(side=side, precision=precision):
-            session.precision_wishes -= {side}
-            if precision is not None:
-                session.view = session.view.with_slot(side, replace(session.view.slots[side], precision=precision))
+    _apply(event, session)
 
 
-def _close_pack(session: Session, name: str) -> None:
-    packs = {other: pack for other, pack in session.packs.items() if other != name}
-    view, previous = session.view, session.previous_views.get(name)
-    if view.slot_a.source == name and previous is not None:
+def notify(session: Session, text: str, kind: MessageKind = "message", details: str = "") -> None:
+    """Show a message for a while, and keep it in the log with its details."""
+    window = session.window
+    window.log.add(text, kind, details)
+    window.toasts = (*window.toasts[1 - MOST_TOASTS :], Toast(text, kind))
+
+
+@singledispatch
+def _apply(event: object, session: Session) -> None:
+    raise TypeError(f"no handler for {event!r} of {session!r}")
+
+
+@_apply.register
+def _notification(event: events.Notification, session: Session) -> None:
+    notify(session, event.text, event.kind, event.details)
+
+
+@_apply.register
+def _pack_updated(event: events.PackUpdated, session: Session) -> None:
+    if session.packs.get(event.name) is not event.pack:
+        session.packs = {**session.packs, event.name: event.pack}
+
+
+@_apply.register
+def _pack_closed(event: events.PackClosed, session: Session) -> None:
+    packs = {name: pack for name, pack in session.packs.items() if name != event.name}
+    view, previous = session.view, session.previous_views.get(event.name)
+    if view.slot_a.source == event.name and previous is not None:
         view = replace(view, slot_a=previous.slot_a, slot_b=previous.slot_b, compare=previous.compare)
-    gone = {slot.source for slot in (view.slot_a, view.slot_b)} - {REFERENCE, *packs}
-    a, b = (replace(slot, source=REFERENCE) if slot.source in gone else slot for slot in (view.slot_a, view.slot_b))
-    session.view, session.packs = replace(view, slot_a=a, slot_b=b), packs
+    for side, slot in view.slots.items():
+        if slot.source not in (REFERENCE, *packs):
+            view = view.with_source(side, REFERENCE)
+    session.view, session.packs = view, packs
 
 
-def _show_run(session: Session, run: RunStarted) -> None:
+@_apply.register
+def _run_started(event: events.RunStarted, session: Session) -> None:
     view = session.view
     previous = PreviousView(view.slot_a, view.slot_b, view.compare)
-    session.previous_views = {**session.previous_views, run.name: previous}
+    session.previous_views = {**session.previous_views, event.name: previous}
     slot_b = view.slot_b
-    if run.base_name is not None and run.base_name in session.packs:
+    if event.base_name is not None and event.base_name in session.packs:
         # The base is decoded as A was: no other decode of it is needed.
-        slot_b = replace(view.slot_a, source=run.base_name)
+        slot_b = replace(view.slot_a, source=event.base_name)
     path = "cached" if view.slot_a.source == REFERENCE else view.slot_a.path
     compare = "wipe" if view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE else view.compare
-    slot_a = replace(view.slot_a, source=run.name, path=path)
+    slot_a = replace(view.slot_a, source=event.name, path=path)
     session.view = replace(view, slot_a=slot_a, slot_b=slot_b, compare=compare)
+
+
+@_apply.register
+def _precision_found(event: events.PrecisionFound, session: Session) -> None:
+    session.requests.precision -= {event.side}
+    if event.precision is not None:
+        slot = replace(session.view.slots[event.side], precision=event.precision)
+        session.view = session.view.with_slot(event.side, slot)
+
+
+@_apply.register
+def _view_changed(event: events.ViewChanged, session: Session) -> None:
+    session.view = event.view
+
+
+@_apply.register
+def _reverted(event: events.Reverted, session: Session) -> None:
+    session.scene, session.packs, session.view = event.scene, event.packs, event.view
+    inspection = session.inspection
+    inspection.measurements, inspection.selected_texture, inspection.flat_texture = {}, None, None
+
+
+@_apply.register
+def _frame_started(event: events.FrameStarted, session: Session) -> None:
+    session.window.picture_size = event.picture_size
+    if session.navigation.motion is not None:
+        moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, event.seconds)
+        camera, session.navigation.motion = moved
+        session.view = replace(session.view, camera=camera)
+
+
+@_apply.register
+def _panels_made(event: events.PanelsMade, session: Session) -> None:
+    session.window.panel_titles = event.titles
+
+
+@_apply.register
+def _flicker_turned(event: events.FlickerTurned, session: Session) -> None:
+    session.window.flicker_phase = event.shows_other
+
+
+@_apply.register
+def _time_passed(event: events.TimePassed, session: Session) -> None:
+    dated = (replace(toast, until=toast.until or event.now + TOAST_SECONDS) for toast in session.window.toasts)
+    session.window.toasts = tuple(toast for toast in dated if toast.until is not None and toast.until > event.now)
+
+
+@_apply.register
+def _camera_sampled(_event: events.CameraSampled, session: Session) -> None:
+    path = session.navigation.recording
+    if path is None or len(path) >= LONGEST_PATH:
+        return
+    camera = replace(session.view.camera, name=f"path_{len(path) + 1:04d}")
+    if not path or replace(path[-1], name=camera.name) != camera:
+        session.navigation.recording = (*path, camera)
+
+
+@_apply.register
+def _measured(event: events.Measured, session: Session) -> None:
+    session.requests.measure = False
+    if event.measurements is not None:
+        session.inspection.measurements, session.inspection.measured_view = event.measurements, session.view
+
+
+@_apply.register
+def _picture_written(_event: events.PictureWritten, session: Session) -> None:
+    session.requests.pictures = session.requests.pictures[1:]
+
+
+@_apply.register
+def _camera_path_written(_event: events.CameraPathWritten, session: Session) -> None:
+    session.requests.camera_path = None

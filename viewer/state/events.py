@@ -1,15 +1,18 @@
-"""What jobs and the renderer report. They know no session: they are given an `EmitEvent`, which applies each event to it.
+"""What jobs, the renderer and the frame report. Jobs know no session: they are given an `EmitEvent`, which applies
+each event to it.
 
 `viewer.state.event_handlers.apply_event` is the only code besides the commands that changes a session.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ntc.codec.precision import Precision
 from ntc.pack.model import Pack
+from viewer.scene.model import Scene
 from viewer.state.message_log import MessageKind
-from viewer.state.view_state import Side
+from viewer.state.session import SlotMeasurement
+from viewer.state.view_state import Side, ViewState
 
 
 @dataclass(frozen=True)
@@ -59,5 +62,91 @@ class PrecisionFound:
     """None where there is none: the slot keeps its own."""
 
 
-Event = Notification | PackUpdated | PackClosed | RunStarted | PrecisionFound
+@dataclass(frozen=True)
+class ViewChanged:
+    """The view that can be drawn in place of the one that was asked for."""
+
+    view: ViewState
+
+
+@dataclass(frozen=True, eq=False)
+class Reverted:
+    """What was opened cannot be drawn: what was open before is open again."""
+
+    scene: Scene
+    packs: Mapping[str, Pack]
+    view: ViewState
+
+
+@dataclass(frozen=True)
+class FrameStarted:
+    """A frame is about to be drawn."""
+
+    seconds: float
+    """Since the last one, for cameras that move by themselves."""
+    picture_size: tuple[int, int]
+    """(width, height) in pixels that panels leave to the picture."""
+
+
+@dataclass(frozen=True)
+class PanelsMade:
+    """The panels that the window has."""
+
+    titles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FlickerTurned:
+    """While A and B take turns: whose turn it is."""
+
+    shows_other: bool
+
+
+@dataclass(frozen=True)
+class TimePassed:
+    """Messages that have been shown for long enough are to go."""
+
+    now: float
+    """Monotonic seconds."""
+
+
+@dataclass(frozen=True)
+class CameraSampled:
+    """It is time for another camera of the path that is recorded, if one is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The requested measurement was made, or failed."""
+
+    measurements: Mapping[Side, SlotMeasurement] | None
+
+
+@dataclass(frozen=True)
+class PictureWritten:
+    """The first of the requested pictures was written, or failed."""
+
+
+@dataclass(frozen=True)
+class CameraPathWritten:
+    """The recorded path was written, or failed."""
+
+
+Event = (
+    Notification
+    | PackUpdated
+    | PackClosed
+    | RunStarted
+    | PrecisionFound
+    | ViewChanged
+    | Reverted
+    | FrameStarted
+    | PanelsMade
+    | FlickerTurned
+    | TimePassed
+    | CameraSampled
+    | Measured
+    | PictureWritten
+    | CameraPathWritten
+)
 EmitEvent = Callable[[Event], None]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.model import Camera
-from viewer.state.rotation import Vector, rotated
 
+Vector = NDArray[np.float64]
 RADIANS_PER_HEIGHT = math.pi
 """A drag over the whole height of the picture turns by half a circle."""
 POLE_MARGIN = math.radians(1.0)
@@ -17,6 +17,13 @@ ZOOM_STEP = 1.12
 """Factor of distance for one notch of the wheel."""
 FREE = "free"
 """Name of a camera that was moved by hand."""
+
+
+def rotated(vectors: Vector, axis: Vector, radians: float) -> Vector:
+    """`vectors` [..., 3] turned about `axis` [3], which has length 1, anticlockwise as seen from its tip (Rodrigues)."""
+    along = (vectors @ axis)[..., None] * axis
+    turned: Vector = along + (vectors - along) * math.cos(radians) + np.cross(axis, vectors) * math.sin(radians)
+    return turned
 
 
 def _unit(vector: Vector) -> Vector:

@@ -87,3 +87,7 @@ class ViewState:
     def with_slot(self, side: Side, slot: Slot) -> "ViewState":
         """This view with another slot on one side."""
         return replace(self, slot_a=slot) if side == "a" else replace(self, slot_b=slot)
+
+    def with_source(self, side: Side, source: str) -> "ViewState":
+        """This view with another source in the slot of one side."""
+        return self.with_slot(side, replace(self.slots[side], source=source))

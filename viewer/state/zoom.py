@@ -28,13 +28,13 @@ class Zoom:
         x, y = (min(max(value, half), 1.0 - half) - half for value in self.centre)
         return x, y
 
-    def seen_at(self, x: float, y: float) -> tuple[float, float]:
+    def window_to_image(self, x: float, y: float) -> tuple[float, float]:
         """What of the picture is shown at (x, y); both as shares from the upper left corner."""
         left, top = self.corner
         return left + x / self.factor, top + y / self.factor
 
-    def shown_at(self, x: float, y: float) -> tuple[float, float]:
-        """Where (x, y) of the picture is shown: the inverse of `seen_at`."""
+    def image_to_window(self, x: float, y: float) -> tuple[float, float]:
+        """Where (x, y) of the picture is shown: the inverse of `window_to_image`."""
         left, top = self.corner
         return (x - left) * self.factor, (y - top) * self.factor
 
@@ -47,7 +47,7 @@ class Zoom:
     def towards(self, x: float, y: float, notches: float) -> "Zoom":
         """Larger by `notches` of the wheel (smaller if negative), with what is shown at (x, y) staying there."""
         factor = min(max(self.factor * STEP**notches, 1.0), LARGEST)
-        at = self.seen_at(x, y)
+        at = self.window_to_image(x, y)
         half = 0.5 / factor
         return Zoom(factor, (at[0] - x / factor + half, at[1] - y / factor + half))
 

@@ -4,13 +4,11 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.state.compare_layout import WIPES, layout_of, shown_at, shown_sides
+from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Session, Toast
 from viewer.state.view_state import REFERENCE, Slot, ViewState
-from viewer.ui.area import Area
 from viewer.ui.facts import FrameFacts
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import counted
+from viewer.ui.widgets import Area, WidgetRects, counted
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
@@ -59,7 +57,7 @@ def _difference_label(view: ViewState) -> str:
     return texts[view.difference.kind]
 
 
-def draw_labels(session: Session, area: Area, items: ItemPlaces) -> None:
+def draw_labels(session: Session, area: Area, items: WidgetRects) -> None:
     """Names of what is shown where in the picture in `area`: on either side of the line where there is one."""
     draw = imgui.get_background_draw_list()
     view = session.shown_view
@@ -100,7 +98,7 @@ def _frames(session: Session, part: tuple[float, float, float, float], area: Are
     left, top, right, bottom = part
     extent = ((right - left) * view.zoom.factor * area.width, (bottom - top) * view.zoom.factor * area.height)
     draw.push_clip_rect(ImVec2(area.left, area.top), ImVec2(area.right, area.bottom))
-    for shown in shown_at(view, (left + right) / 2.0, (top + bottom) / 2.0):
+    for shown in image_to_window(view, (left + right) / 2.0, (top + bottom) / 2.0):
         x, y = area.at(*shown)
         low = ImVec2(x - extent[0] / 2.0, y - extent[1] / 2.0)
         high = ImVec2(low.x + extent[0], low.y + extent[1])
@@ -122,7 +120,7 @@ def draw_block(session: Session, facts: FrameFacts, area: Area) -> None:
         return
     left, top, right, bottom = block.rectangle
     _frames(session, (left, top, right, bottom), area)
-    if session.hovered is not None and session.inspected is None and block.textures:
+    if session.inspection.hovered is not None and session.inspection.block is None and block.textures:
         slots = (("A", session.view.slot_a), ("B", session.view.slot_b))
         texts = [
             f"{side}: {counted(block.decoder_count(slot.source), 'decoder')}"

@@ -1,20 +1,15 @@
 """Panel "Divergence": the map's settings, colour bar, figures of A and B, plots, and the block under the mouse."""
 
-from dataclasses import replace
-
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.block_content import BlockContent
-from viewer.state.actions import InspectBlock, SetOverlay
 from viewer.state.palettes import PALETTES
 from viewer.state.session import Session
 from viewer.state.view_state import BLOCKS, REFERENCE
-from viewer.ui.colors import SLOT_COLORS, heat, packed
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import combo, counted
+from viewer.ui.widgets import SLOT_COLORS, WidgetRects, combo, counted, heat, packed
 
 BAR_HEIGHT = 14.0
 MOST_TICKS = 16
@@ -23,7 +18,7 @@ THUMBNAIL = 32.0
 TEXTURES_SHOWN = 12
 
 
-def _settings(session: Session, emit: Emit, items: ItemPlaces) -> None:
+def _settings(session: Session, emit: Emit, items: WidgetRects) -> None:
     overlay = session.view.overlay
     imgui.set_next_item_width(64)
     block = combo("block", overlay.block, tuple(BLOCKS), items)
@@ -32,19 +27,18 @@ def _settings(session: Session, emit: Emit, items: ItemPlaces) -> None:
     palette = combo("palette", overlay.palette, tuple(PALETTES), items)
     imgui.same_line()
     imgui.set_next_item_width(-1)
-    moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f")
+    always_clamp = imgui.SliderFlags_.always_clamp
+    moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f", always_clamp)
     items.note("opacity")
-    changed = replace(
-        overlay,
-        block=next(name for name in BLOCKS if name == block),
-        palette=next(name for name in PALETTES if name == palette),
-        opacity=min(max(opacity, 0.0), 1.0) if moved else overlay.opacity,
-    )
-    if changed != overlay:
-        emit(SetOverlay(changed))
+    if block != overlay.block:
+        emit("overlay.block", block)
+    if palette != overlay.palette:
+        emit("overlay.palette", palette)
+    if moved:
+        emit("overlay.opacity", opacity)
 
 
-def _color_bar(session: Session, most: int, items: ItemPlaces) -> None:
+def _color_bar(session: Session, most: int, items: WidgetRects) -> None:
     """One field for each number of decoders, from one to the most, with integers below."""
     draw = imgui.get_window_draw_list()
     at, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -68,7 +62,7 @@ def _sides(session: Session, facts: FrameFacts) -> dict[str, tuple[str, Divergen
     return {side: (s.source, facts.divergence[s.source]) for side, s in slots.items() if s.source in facts.divergence}
 
 
-def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces) -> None:
+def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRects) -> None:
     rows = {
         "shows": [source for source, _ in sides.values()],
         "score": [f"{figures.score:.4f}" for _, figures in sides.values()],
@@ -96,7 +90,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlac
         imgui.text("nothing to cut in B" if cut is None else f"A cuts B's excess by {cut:.1f} %")
 
 
-def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces) -> None:
+def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRects) -> None:
     """Share of the covered blocks with D decoders, and with at most D, of both sides."""
     most = max(figures.maximum for _, figures in sides.values())
     counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
@@ -127,13 +121,13 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: ItemPlaces
             imgui.same_line()
 
 
-def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
-    kept = session.inspected is not None
+def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+    kept = session.inspection.block is not None
     imgui.text(f"block {block.column}, {block.row}")
     imgui.same_line()
     if kept:
         if imgui.small_button("let go"):
-            emit(InspectBlock(None))
+            emit("block.keep-at", None)
         items.note("let go")
     else:
         imgui.text_disabled("click keeps it")
@@ -156,7 +150,7 @@ def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit,
         imgui.text_disabled(f"and {len(block.textures) - TEXTURES_SHOWN} more")
 
 
-def draw_divergence_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+def draw_divergence_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
     """The content of the panel."""
     _settings(session, emit, items)
     sides = _sides(session, facts)

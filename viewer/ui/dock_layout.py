@@ -6,7 +6,7 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.ui.area import Area
+from viewer.ui.widgets import Area
 
 Place = Literal["left", "left below", "right", "right below", "bottom"]
 MERGED: dict[Place, Place] = {"left below": "left", "right below": "right", "bottom": "left"}

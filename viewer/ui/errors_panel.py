@@ -1,18 +1,17 @@
 """Panel "Errors": which textures and decoders make A and B differ, worst first; a click shows where they are."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from imgui_bundle import imgui
 
+from viewer.commands.errors import LARGEST_IS_WORST
 from viewer.inspect.comparison import ErrorRow
-from viewer.state.actions import RunCommand, SetOverlay
-from viewer.state.comparing_panels import ErrorColumn, worst_is_largest
-from viewer.state.session import Session
+from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
 from viewer.ui.live_figures_section import decibels, figures_state
+from viewer.ui.widgets import WidgetRects
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
@@ -48,57 +47,57 @@ def _value(named: NamedRow, column: ErrorColumn) -> float | str:
 
 def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
     """The table as it is shown: of the last comparison."""
-    found, comparing = facts.live.comparison, session.comparing
+    found, table = facts.live.comparison, session.inspection.errors
     if found is None:
         return []
-    if comparing.errors_by == "texture":
+    if table.by == "texture":
         textures = session.scene.textures
         rows = [NamedRow(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
     else:
         rows = [NamedRow(f"decoder {row.number}", row) for row in found.decoders]
     # Python's sort is stable: equal rows stay in order of their numbers.
-    return sorted(rows, key=lambda named: _value(named, comparing.column), reverse=comparing.descending)
+    return sorted(rows, key=lambda named: _value(named, table.column), reverse=table.descending)
 
 
-def _choices(session: Session, emit: Emit, items: ItemPlaces) -> None:
+def _choices(session: Session, emit: Emit, items: WidgetRects) -> None:
     for by in ("texture", "decoder"):
-        if imgui.radio_button(f"by {by}", session.comparing.errors_by == by):
-            emit(RunCommand("errors.by", (by,)))
+        if imgui.radio_button(f"by {by}", session.inspection.errors.by == by):
+            emit("errors.by", by)
         items.note(f"errors by {by}")
         imgui.same_line()
     overlay = session.view.overlay
-    kind: OverlayKind = "error-texture" if session.comparing.errors_by == "texture" else "error-decoder"
+    kind: OverlayKind = "error-texture" if session.inspection.errors.by == "texture" else "error-decoder"
     changed, shown = imgui.checkbox("in the picture", overlay.kind in ("error-texture", "error-decoder"))
     items.note("errors in the picture")
     if changed:
-        emit(SetOverlay(replace(overlay, kind=kind if shown else "none")))
+        emit("overlay.kind", kind if shown else "none")
     elif overlay.kind in ("error-texture", "error-decoder") and overlay.kind != kind:
-        emit(SetOverlay(replace(overlay, kind=kind)))
+        emit("overlay.kind", kind)
 
 
-def _headings(session: Session, emit: Emit, items: ItemPlaces) -> None:
-    comparing = session.comparing
+def _headings(session: Session, emit: Emit, items: WidgetRects) -> None:
+    table = session.inspection.errors
     imgui.table_next_row(imgui.TableRowFlags_.headers)
     for column, text in HEADINGS:
         imgui.table_next_column()
-        is_key = column == comparing.column
-        arrow = ("  v" if comparing.descending else "  ^") if is_key else ""
-        title = "decoder" if column == "name" and comparing.errors_by == "decoder" else text
+        is_key = column == table.column
+        arrow = ("  v" if table.descending else "  ^") if is_key else ""
+        title = "decoder" if column == "name" and table.by == "decoder" else text
         if imgui.selectable(f"{title}{arrow}##{column}", False)[0]:
-            worst_first = comparing.descending == worst_is_largest(column)
-            emit(RunCommand("errors.sort", (column, "best" if is_key and worst_first else "worst")))
+            worst_first = table.descending == (column in LARGEST_IS_WORST)
+            emit("errors.sort", column, "best" if is_key and worst_first else "worst")
         items.note(f"sort by {column}")
 
 
-def _row(named: NamedRow, session: Session, emit: Emit, items: ItemPlaces) -> None:
-    row, by = named.row, session.comparing.errors_by
-    decoder = session.comparing.lit_decoder
+def _row(named: NamedRow, session: Session, emit: Emit, items: WidgetRects) -> None:
+    row, by = named.row, session.inspection.errors.by
+    decoder = session.inspection.errors.highlighted_decoder
     lit = decoder == row.number if by == "decoder" else decoder is None and session.view.highlight == (row.number,)
     imgui.table_next_row()
     imgui.table_next_column()
     flags = imgui.SelectableFlags_.span_all_columns
     if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
-        emit(RunCommand("errors.highlight", (by, str(row.number))))
+        emit("errors.highlight", by, row.number)
     items.note(f"error {by} {row.number}")
     texts = (
         str(row.decoder) if row.decoder >= 0 else "-",
@@ -112,14 +111,14 @@ def _row(named: NamedRow, session: Session, emit: Emit, items: ItemPlaces) -> No
         imgui.text(text)
 
 
-def draw_errors_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+def draw_errors_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
     """The content of the panel."""
     _choices(session, emit, items)
-    imgui.text_disabled(figures_state(facts.live, session))
+    imgui.text_disabled(figures_state(facts.live, session, facts.is_training))
     if session.view.highlight:
         imgui.same_line()
         if imgui.small_button("end highlight"):
-            emit(RunCommand("errors.clear"))
+            emit("errors.clear")
         items.note("end highlight")
     rows = sorted_rows(session, facts)
     if not rows:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 from imgui_bundle import imgui
@@ -14,11 +15,15 @@ from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.pixel_content import PixelContent
 from viewer.render.frame_history import FrameHistory
 from viewer.render.tile_cache.budget import TileCounts
-from viewer.state.actions import Action
 from viewer.state.view_state import PathChoice, Slot
 
-Emit = Callable[[Action], None]
-"""How the UI asks for something."""
+
+class Emit(Protocol):
+    """How the UI runs a command. What keeps it from being carried out becomes a message."""
+
+    def __call__(self, command_id: str, *values: Any) -> None:
+        """Run the command with values for its parameters; those that are left out take their defaults."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,8 @@ class FrameFacts:
     """The block that is kept, else the one under the mouse, while the overlay is shown."""
     live: LiveFigures = field(default_factory=LiveFigures)
     """A against B."""
+    is_training: bool = False
+    """Whether a training keeps the processors busy: A is not compared with B then."""
     pixel: PixelContent | None = None
     """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None

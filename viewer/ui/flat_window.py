@@ -12,13 +12,10 @@ from viewer.inspect.flat_texture import FlatTexture, decode_flat, original_flat
 from viewer.inspect.visible_part import VisiblePart, visible_part
 from viewer.jobs.background import Background
 from viewer.jobs.job import Job, JobReport
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
-from viewer.ui.colors import SLOT_COLORS, packed
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import combo
+from viewer.ui.widgets import SLOT_COLORS, WidgetRects, combo, packed
 
 Arrangement = Literal["side by side", "wipe"]
 ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
@@ -55,9 +52,9 @@ class FlatWindow:
         self._divider = 0.5
         self._dragging = False
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
         """The window, while a texture is to be shown."""
-        number = session.flat_texture
+        number = session.inspection.flat_texture
         if number is None or facts.image is None or number >= len(session.scene.textures):
             self._forget()
             return
@@ -87,7 +84,7 @@ class FlatWindow:
             self._picture(sides, (width, height), facts, items)
         imgui.end()
         if not stays:
-            emit(RunCommand("texture.close-flat"))
+            emit("texture.close-flat")
 
     def _forget(self) -> None:
         if self._texture is not None:
@@ -108,7 +105,7 @@ class FlatWindow:
         first, second = session.view.slot_a.source, session.view.slot_b.source
         self._sources = {"a": first, "b": second if second != first else REFERENCE}
 
-    def _controls(self, session: Session, items: ItemPlaces) -> None:
+    def _controls(self, session: Session, items: WidgetRects) -> None:
         width = 9.0 * imgui.get_font_size()
         for side in self._sources:
             # Packs may have been closed since.
@@ -167,7 +164,7 @@ class FlatWindow:
         against = " against the original made as small" if flat.reduced else ""
         return _Side(flat, f"{about}, {quality}{against}")
 
-    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: ItemPlaces) -> None:
+    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: WidgetRects) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         if room.x < 8.0 or room.y < 8.0:
             return

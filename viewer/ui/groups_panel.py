@@ -5,17 +5,13 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from ntc.pack.model import Pack
-from viewer.commands import COMMANDS
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import counted
+from viewer.ui.widgets import WidgetRects, counted
 
-RETRAIN = "training.retrain"
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
 """Height of the list of groups at first, in rows."""
@@ -38,7 +34,7 @@ class GroupsPanel:
         self._chosen = 0
         self._followed: int | None = None
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
         """The content of the panel."""
         source = session.view.slot_a.source
         pack, match = session.packs.get(source), facts.matches.get(source)
@@ -50,7 +46,7 @@ class GroupsPanel:
             self._rows = group_rows(pack, match)
             self._followed = None
         decoders = match.decoders(pack)
-        self._follow_selection(session.selected_texture, decoders)
+        self._follow_selection(session.inspection.selected_texture, decoders)
         if not self._rows:
             imgui.text_disabled("the pack has no groups")
             return
@@ -69,7 +65,7 @@ class GroupsPanel:
                 self._chosen = decoders[selected]
         self._chosen = min(self._chosen, max(len(self._rows) - 1, 0))
 
-    def _list(self, items: ItemPlaces) -> None:
+    def _list(self, items: WidgetRects) -> None:
         flags = (
             imgui.TableFlags_.sortable
             | imgui.TableFlags_.row_bg
@@ -128,17 +124,12 @@ class GroupsPanel:
         decoders: tuple[int, ...],
         facts: FrameFacts,
         emit: Emit,
-        items: ItemPlaces,
+        items: WidgetRects,
     ) -> None:
         row = self._rows[self._chosen]
-        can_train = any(command.id == RETRAIN for command in COMMANDS)
-        imgui.begin_disabled(not can_train)
         if imgui.button(f"Train group {row.group}"):
-            emit(RunCommand(RETRAIN, (str(row.group),)))
+            emit("training.retrain", str(row.group))
         items.note("Train group")
-        imgui.end_disabled()
-        if not can_train:
-            imgui.set_item_tooltip("this version of the window has no training")
         distances = self._distances(session, pack, decoders)
         members = list(row.members)
         if isinstance(distances, GroupDistances):
@@ -173,13 +164,15 @@ class GroupsPanel:
         side: float,
         facts: FrameFacts,
         emit: Emit,
-        items: ItemPlaces,
+        items: WidgetRects,
     ) -> None:
         at = imgui.get_cursor_pos()
         flags = imgui.SelectableFlags_.allow_double_click
-        if imgui.selectable(f"##member {texture}", texture == session.selected_texture, flags, ImVec2(0, side))[0]:
+        if imgui.selectable(
+            f"##member {texture}", texture == session.inspection.selected_texture, flags, ImVec2(0, side)
+        )[0]:
             doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            emit(RunCommand("texture.flat" if doubly else "texture.select", (str(texture),)))
+            emit("texture.flat" if doubly else "texture.select", str(texture))
             self._followed = texture
         items.note(f"member {texture}")
         imgui.set_cursor_pos(at)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from viewer.inspect.comparison import Comparison
 from viewer.ui.facts import FrameFacts
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 CHANNELS = (("red", (0.95, 0.35, 0.3, 1.0)), ("green", (0.4, 0.85, 0.4, 1.0)), ("blue", (0.4, 0.6, 1.0, 1.0)))
 
@@ -28,7 +28,7 @@ class HistogramPanel:
         self._last = max(8, int(occurring[-1]) + 1) if len(occurring) else 8
         self._of = comparison
 
-    def draw(self, facts: FrameFacts, items: ItemPlaces) -> None:
+    def draw(self, facts: FrameFacts, items: WidgetRects) -> None:
         """The content of the panel."""
         comparison = facts.live.comparison
         if comparison is None or comparison.pixels == 0:

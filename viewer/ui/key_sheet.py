@@ -4,7 +4,8 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings, key_table
 from viewer.state.session import Session
-from viewer.ui.items import ItemPlaces
+from viewer.ui.facts import Emit
+from viewer.ui.widgets import WidgetRects
 
 WIDTH = 640.0
 
@@ -17,11 +18,11 @@ class KeySheet:
         self._was_open = False
         self._typing = False
 
-    def draw(self, session: Session, size: tuple[float, float], top: float, items: ItemPlaces) -> None:
+    def draw(self, session: Session, size: tuple[float, float], top: float, emit: Emit, items: WidgetRects) -> None:
         """The sheet, where the session says that it is open; below `top` in window units."""
-        opening = session.show_help and not self._was_open
-        self._was_open = session.show_help
-        if not session.show_help:
+        opening = session.window.show_help and not self._was_open
+        self._was_open = session.window.show_help
+        if not session.window.show_help:
             self._typing = False
             return
         rows = [
@@ -57,9 +58,9 @@ class KeySheet:
         imgui.end()
         # The field owns the key in the frame in which it ends the typing.
         if not stays or (self._typing and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
-            session.show_help = False
+            emit("help.close")
 
-    def _search(self, opening: bool, items: ItemPlaces) -> None:
+    def _search(self, opening: bool, items: WidgetRects) -> None:
         imgui.set_next_item_width(-170.0)
         if opening:
             imgui.set_keyboard_focus_here()

@@ -1,13 +1,9 @@
 """Keys that run commands."""
 
-from collections.abc import Mapping
-
 from imgui_bundle import imgui
 
 from viewer.commands import COMMANDS, bindings
-from viewer.commands.bindings import Bindings
-from viewer.commands.chords import Chord
-from viewer.state.actions import RunCommand
+from viewer.commands.keys import Chord
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
 
@@ -34,7 +30,7 @@ _IMGUI_NAMES = {
 
 
 def imgui_key(name: str) -> imgui.Key:
-    """ImGui's key of a name of `viewer.commands.chords`."""
+    """ImGui's key of a name of `viewer.commands.keys`."""
     key: imgui.Key = getattr(imgui.Key, _IMGUI_NAMES.get(name, name.lower()))
     return key
 
@@ -47,30 +43,16 @@ def is_pressed(chord: Chord) -> bool:
     return imgui.is_key_pressed(imgui_key(chord.key), repeat=False)
 
 
-class Keyboard:
-    """Remembers the bindings as long as the settings keep theirs."""
-
-    def __init__(self) -> None:
-        self._keys: Mapping[str, str] | None = None
-        self._bindings = Bindings({})
-
-    def bindings(self, session: Session) -> Bindings:
-        """Which key runs which command."""
-        if session.settings.keys is not self._keys:
-            self._keys = session.settings.keys
-            self._bindings = bindings(self._keys)
-        return self._bindings
-
-    def run_commands(self, session: Session, emit: Emit, typing: bool) -> None:
-        """Run the commands whose keys went down; while a field is typed into, only those of function keys."""
-        if not typing:
-            # Else ImGui takes Tab to go from field to field of the focused panel, and letters are typed from then on.
-            imgui.internal.set_key_owner(imgui.Key.tab, imgui.get_id("commands"))
-        bound = self.bindings(session)
-        for command in COMMANDS:
-            chords = bound.chords.get(command.id, ())
-            if any(is_pressed(chord) for chord in chords if chord.is_function_key or not typing):
-                if command.needs_arguments:
-                    session.palette = command.id
-                else:
-                    emit(RunCommand(command.id))
+def run_commands(session: Session, emit: Emit, typing: bool) -> None:
+    """Run the commands whose keys went down; while a field is typed into, only those of function keys."""
+    if not typing:
+        # Else ImGui takes Tab to go from field to field of the focused panel, and letters are typed from then on.
+        imgui.internal.set_key_owner(imgui.Key.tab, imgui.get_id("commands"))
+    bound = bindings(session.settings.keys)
+    for command in COMMANDS:
+        chords = bound.chords.get(command.id, ())
+        if any(is_pressed(chord) for chord in chords if chord.is_function_key or not typing):
+            if command.needs_arguments:
+                emit("palette.set", command.id)
+            else:
+                emit(command.id)

@@ -4,7 +4,7 @@ from imgui_bundle import imgui
 
 from viewer.state.message_log import LogEntry
 from viewer.state.session import Session
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 ERROR_DARK = (1.0, 0.45, 0.4, 1.0)
 ERROR_LIGHT = (0.75, 0.1, 0.05, 1.0)
@@ -18,9 +18,9 @@ class LogPanel:
         self._errors_only = False
         self._said = 0
 
-    def draw(self, session: Session, items: ItemPlaces) -> None:
+    def draw(self, session: Session, items: WidgetRects) -> None:
         """The content of the panel."""
-        log = session.log
+        log = session.window.log
         if imgui.small_button("copy all"):
             imgui.set_clipboard_text(log.text())
         items.note("copy log")
@@ -47,7 +47,7 @@ class LogPanel:
                 imgui.set_scroll_here_y(1.0)
         imgui.end_child()
 
-    def _line(self, entry: LogEntry, color: imgui.ImVec4, items: ItemPlaces) -> None:
+    def _line(self, entry: LogEntry, color: imgui.ImVec4, items: WidgetRects) -> None:
         is_error = entry.kind == "error"
         if is_error:
             imgui.push_style_color(imgui.Col_.text, color)

@@ -5,9 +5,8 @@ from imgui_bundle import ImVec2, imgui
 from viewer.inspect.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, Slot
-from viewer.ui.colors import SLOT_COLORS, packed
 from viewer.ui.facts import FrameFacts
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import SLOT_COLORS, WidgetRects, packed
 
 SCENE_COLOR = (0.55, 0.57, 0.6, 1.0)
 
@@ -45,7 +44,7 @@ class MemoryPanel:
             lines += [f"  {row.name:36} {row.bytes:>15,} bytes  {ratio(row)}" for row in rows]
         return "\n".join(lines)
 
-    def draw(self, session: Session, facts: FrameFacts, items: ItemPlaces) -> None:
+    def draw(self, session: Session, facts: FrameFacts, items: WidgetRects) -> None:
         """The content of the panel."""
         self._update(session, facts)
         if imgui.small_button("copy"):
@@ -75,7 +74,7 @@ class MemoryPanel:
                     write(text)
         imgui.end_table()
 
-    def _bars(self, items: ItemPlaces) -> None:
+    def _bars(self, items: WidgetRects) -> None:
         """The totals as bars; the longest is the original."""
         totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
         scene = [(row.name, SCENE_COLOR, row) for row in self._parts[0][2]]

@@ -6,20 +6,19 @@ from typing import get_args
 from imgui_bundle import imgui
 
 from viewer.commands import COMMANDS, bindings
-from viewer.commands.bindings import Bindings
 from viewer.commands.command import Command, Menu
-from viewer.state.actions import RunCommand
+from viewer.commands.keys import Bindings
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 LABEL = "menu: "
 """Before the names under which scripts click on menus and their items: `menu: View`, `menu: compare.mode a`."""
 
 
-def draw_menu_bar(session: Session, emit: Emit, items: ItemPlaces) -> float:
+def draw_menu_bar(session: Session, emit: Emit, items: WidgetRects) -> float:
     """The bar at the upper edge; its height in window units."""
-    commands: defaultdict[str, list[Command]] = defaultdict(list)
+    commands: defaultdict[Menu | None, list[Command]] = defaultdict(list)
     for command in COMMANDS:
         commands[command.menu].append(command)
     if not imgui.begin_main_menu_bar():
@@ -45,9 +44,9 @@ def draw_menu_bar(session: Session, emit: Emit, items: ItemPlaces) -> float:
     return float(height)
 
 
-def _command(command: Command, bound: Bindings, session: Session, emit: Emit, items: ItemPlaces) -> None:
+def _command(command: Command, bound: Bindings, session: Session, emit: Emit, items: WidgetRects) -> None:
     """One entry: a submenu of choices, an item that runs the command, or one that asks for what it must be told."""
-    if command.needs_arguments and all(parameter.kind == "choice" for parameter in command.parameters):
+    if command.needs_arguments and all(parameter.is_choice for parameter in command.parameters):
         _choices(command, (), session, emit, items)
         return
     asks = command.needs_arguments
@@ -55,12 +54,12 @@ def _command(command: Command, bound: Bindings, session: Session, emit: Emit, it
     items.note(f"{LABEL}{command.id}")
     imgui.set_item_tooltip(command.help)
     if clicked and asks:
-        session.palette = command.id
+        emit("palette.set", command.id)
     elif clicked:
-        emit(RunCommand(command.id))
+        emit(command.id)
 
 
-def _choices(command: Command, chosen: tuple[str, ...], session: Session, emit: Emit, items: ItemPlaces) -> None:
+def _choices(command: Command, chosen: tuple[str, ...], session: Session, emit: Emit, items: WidgetRects) -> None:
     """A submenu for the parameter after those that are chosen."""
     options = command.parameters[len(chosen)].options(session)
     name = " ".join((command.id, *chosen))
@@ -74,6 +73,6 @@ def _choices(command: Command, chosen: tuple[str, ...], session: Session, emit: 
             _choices(command, (*chosen, option), session, emit, items)
             continue
         if imgui.menu_item_simple(f"{option}##{name}"):
-            emit(RunCommand(command.id, (*chosen, option)))
+            emit(command.id, *command.parse((*chosen, option)))
         items.note(f"{LABEL}{name} {option}")
     imgui.end_menu()

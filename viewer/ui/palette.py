@@ -7,11 +7,10 @@ from imgui_bundle import ImVec2, imgui
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
 from viewer.ui.search import best_first, score
+from viewer.ui.widgets import WidgetRects
 
 WIDTH = 620.0
 TOP_SHARE = 0.12
@@ -56,12 +55,12 @@ class Palette:
         """Makes a field of its own of every step: ImGui keeps the text of one that is being typed into."""
         self._focus = False
 
-    def draw(self, session: Session, size: tuple[float, float], emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, size: tuple[float, float], emit: Emit, items: WidgetRects) -> None:
         """The palette, where the session says that it is open."""
-        if session.palette != self._was_open:
-            self._was_open = session.palette
-            self._begin(find_command(session.palette) if session.palette else None)
-        if session.palette is None:
+        if session.window.palette != self._was_open:
+            self._was_open = session.window.palette
+            self._begin(find_command(session.window.palette) if session.window.palette else None)
+        if session.window.palette is None:
             return
         width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
         imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] * TOP_SHARE), imgui.Cond_.always, ImVec2(0.5, 0.0))
@@ -82,7 +81,7 @@ class Palette:
         )
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False) or (outside and clicked is None):
-            self._close(session)
+            self._close(emit)
             return
         answer = clicked if clicked is not None else chosen
         if answer is not None:
@@ -97,9 +96,10 @@ class Palette:
         self._step += 1
         self._focus = True
 
-    def _close(self, session: Session) -> None:
+    def _close(self, emit: Emit) -> None:
         # A command may open it anew within the same frame.
-        session.palette = self._was_open = None
+        self._was_open = None
+        emit("palette.set", None)
 
     @property
     def _parameter(self) -> Parameter | None:
@@ -119,14 +119,14 @@ class Palette:
             _Row(option, option) for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0)) if fit is not None
         )
 
-    def _field(self, rows: tuple[_Row, ...], items: ItemPlaces) -> str | None:
+    def _field(self, rows: tuple[_Row, ...], items: WidgetRects) -> str | None:
         """The line that is typed into; what Enter chose."""
         parameter = self._parameter
         if self._command is not None and parameter is not None:
             imgui.text(" ".join((self._command.title, *self._arguments)))
             imgui.same_line()
             imgui.text_disabled(f"{parameter.name}: {parameter.help}")
-        hint = "find a command" if parameter is None else parameter.default or parameter.name
+        hint = "find a command" if parameter is None else parameter.default_text or parameter.name
         imgui.set_next_item_width(-1.0)
         if self._focus:
             imgui.set_keyboard_focus_here()
@@ -148,17 +148,17 @@ class Palette:
             return None
         # Enter takes the keyboard away from the field.
         self._focus = True
-        if rows and (parameter is None or parameter.kind == "choice"):
+        if rows and (parameter is None or parameter.is_choice):
             return rows[min(self._selected, len(rows) - 1)].value
         if parameter is None:
             self._problem = f"no command has {self._text!r} in it"
             return None
-        if not self._text and parameter.default is None:
+        if not self._text and parameter.default_text is None:
             self._problem = f"{parameter.name}: {parameter.help}"
             return None
-        return self._text if self._text or parameter.default is None else parameter.default
+        return self._text or parameter.default_text or ""
 
-    def _list(self, rows: tuple[_Row, ...], height: float, items: ItemPlaces) -> str | None:
+    def _list(self, rows: tuple[_Row, ...], height: float, items: WidgetRects) -> str | None:
         """The list; what was clicked on."""
         if not rows:
             return None
@@ -191,7 +191,7 @@ class Palette:
             parameter = self._parameter
             assert parameter is not None
             try:
-                parameter.read(answer, session)
+                parameter.checked(parameter.parse(answer), session)
             except InputError as error:
                 self._problem = str(error)
                 return
@@ -200,5 +200,5 @@ class Palette:
             self._next_step()
             return
         command, arguments = self._command, self._arguments
-        self._close(session)
-        emit(RunCommand(command.id, arguments))
+        self._close(emit)
+        emit(command.id, *command.parse(arguments))

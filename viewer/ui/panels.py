@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from viewer.jobs.background import Background
 from viewer.state.session import Session
+from viewer.training.live_training import LiveTraining
 from viewer.ui.compare_panel import draw_compare_panel
 from viewer.ui.divergence_panel import draw_divergence_panel
 from viewer.ui.dock_layout import Place
@@ -12,7 +13,6 @@ from viewer.ui.errors_panel import draw_errors_panel
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.groups_panel import GroupsPanel
 from viewer.ui.histogram_panel import HistogramPanel
-from viewer.ui.items import ItemPlaces
 from viewer.ui.log_panel import LogPanel
 from viewer.ui.memory_panel import MemoryPanel
 from viewer.ui.pixel_panel import draw_pixel_panel
@@ -22,6 +22,7 @@ from viewer.ui.textures_panel import TexturesPanel
 from viewer.ui.timings_panel import draw_timings_panel
 from viewer.ui.timings_plot import TimingsPlot
 from viewer.ui.training_panel import TrainingPanel
+from viewer.ui.widgets import WidgetRects
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +30,10 @@ class PanelContext:
     """What a panel draws from, and whom it asks."""
 
     session: Session
+    training: LiveTraining
     facts: FrameFacts
     emit: Emit
-    items: ItemPlaces
+    items: WidgetRects
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
         ),
         Panel("Textures", "right", _scene_height, lambda c: textures.draw(c.session, c.facts, c.emit, c.items)),
         Panel("Groups", "right", _scene_height, lambda c: groups.draw(c.session, c.facts, c.emit, c.items)),
-        Panel("Training", "right", _scene_height, lambda c: training.draw(c.session, c.emit, c.items)),
+        Panel("Training", "right", _scene_height, lambda c: training.draw(c.session, c.training, c.emit, c.items)),
         Panel(
             "Divergence",
             "right below",
@@ -79,7 +81,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
             "right below",
             lambda window: max(240.0, window - _scene_height(window)),
             lambda c: draw_pixel_panel(c.session, c.facts, c.emit, c.items),
-            shown=lambda session: session.comparing.pixel,
+            shown=lambda session: "Pixel" in session.window.open_panels,
         ),
         Panel("Log", "bottom", lambda _: 130.0, lambda c: log.draw(c.session, c.items)),
         Panel(
@@ -87,13 +89,13 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
             "bottom",
             lambda _: 130.0,
             lambda c: draw_errors_panel(c.session, c.facts, c.emit, c.items),
-            shown=lambda session: session.comparing.errors,
+            shown=lambda session: "Errors" in session.window.open_panels,
         ),
         Panel(
             "Histogram",
             "left below",
             lambda _: 300.0,
             lambda c: histogram.draw(c.facts, c.items),
-            shown=lambda session: session.comparing.histogram,
+            shown=lambda session: "Histogram" in session.window.open_panels,
         ),
     )

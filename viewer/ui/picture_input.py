@@ -6,16 +6,14 @@ from imgui_bundle import imgui
 
 from viewer.commands import HOLD_KEY
 from viewer.state import navigation
-from viewer.state.actions import InspectBlock, KeepPixel, MoveDivider, SetCamera, SetZoom
-from viewer.state.compare_layout import WIPES, seen_at
+from viewer.state.compare_layout import WIPES, window_to_image
 from viewer.state.session import Session
-from viewer.ui.area import Area
 from viewer.ui.facts import Emit
-from viewer.ui.keyboard import Keyboard, imgui_key
+from viewer.ui.keyboard import imgui_key, run_commands
+from viewer.ui.widgets import Area
 
 GRAB_WIDTH = 12.0
 """Window units on either side of the divider within which it can be grabbed."""
-CENTRE = 0.5
 CLICK_DISTANCE = 4.0
 """Window units: a press that moves less is a click."""
 MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
@@ -27,38 +25,37 @@ class PictureInput:
     """Remembers what a drag began on."""
 
     def __init__(self) -> None:
-        self._keyboard = Keyboard()
         self._dragging_divider = False
-        self._speed_notches = 0.0
         self._pressed_at: tuple[float, float] | None = None
 
     def handle(self, session: Session, area: Area, emit: Emit, keys: bool = True) -> None:
-        """Turn this frame's events into actions on the picture in `area`; `keys` False leaves those of commands to an open list."""
+        """Run commands for this frame's events on the picture in `area`; `keys` False leaves those of commands to an open list."""
         io = imgui.get_io()
         if keys:
-            self._keyboard.run_commands(session, emit, typing=io.want_text_input)
+            run_commands(session, emit, typing=io.want_text_input)
         if keys and not io.want_text_input:
             self._camera_keys(session, emit)
-        session.showing_other = not io.want_text_input and imgui.is_key_down(imgui_key(HOLD_KEY))
+        held = not io.want_text_input and imgui.is_key_down(imgui_key(HOLD_KEY))
+        if held != session.window.show_other:
+            emit("compare.show-other", held)
         if not io.want_text_input:
             self._fly(session, io, emit)
         self._mouse(session, area, io, emit)
 
     def _camera_keys(self, session: Session, emit: Emit) -> None:
-        for number in range(9):
-            camera = session.camera_numbered(number)
-            if camera is not None and imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):
-                emit(SetCamera(camera))
+        for number, camera in enumerate(session.scene.cameras[:9]):
+            if imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):
+                emit("camera.set", camera)
 
     def _fly(self, session: Session, io: imgui.IO, emit: Emit) -> None:
         held = [move for key, move in MOVES.items() if imgui.is_key_down(imgui_key(key))]
         if not held or io.key_ctrl:
             return
         direction = (sum(m[0] for m in held), sum(m[1] for m in held), sum(m[2] for m in held))
-        speed = navigation.fly_speed(session.scene.bounds, self._speed_notches, io.key_shift)
+        speed = navigation.fly_speed(session.scene.bounds, session.navigation.speed_notches, io.key_shift)
         moved = navigation.fly(session.view.camera, direction, speed * min(io.delta_time, LONGEST_STEP))
         if moved != session.view.camera:
-            emit(SetCamera(moved))
+            emit("camera.set", moved)
 
     @staticmethod
     def _near_divider(session: Session, area: Area, at: tuple[float, float]) -> bool:
@@ -71,31 +68,36 @@ class PictureInput:
         left = imgui.MouseButton_.left
         if not imgui.is_mouse_down(left):
             self._dragging_divider = False
-        session.hovered = None
         if io.want_capture_mouse and not self._dragging_divider:
             self._pressed_at = None
+            self._hover(session, None, emit)
             return
         share = area.share_of(io.mouse_pos.x, io.mouse_pos.y)
-        if all(0.0 <= value < 1.0 for value in share):
-            session.hovered = seen_at(session.shown_view, *share)
+        inside = all(0.0 <= value < 1.0 for value in share)
+        self._hover(session, window_to_image(session.shown_view, *share) if inside else None, emit)
         across = session.view.compare == "wipe-horizontal"
         near = self._near_divider(session, area, (io.mouse_pos.x, io.mouse_pos.y))
         if near:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns if across else imgui.MouseCursor_.resize_ew)
             if imgui.is_mouse_double_clicked(left):
-                emit(MoveDivider(CENTRE))
+                emit("compare.divider")
                 return
             if imgui.is_mouse_clicked(left):
                 self._dragging_divider = True
         if self._dragging_divider:
             if io.mouse_delta.y if across else io.mouse_delta.x:
-                emit(MoveDivider(share[1] if across else share[0]))
+                emit("compare.divider", share[1] if across else share[0])
             return
         self._click(session, io, emit)
         if io.key_ctrl:
             self._magnify(session, area, io, emit)
             return
         self._move_camera(session, area.height, io, emit)
+
+    @staticmethod
+    def _hover(session: Session, at: tuple[float, float] | None, emit: Emit) -> None:
+        if at != session.inspection.hovered:
+            emit("picture.hover", at)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
         """A press without a drag keeps what is under the mouse, where a panel is open that says what that is."""
@@ -104,9 +106,9 @@ class PictureInput:
         if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:
             still = math.dist(self._pressed_at, (io.mouse_pos.x, io.mouse_pos.y)) < CLICK_DISTANCE
             if still and session.view.overlay.kind == "divergence":
-                emit(InspectBlock(session.hovered))
-            if still and session.comparing.pixel:
-                emit(KeepPixel(session.hovered))
+                emit("block.keep-at", session.inspection.hovered)
+            if still and "Pixel" in session.window.open_panels:
+                emit("pixel.keep-at", session.inspection.hovered)
             self._pressed_at = None
 
     def _magnify(self, session: Session, area: Area, io: imgui.IO, emit: Emit) -> None:
@@ -116,7 +118,7 @@ class PictureInput:
         if imgui.is_mouse_down(imgui.MouseButton_.left):
             zoom = zoom.moved(io.mouse_delta.x / area.width, io.mouse_delta.y / area.height)
         if zoom != session.view.zoom:
-            emit(SetZoom(zoom))
+            emit("view.zoom", zoom)
 
     def _move_camera(self, session: Session, height: float, io: imgui.IO, emit: Emit) -> None:
         camera, flies = session.view.camera, session.settings.camera_mode == "fly"
@@ -128,9 +130,8 @@ class PictureInput:
                 camera = navigation.pan(camera, drag, height)
         if io.mouse_wheel:
             if flies:
-                self._speed_notches += io.mouse_wheel
-                session.say(f"speed {1.25**self._speed_notches:.2f}x")
+                emit("camera.fly-faster", io.mouse_wheel)
             else:
                 camera = navigation.zoom(camera, io.mouse_wheel)
         if camera != session.view.camera:
-            emit(SetCamera(camera))
+            emit("camera.set", camera)

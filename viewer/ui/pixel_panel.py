@@ -3,12 +3,10 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
-from viewer.state.actions import KeepPixel
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, Slot
-from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import SLOT_COLORS, WidgetRects
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 12.0
@@ -105,7 +103,7 @@ def _facts(pixel: PixelContent, session: Session) -> None:
         imgui.end_table()
 
 
-def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
     """The content of the panel."""
     pixel = facts.pixel
     if pixel is None:
@@ -113,9 +111,9 @@ def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: Ite
         return
     imgui.text(f"{pixel.x}, {pixel.y} of {pixel.picture[0]} x {pixel.picture[1]}")
     imgui.same_line()
-    if session.kept_pixel is not None:
+    if session.inspection.pixel is not None:
         if imgui.small_button("let go"):
-            emit(KeepPixel(None))
+            emit("pixel.let-go")
         items.note("let the pixel go")
     else:
         imgui.text_disabled("click keeps it")

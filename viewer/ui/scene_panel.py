@@ -7,11 +7,10 @@ from imgui_bundle import imgui
 
 from viewer.scene.model import LoadReport, Scene
 from viewer.scene.report import report_lines
-from viewer.state.actions import OpenFile, RunCommand, SetCamera
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
 from viewer.ui.scene_tree_list import SceneLists
+from viewer.ui.widgets import WidgetRects
 
 
 class OpenField:
@@ -20,7 +19,7 @@ class OpenField:
     def __init__(self) -> None:
         self._text = ""
 
-    def draw(self, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, emit: Emit, items: WidgetRects) -> None:
         """The field and its button."""
         imgui.set_next_item_width(-60)
         entered, self._text = imgui.input_text_with_hint(
@@ -31,11 +30,11 @@ class OpenField:
         clicked = imgui.button("Open")
         items.note("Open")
         if (entered or clicked) and self._text.strip():
-            emit(OpenFile(Path(os.path.expanduser(self._text.strip()))))  # noqa: PTH111 - keeps what is no user
+            emit("file.open", Path(os.path.expanduser(self._text.strip())))  # noqa: PTH111 - keeps what is no user
             self._text = ""
 
 
-def _report(scene: Scene, items: ItemPlaces) -> None:
+def _report(scene: Scene, items: WidgetRects) -> None:
     report: LoadReport = scene.report
     opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
     items.note("load report")
@@ -48,7 +47,7 @@ def _report(scene: Scene, items: ItemPlaces) -> None:
     imgui.tree_pop()
 
 
-def _parts(report: LoadReport, items: ItemPlaces) -> None:
+def _parts(report: LoadReport, items: WidgetRects) -> None:
     parts = {"honoured": report.honoured, "ignored": report.ignored, "missing": report.missing, "notes": report.notes}
     for name, lines in parts.items():
         if not lines:
@@ -63,7 +62,7 @@ def _parts(report: LoadReport, items: ItemPlaces) -> None:
             imgui.tree_pop()
 
 
-def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: ItemPlaces) -> None:
+def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit: Emit, items: WidgetRects) -> None:
     """The content of the panel."""
     scene = session.scene
     imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
@@ -74,13 +73,13 @@ def draw_scene_panel(session: Session, field: OpenField, lists: SceneLists, emit
     )
     field.draw(emit, items)
     if imgui.button("Frame all"):
-        emit(RunCommand("camera.frame-all"))
+        emit("camera.frame-all")
     items.note("Frame all")
     if imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open):
         for number, camera in enumerate(scene.cameras):
             label = f"{number + 1}  {camera.name}"
             if imgui.selectable(label, session.view.camera == camera)[0]:
-                emit(SetCamera(camera))
+                emit("camera.set", camera)
             items.note(f"camera {camera.name}")
         imgui.tree_pop()
     lists.draw(session, emit, items)

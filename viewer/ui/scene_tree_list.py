@@ -4,10 +4,9 @@ from imgui_bundle import imgui
 
 from viewer.inspect.scene_tree import SceneTree
 from viewer.scene.model import Material, Scene
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 
 def _material_text(number: int, material: Material, scene: Scene) -> str:
@@ -36,7 +35,7 @@ class SceneLists:
         """The rows of nodes, for scripts."""
         return self._tree
 
-    def draw(self, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, emit: Emit, items: WidgetRects) -> None:
         """Filter, nodes and materials."""
         scene = session.scene
         if self._tree is None or self._scene is not scene:
@@ -67,7 +66,7 @@ class SceneLists:
             if all(word in _material_text(number, material, scene).casefold() for word in words)
         ]
 
-    def _nodes(self, tree: SceneTree, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    def _nodes(self, tree: SceneTree, session: Session, emit: Emit, items: WidgetRects) -> None:
         toggled: int | None = None
         indent = imgui.get_font_size()
         clipper = imgui.ListClipper()
@@ -82,15 +81,15 @@ class SceneLists:
                     items.note(f"node {row.node}")
                     continue
                 imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + indent)
-                chosen = 0 <= row.texture_id == session.selected_texture
+                chosen = 0 <= row.texture_id == session.inspection.selected_texture
                 if imgui.selectable(f"{row.label}##instance {row.instance}", chosen)[0] and row.texture_id >= 0:
-                    emit(RunCommand("texture.select", (str(row.texture_id),)))
+                    emit("texture.select", str(row.texture_id))
                 items.note(f"instance {row.instance}")
         if toggled is not None:
             # After the loop: the rows must not change under the clipper.
             tree.toggle(toggled)
 
-    def _material_rows(self, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    def _material_rows(self, session: Session, emit: Emit, items: WidgetRects) -> None:
         clipper = imgui.ListClipper()
         clipper.begin(len(self._materials))
         flags = imgui.SelectableFlags_.allow_double_click
@@ -101,9 +100,9 @@ class SceneLists:
                 texture = material.texture_id
                 text = _material_text(number, material, session.scene)
                 chosen = imgui.selectable(
-                    f"{text}##material {number}", 0 <= texture == session.selected_texture, flags
+                    f"{text}##material {number}", 0 <= texture == session.inspection.selected_texture, flags
                 )[0]
                 items.note(f"material {number}")
                 if chosen and texture >= 0:
                     doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-                    emit(RunCommand("texture.flat" if doubly else "texture.select", (str(texture),)))
+                    emit("texture.flat" if doubly else "texture.select", str(texture))

@@ -3,11 +3,10 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail, in lines of text."""
@@ -51,7 +50,7 @@ class TexturesPanel:
         """Names of the rows in their order, for scripts."""
         return tuple(row.name for row, _ in self._rows)
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
         """The content of the panel."""
         source = session.view.slot_a.source
         imgui.set_next_item_width(-1)
@@ -117,9 +116,9 @@ class TexturesPanel:
             self._rows = [(row, _texts(row)) for row in rows]
             self._order = order
 
-    def _body(self, session: Session, facts: FrameFacts, emit: Emit, items: ItemPlaces) -> None:
+    def _body(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
         side = THUMBNAIL_LINES * imgui.get_font_size()
-        selected = session.selected_texture
+        selected = session.inspection.selected_texture
         height = side + 2.0 * imgui.get_style().cell_padding.y
         if selected != self._scrolled_to:
             # Something else has selected it, or a row here that is in sight anyway.
@@ -148,7 +147,7 @@ class TexturesPanel:
         is_selected: bool,
         facts: FrameFacts,
         emit: Emit,
-        items: ItemPlaces,
+        items: WidgetRects,
     ) -> None:
         imgui.table_next_row()
         imgui.table_next_column()
@@ -158,7 +157,7 @@ class TexturesPanel:
         items.note(f"texture {row.texture_id}")
         if clicked:
             doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            emit(RunCommand("texture.flat" if doubly else "texture.select", (str(row.texture_id),)))
+            emit("texture.flat" if doubly else "texture.select", str(row.texture_id))
             self._scrolled_to = row.texture_id
         imgui.set_cursor_pos(at)
         if facts.thumbnail is not None:

@@ -3,8 +3,8 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.ui.facts import FrameFacts
-from viewer.ui.items import ItemPlaces
 from viewer.ui.timings_plot import TimingsPlot
+from viewer.ui.widgets import WidgetRects
 
 
 def timings_text(facts: FrameFacts) -> str:
@@ -23,7 +23,7 @@ def _mark(color: imgui.ImVec4, side: float) -> None:
     draw.add_rect_filled(ImVec2(at.x, below), ImVec2(at.x + side, below + side), imgui.get_color_u32(color), 2.0)
 
 
-def draw_timings_panel(facts: FrameFacts, plot: TimingsPlot, items: ItemPlaces) -> None:
+def draw_timings_panel(facts: FrameFacts, plot: TimingsPlot, items: WidgetRects) -> None:
     """The content of the panel."""
     imgui.text_wrapped(facts.renderer)
     imgui.text_disabled(f"medians, {facts.timer}")

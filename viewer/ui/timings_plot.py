@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.render.frame_history import FrameHistory
-from viewer.ui.items import ItemPlaces
+from viewer.ui.widgets import WidgetRects
 
 PLOT_LINES = 9
 """Height, in lines of text."""
@@ -42,7 +42,7 @@ class TimingsPlot:
         names = [edge[0] for edge in self._edges]
         return implot.get_colormap_color(names.index(name)) if name in names else None
 
-    def draw(self, history: FrameHistory, items: ItemPlaces) -> None:
+    def draw(self, history: FrameHistory, items: WidgetRects) -> None:
         """The plot, as wide as the panel."""
         self._update(history)
         if len(self._wall) < 2:

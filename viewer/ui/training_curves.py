@@ -6,8 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from viewer.training.run_log import Curves
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import combo
+from viewer.ui.widgets import WidgetRects, combo
 
 PLOT_HEIGHT = 120.0
 MOST_NAMED = 6
@@ -24,7 +23,7 @@ class TrainingCurves:
         self._texture: int | None = None
         """None: the one that is worst now."""
 
-    def draw(self, curves: Curves, names: Sequence[str], items: ItemPlaces) -> None:
+    def draw(self, curves: Curves, names: Sequence[str], items: WidgetRects) -> None:
         """The plots, each as wide as the panel; `names` of all textures of the pack."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")
@@ -64,7 +63,7 @@ class TrainingCurves:
         now = {texture: curve[-1] for texture, curve in curves.psnr_db.items() if curve[-1] == curve[-1]}
         return min(now, key=lambda texture: now[texture]) if now else None
 
-    def _choose(self, curves: Curves, names: Sequence[str], items: ItemPlaces) -> None:
+    def _choose(self, curves: Curves, names: Sequence[str], items: WidgetRects) -> None:
         choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
         current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
         imgui.set_next_item_width(-70)

@@ -7,12 +7,10 @@ from imgui_bundle import ImVec2, imgui
 from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
 from ntc.pack.model import Pack
-from viewer.state.actions import RunCommand
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
-from viewer.ui.widgets import combo, counted
+from viewer.ui.widgets import WidgetRects, combo, counted
 
 SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
@@ -22,7 +20,7 @@ LABEL_PLACE = 84.0
 """Where fields begin."""
 
 
-def _field(label: str, text: str, width: float, items: ItemPlaces) -> str:
+def _field(label: str, text: str, width: float, items: WidgetRects) -> str:
     imgui.set_next_item_width(width)
     changed = imgui.input_text(f"##{label}", text)[1]
     items.note(label)
@@ -51,7 +49,7 @@ class TrainingForms:
         self._pack: Pack | None = None
         """What groups and texture belong to."""
 
-    def draw(self, pack: Pack | None, name: str, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, pack: Pack | None, name: str, emit: Emit, items: WidgetRects) -> None:
         """The forms; `pack` is what a training would go on from, open as `name`, None without one."""
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it, and watch the picture sharpen:")
@@ -77,7 +75,7 @@ class TrainingForms:
                     imgui.end_tab_item()
             imgui.end_tab_bar()
 
-    def _length(self, items: ItemPlaces) -> str | None:
+    def _length(self, items: WidgetRects) -> str | None:
         """Recipe and budget; the budget as a command takes it, None where it is not right."""
         _labelled("budget")
         self._value = _field("budget", self._value, 70, items)
@@ -98,7 +96,7 @@ class TrainingForms:
             return None
         return f"{self._value.strip()}{unit}"
 
-    def _grouping(self, items: ItemPlaces) -> None:
+    def _grouping(self, items: WidgetRects) -> None:
         _labelled("grouping")
         imgui.set_next_item_width(110)
         self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), items)
@@ -108,19 +106,20 @@ class TrainingForms:
             imgui.same_line()
             self._clusters = _field("k", self._clusters, 60, items)
 
-    def _button(self, label: str, command: RunCommand | None, emit: Emit, items: ItemPlaces) -> None:
+    def _button(self, label: str, command: tuple[str, ...] | None, emit: Emit, items: WidgetRects) -> None:
+        """A button that runs a command with its values; grey where `command` is None."""
         imgui.begin_disabled(command is None)
         clicked = imgui.button(label, ImVec2(-1, 0))
         imgui.end_disabled()
         items.note(label)
         if clicked and command is not None:
-            emit(command)
+            emit(*command)
 
     @property
     def _k(self) -> str:
         return self._clusters.strip() or AUTO
 
-    def _encode(self, emit: Emit, items: ItemPlaces) -> None:
+    def _encode(self, emit: Emit, items: WidgetRects) -> None:
         self._grouping(items)
         _labelled("textures")
         imgui.set_next_item_width(70)
@@ -130,14 +129,14 @@ class TrainingForms:
         budget = self._length(items)
         command = None
         if budget is not None:
-            command = RunCommand("training.encode", (self._strategy, self._k, self._size, budget, self._recipe))
+            command = ("training.encode", self._strategy, self._k, self._size, budget, self._recipe)
         self._button("Encode this scene", command, emit, items)
 
-    def _encode_anew(self, _pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+    def _encode_anew(self, _pack: Pack, emit: Emit, items: WidgetRects) -> None:
         imgui.text_disabled("from nothing, as a pack of its own")
         self._encode(emit, items)
 
-    def _retrain(self, pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+    def _retrain(self, pack: Pack, emit: Emit, items: WidgetRects) -> None:
         if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
             for group, line in enumerate(_group_lines(pack)):
                 changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
@@ -156,12 +155,12 @@ class TrainingForms:
         command = None
         if budget is not None and self._groups:
             groups = ",".join(map(str, sorted(self._groups)))
-            command = RunCommand("training.retrain", (groups, budget, self._recipe))
+            command = ("training.retrain", groups, budget, self._recipe)
         label = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
         self._button(label, command, emit, items)
         items.note("Retrain")
 
-    def _move(self, pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+    def _move(self, pack: Pack, emit: Emit, items: WidgetRects) -> None:
         self._texture = min(self._texture, len(pack.textures) - 1)
         labels = tuple(f"{index} {t.name} (group {t.group})" for index, t in enumerate(pack.textures))
         _labelled("texture")
@@ -177,15 +176,15 @@ class TrainingForms:
         budget = self._length(items)
         command = None
         if budget is not None:
-            command = RunCommand("training.move", (str(self._texture), self._group, budget, self._recipe))
+            command = ("training.move", str(self._texture), self._group, budget, self._recipe)
         self._button("Move and train both groups", command, emit, items)
 
-    def _regroup(self, _pack: Pack, emit: Emit, items: ItemPlaces) -> None:
+    def _regroup(self, _pack: Pack, emit: Emit, items: WidgetRects) -> None:
         self._grouping(items)
         budget = self._length(items)
         command = None
         if budget is not None:
-            command = RunCommand("training.regroup", (self._strategy, self._k, budget, self._recipe))
+            command = ("training.regroup", self._strategy, self._k, budget, self._recipe)
         self._button("Regroup and train", command, emit, items)
 
 

@@ -2,7 +2,6 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.state.actions import RunCommand
 from viewer.state.pack_files import base_pack_name
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
@@ -11,12 +10,10 @@ from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
 from viewer.training.run_log import Run
 from viewer.training.settings import TrainingSettings
-from viewer.ui.area import Area
-from viewer.ui.colors import SLOT_COLORS
 from viewer.ui.facts import Emit
-from viewer.ui.items import ItemPlaces
 from viewer.ui.training_curves import TrainingCurves
 from viewer.ui.training_forms import TrainingForms
+from viewer.ui.widgets import SLOT_COLORS, Area, WidgetRects
 
 STATES = {
     "preparing": "preparing textures and groups",
@@ -35,9 +32,8 @@ class TrainingPanel:
         self._curves = TrainingCurves()
         self._path = ""
 
-    def draw(self, session: Session, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, training: LiveTraining, emit: Emit, items: WidgetRects) -> None:
         """The content of the panel."""
-        training = session.training
         run = training.active
         if run is not None:
             self._under_way(run, emit, items)
@@ -61,7 +57,7 @@ class TrainingPanel:
             imgui.separator()
             _log(session, training, emit, items)
 
-    def _under_way(self, run: ActiveRun, emit: Emit, items: ItemPlaces) -> None:
+    def _under_way(self, run: ActiveRun, emit: Emit, items: WidgetRects) -> None:
         progress = run.progress
         imgui.text_wrapped(f"{run.name}: {job_title(run.job)}")
         state = STATES[run.state]
@@ -79,13 +75,13 @@ class TrainingPanel:
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
         imgui.begin_disabled(run.state in ("preparing", "cancelling"))
         if imgui.button("Resume" if waits else "Pause", ImVec2(third, 0)):
-            emit(RunCommand("training.resume" if waits else "training.pause"))
+            emit("training.resume" if waits else "training.pause")
         items.note("Resume" if waits else "Pause")
         imgui.end_disabled()
         imgui.same_line()
         imgui.begin_disabled(run.state == "cancelling")
         if imgui.button("Cancel", ImVec2(-1, 0)):
-            emit(RunCommand("training.cancel"))
+            emit("training.cancel")
         items.note("Cancel")
         imgui.end_disabled()
         if progress is not None:
@@ -96,7 +92,7 @@ class TrainingPanel:
         if run.notes:
             imgui.text_wrapped(run.notes[-1])
 
-    def _decision(self, training: LiveTraining, run: Run, emit: Emit, items: ItemPlaces) -> None:
+    def _decision(self, training: LiveTraining, run: Run, emit: Emit, items: WidgetRects) -> None:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         imgui.text_wrapped(f"{run.name}: {run.outcome}{quality}. Keep it?")
         imgui.set_next_item_width(-1)
@@ -105,12 +101,11 @@ class TrainingPanel:
         half = (imgui.get_content_region_avail().x - 8.0) / 2.0
         imgui.begin_disabled(training.saving)
         if imgui.button("writing ..." if training.saving else "Accept", ImVec2(half, 0)):
-            path = self._path.strip()
-            emit(RunCommand("training.accept", (path,) if path else ()))
+            emit("training.accept", self._path.strip())
         items.note("Accept")
         imgui.same_line()
         if imgui.button("Discard", ImVec2(-1, 0)):
-            emit(RunCommand("training.discard"))
+            emit("training.discard")
         items.note("Discard")
         imgui.end_disabled()
 
@@ -121,7 +116,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def _log(session: Session, training: LiveTraining, emit: Emit, items: ItemPlaces) -> None:
+def _log(session: Session, training: LiveTraining, emit: Emit, items: WidgetRects) -> None:
     """All runs, newest first."""
     imgui.text_disabled("runs")
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
@@ -152,7 +147,7 @@ def _log(session: Session, training: LiveTraining, emit: Emit, items: ItemPlaces
         for side in ("a", "b"):
             imgui.begin_disabled(run.pack is None or shown[side] == run.name)
             if imgui.small_button(f"{side.upper()}##{run.number}"):
-                emit(RunCommand("training.show", (str(run.number), side)))
+                emit("training.show", run.number, side)
             items.note(f"run {run.number} into {side.upper()}")
             imgui.end_disabled()
             if side == "a":
@@ -166,9 +161,8 @@ class EncodeOffer:
     def __init__(self) -> None:
         self._answered_for: object = None
 
-    def draw(self, session: Session, area: Area, emit: Emit, items: ItemPlaces) -> None:
+    def draw(self, session: Session, training: LiveTraining, area: Area, emit: Emit, items: WidgetRects) -> None:
         """The question, if it is to be asked, at the upper edge of `area`."""
-        training = session.training
         if training.state != "idle":
             self._answered_for = session.scene
         if session.packs or training.log.runs or session.scene is self._answered_for or not session.scene.textures:
@@ -191,7 +185,7 @@ class EncodeOffer:
             imgui.text("This scene has no pack.")
             imgui.text_disabled(f"{settings.texture_size} texels, 30 s; more in the panel Training")
             if imgui.button("Encode it now"):
-                emit(RunCommand("training.encode"))
+                emit("training.encode")
             items.note("Encode it now")
             imgui.same_line()
             if imgui.button("Not now"):

@@ -1,29 +1,31 @@
-"""The whole user interface of one frame. Reads the session, emits actions; makes no OpenGL call."""
+"""The whole user interface of one frame. Reads the session, runs commands; makes no OpenGL call."""
 
 from imgui_bundle import ImVec2, imgui
 
 from viewer.jobs.background import Background
-from viewer.state.actions import RunCommand
 from viewer.state.session import Session
+from viewer.training.live_training import LiveTraining
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
-from viewer.ui.area import Area
 from viewer.ui.dock_layout import Docked, DockLayout
 from viewer.ui.facts import Emit, FrameFacts
 from viewer.ui.flat_window import FlatWindow
-from viewer.ui.items import ItemPlaces
 from viewer.ui.key_sheet import KeySheet
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import PanelContext, make_panels
 from viewer.ui.picture_input import PictureInput
 from viewer.ui.training_panel import EncodeOffer
+from viewer.ui.widgets import Area, WidgetRects
+
+SETTLING_FRAMES = 3
+"""Frames that ImGui needs after an event until its layout rests."""
 
 
 class UserInterface:
     """Panels, annotations and input over the picture."""
 
     def __init__(self) -> None:
-        self.items = ItemPlaces()
+        self.items = WidgetRects()
         self.background = Background()
         """What panels have computed beside the frames."""
         self._input = PictureInput()
@@ -55,50 +57,58 @@ class UserInterface:
 
     def is_settling(self, session: Session) -> bool:
         """Whether the next frame puts panels elsewhere although nothing happens."""
-        asked = session.layout_reset_requested or session.raised_panel is not None
-        return session.show_panels and (asked or self._layout.is_settling)
+        asked = session.requests.reset_layout or session.requests.raised_panel is not None
+        return session.window.show_panels and (asked or self._layout.is_settling)
 
-    def draw(self, session: Session, facts: FrameFacts, picture: imgui.ImTextureRef | None, emit: Emit) -> None:
+    def draw(
+        self,
+        session: Session,
+        training: LiveTraining,
+        facts: FrameFacts,
+        picture: imgui.ImTextureRef | None,
+        emit: Emit,
+    ) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
         self.items.clear()
         # Asked before the panels: a list that this frame's Escape closes still owns the key.
-        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.palette is not None
+        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.window.palette is not None
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
-        bar = draw_menu_bar(session, emit, self.items) if session.show_panels else 0.0
-        area = self._layout_panels(session) if session.show_panels else Area(0.0, 0.0, *size)
-        self._picture_area = area if not session.show_panels or self._layout.is_placed else None
+        bar = draw_menu_bar(session, emit, self.items) if session.window.show_panels else 0.0
+        area = self._layout_panels(session, emit) if session.window.show_panels else Area(0.0, 0.0, *size)
+        self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
         if picture is not None:
             corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
         draw_labels(session, area, self.items)
         draw_block(session, facts, area)
         draw_pixel(session, facts, area)
-        if session.show_panels:
+        if session.window.show_panels:
             if not self._were_shown:
                 self._layout.bring_all(self._in_front)
-            self._panels(session, facts, emit)
-            if not session.show_help:
+            self._panels(session, training, facts, emit)
+            if not session.window.show_help:
                 draw_hints(session, area)
-            self._offer.draw(session, area, emit, self.items)
+            self._offer.draw(session, training, area, emit, self.items)
             self._flat.draw(session, facts, emit, self.items)
-        self._were_shown = session.show_panels
-        self._key_sheet.draw(session, size, bar, self.items)
+        self._were_shown = session.window.show_panels
+        self._key_sheet.draw(session, size, bar, emit, self.items)
         self._palette.draw(session, size, emit, self.items)
-        draw_toasts(session.toasts, area)
+        draw_toasts(session.window.toasts, area)
         self._input.handle(session, area, emit, keys=not list_is_open)
 
-    def _layout_panels(self, session: Session) -> Area:
+    def _layout_panels(self, session: Session, emit: Emit) -> Area:
         """Say where panels stand; the rectangle that they leave to the picture."""
         style, height = imgui.get_style(), imgui.get_main_viewport().work_size.y
         places = [Docked(panel.title, panel.side, panel.height(height)) for panel in self._all_panels]
-        area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.layout_reset_requested)
-        session.layout_reset_requested = False
+        area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, session.requests.reset_layout)
+        if session.requests.reset_layout:
+            emit("window.layout-done")
         # A picture has at least a pixel.
         return Area(area.left, area.top, max(area.right, area.left + 1.0), max(area.bottom, area.top + 1.0))
 
-    def _panels(self, session: Session, facts: FrameFacts, emit: Emit) -> None:
-        context = PanelContext(session, facts, emit, self.items)
+    def _panels(self, session: Session, training: LiveTraining, facts: FrameFacts, emit: Emit) -> None:
+        context = PanelContext(session, training, facts, emit, self.items)
         hidden = session.settings.hidden_panels
         in_front: list[str] = []
         for panel in self._all_panels:
@@ -111,10 +121,10 @@ class UserInterface:
                 panel.draw(context)
             imgui.end()
             if not stays:
-                emit(RunCommand("window.panel", (panel.title, "off")))
+                emit("window.panel", panel.title, False)
         if not self._layout.is_settling:
             self._in_front = in_front
-        if session.raised_panel is not None:
-            self._layout.bring(session.raised_panel)
-            session.raised_panel = None
+        if session.requests.raised_panel is not None:
+            self._layout.bring(session.requests.raised_panel)
+            emit("window.panel-raised")
         self._layout.bring_to_front()

@@ -6,11 +6,13 @@ from lab.benchmarks.fuzzing.mutators import Mutate
 from ntc.errors import InputError
 from tests.support.scenes import REACHING_OUT, example_view
 from viewer.commands import COMMANDS, run_line
+from viewer.commands.command import Context
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import DIRECTIONS
 from viewer.script.parse import parse_script
-from viewer.state.session import FirstLook, Session
+from viewer.state.open_files import InitialView, new_session
+from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_file import parse_view, view_json
 
@@ -20,7 +22,7 @@ MOST_LINES = 40
 
 def example_session() -> Session:
     """The built-in scene without packs, as it opens."""
-    return Session(load_scene(assets_folder() / "courtyard.glb"), {}, ViewerSettings(), FirstLook())
+    return new_session(load_scene(assets_folder() / "courtyard.glb"), {}, ViewerSettings(), InitialView())
 
 
 class ScriptReader:
@@ -34,14 +36,14 @@ class ScriptReader:
     def script(self, data: bytes) -> None:
         """Take `data` as a script. Raises InputError."""
         text = data.decode(errors="replace")
-        session = Session(self._scene, {}, ViewerSettings(), FirstLook())
+        context = Context(new_session(self._scene, {}, ViewerSettings(), InitialView()))
         for line in text.splitlines()[:MOST_LINES]:
             if line.split()[:1] and not line.split()[0].startswith(REACHING_OUT):
                 try:
-                    run_line(line, session)
+                    run_line(context, line)
                 except InputError as error:
                     _require_one_line(error)
-        session.close()
+        context.training.close()
         parse_script(text, "fuzz")
 
     def view(self, data: bytes) -> None:
@@ -61,7 +63,7 @@ def view_seed() -> bytes:
 
 def script_seed() -> bytes:
     """Every command and direction once, with arguments that some of them take."""
-    lines = [f"{command.id} {' '.join(p.default or 'a' for p in command.parameters)}" for command in COMMANDS]
+    lines = [f"{command.id} {' '.join(p.default_text or 'a' for p in command.parameters)}" for command in COMMANDS]
     return "\n".join([*lines, *DIRECTIONS]).encode()
 
 

@@ -25,7 +25,7 @@ from tests.support.spoilt_files import (
     finished,
     folder_instead,
     garbage,
-    open_session,
+    open_context,
     pack_of,
     ring_of_links,
     settle,
@@ -34,12 +34,12 @@ from tests.support.spoilt_files import (
 from viewer import cli
 from viewer.cli import encode as encode_command
 from viewer.cli.info_all import files_below
+from viewer.commands import run_or_notify
+from viewer.commands.command import Context
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
-from viewer.state.actions import OpenFile, RunCommand
 from viewer.state.pack_files import packs_beside
-from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.training.grouping_process import GroupingJob, grouping_inputs
 
@@ -50,75 +50,75 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def session(path: Path) -> Session:
-    return open_session(path)
+def context(path: Path) -> Context:
+    return open_context(path)
 
 
 @every_way
 @pytest.mark.parametrize("name", ["scene.gltf", "scene.bin", "picture0.png", "scene.single.ntc"])
-def test_opening_again_what_was_spoilt(session: Session, path: Path, name: str, spoil: Spoil) -> None:
-    scene, packs = session.scene, session.packs
+def test_opening_again_what_was_spoilt(context: Context, path: Path, name: str, spoil: Spoil) -> None:
+    scene, packs = context.session.scene, context.session.packs
     spoil(path.with_name(name))
-    session.apply(OpenFile(path))
+    run_or_notify(context, "file.open", path)
     if name in ("scene.gltf", "scene.bin") and not (name == "scene.bin" and spoil is garbage):
-        assert session.scene is scene
-        assert session.packs is packs
-        assert len(errors(session)) == 1
-        assert "scene" in errors(session)[0]
+        assert context.session.scene is scene
+        assert context.session.packs is packs
+        assert len(errors(context)) == 1
+        assert "scene" in errors(context)[0]
     elif name == "picture0.png":
         # A scene is shown without its image, and says so.
-        assert session.scene.report.missing
+        assert context.session.scene.report.missing
     elif name == "scene.single.ntc":
-        assert session.packs == {}
-        assert len(errors(session)) == (1 if path.with_name(name).is_file() else 0)
+        assert context.session.packs == {}
+        assert len(errors(context)) == (1 if path.with_name(name).is_file() else 0)
 
 
 @every_way
-def test_a_spoilt_pack_leaves_the_one_that_is_open(session: Session, path: Path, spoil: Spoil) -> None:
-    packs, view = session.packs, session.view
+def test_a_spoilt_pack_leaves_the_one_that_is_open(context: Context, path: Path, spoil: Spoil) -> None:
+    packs, view = context.session.packs, context.session.view
     pack = path.with_name("scene.single.ntc")
     spoil(pack)
-    session.apply(OpenFile(pack))
-    assert session.packs is packs
-    assert session.view == view
-    assert len(errors(session)) == 1
-    assert str(pack) in errors(session)[0]
+    run_or_notify(context, "file.open", pack)
+    assert context.session.packs is packs
+    assert context.session.view == view
+    assert len(errors(context)) == 1
+    assert str(pack) in errors(context)[0]
 
 
 @every_way
-def test_loading_a_spoilt_view(session: Session, tmp_path: Path, spoil: Spoil) -> None:
-    session.apply(RunCommand("view.save", ("look.json",)))
-    view = session.view
-    spoil(session.pictures_folder / "look.json")
-    session.apply(RunCommand("view.load", ("look.json",)))
-    assert session.view == view
-    assert len(errors(session)) == 1
-    assert "look.json" in errors(session)[0]
+def test_loading_a_spoilt_view(context: Context, tmp_path: Path, spoil: Spoil) -> None:
+    run_or_notify(context, "view.save", "look.json")
+    view = context.session.view
+    spoil(context.session.pictures_folder / "look.json")
+    run_or_notify(context, "view.load", "look.json")
+    assert context.session.view == view
+    assert len(errors(context)) == 1
+    assert "look.json" in errors(context)[0]
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "~", "/dev/null/x", "."])
 @pytest.mark.parametrize("command", ["view.load", "view.save", "training.accept"])
 def test_names_that_no_file_can_have(
-    session: Session, command: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    context: Context, command: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    finished(session)
-    session.apply(RunCommand(command, (name if command != "training.accept" else f"{name}.ntc",)))
-    settle(session)
+    finished(context)
+    run_or_notify(context, command, name if command != "training.accept" else f"{name}.ntc")
+    settle(context)
     if name != "." and not (command != "view.load" and name == "~"):
-        assert len(errors(session)) == 1
+        assert len(errors(context)) == 1
 
 
-def test_the_folder_of_pictures_is_made_again(session: Session) -> None:
-    session.apply(RunCommand("view.save", ("look.json",)))
-    shutil.rmtree(session.pictures_folder)
-    session.apply(RunCommand("view.save", ("look.json",)))
-    assert (session.pictures_folder / "look.json").is_file()
-    shutil.rmtree(session.pictures_folder)
-    session.pictures_folder.write_text("a file")
-    session.apply(RunCommand("view.save", ("look.json",)))
-    assert len(errors(session)) == 1
-    assert "cannot be written" in errors(session)[0]
+def test_the_folder_of_pictures_is_made_again(context: Context) -> None:
+    run_or_notify(context, "view.save", "look.json")
+    shutil.rmtree(context.session.pictures_folder)
+    run_or_notify(context, "view.save", "look.json")
+    assert (context.session.pictures_folder / "look.json").is_file()
+    shutil.rmtree(context.session.pictures_folder)
+    context.session.pictures_folder.write_text("a file")
+    run_or_notify(context, "view.save", "look.json")
+    assert len(errors(context)) == 1
+    assert "cannot be written" in errors(context)[0]
 
 
 def test_a_folder_that_cannot_be_listed_has_no_packs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,7 @@ import pytest
 
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings
-from viewer.commands.bindings import RESERVED
-from viewer.commands.chords import NAMED_KEYS, Chord, parse_chord
+from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
 from viewer.ui.keyboard import imgui_key
 
 

@@ -4,17 +4,18 @@ import pytest
 
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, find_command, run_line
-from viewer.commands.command import words
+from viewer.commands.command import Context, words
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
-from viewer.state.session import FirstLook, Session
+from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
 
 
 @pytest.fixture
-def session() -> Session:
+def context() -> Context:
     """The built-in scene without packs."""
-    return Session(load_scene(assets_folder() / "courtyard.glb"), {}, ViewerSettings(), FirstLook())
+    scene = load_scene(assets_folder() / "courtyard.glb")
+    return Context(new_session(scene, {}, ViewerSettings(), InitialView()))
 
 
 def test_ids_and_keys_are_unique_and_keys_need_no_arguments() -> None:
@@ -31,18 +32,18 @@ def test_ids_and_keys_are_unique_and_keys_need_no_arguments() -> None:
             assert all(parameter.default is not None for parameter in command.parameters)
 
 
-def test_lines_run_commands(session: Session) -> None:
-    run_line("compare.mode wipe  # both", session)
-    run_line("compare.divider 0.25", session)
-    run_line("", session)
-    run_line("# nothing", session)
-    assert (session.view.compare, session.view.wipe_position) == ("wipe", 0.25)
-    run_line("compare.divider", session)
-    assert session.view.wipe_position == 0.5
-    run_line("slot.path b cached", session)
-    assert session.view.slot_b.path == "cached"
-    run_line("camera.look 1 2 3 4 5 6", session)
-    assert session.view.camera.eye == (1.0, 2.0, 3.0)
+def test_lines_run_commands(context: Context) -> None:
+    run_line(context, "compare.mode wipe  # both")
+    run_line(context, "compare.divider 0.25")
+    run_line(context, "")
+    run_line(context, "# nothing")
+    assert (context.session.view.compare, context.session.view.wipe_position) == ("wipe", 0.25)
+    run_line(context, "compare.divider")
+    assert context.session.view.wipe_position == 0.5
+    run_line(context, "slot.path b cached")
+    assert context.session.view.slot_b.path == "cached"
+    run_line(context, "camera.look 1 2 3 4 5 6")
+    assert context.session.view.camera.eye == (1.0, 2.0, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -62,12 +63,12 @@ def test_lines_run_commands(session: Session) -> None:
         ("file.open 'unclosed", "no closing quotation"),
     ],
 )
-def test_what_does_not_fit_is_one_line(session: Session, line: str, part: str) -> None:
-    before = session.view
+def test_what_does_not_fit_is_one_line(context: Context, line: str, part: str) -> None:
+    before = context.session.view
     with pytest.raises(InputError, match=part) as caught:
-        run_line(line, session)
+        run_line(context, line)
     assert "\n" not in str(caught.value)
-    assert session.view == before
+    assert context.session.view == before
 
 
 def test_usage_shows_what_may_be_left_out() -> None:

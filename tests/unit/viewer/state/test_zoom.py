@@ -7,7 +7,7 @@ from viewer.state.zoom import LARGEST, WHOLE, Zoom
 
 def test_the_whole_picture_is_where_it_is() -> None:
     assert WHOLE.is_whole
-    assert WHOLE.seen_at(0.3, 0.8) == pytest.approx((0.3, 0.8))
+    assert WHOLE.window_to_image(0.3, 0.8) == pytest.approx((0.3, 0.8))
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (0.2, 0.9), (1.0, 1.0), (0.5, 0.5)])
@@ -16,7 +16,7 @@ def test_what_is_under_the_mouse_stays_there(at: tuple[float, float]) -> None:
     for _ in range(6):
         larger = zoom.towards(*at, 1.0)
         assert larger.factor > zoom.factor
-        assert larger.seen_at(*at) == pytest.approx(zoom.seen_at(*at))
+        assert larger.window_to_image(*at) == pytest.approx(zoom.window_to_image(*at))
         zoom = larger
     for _ in range(9):
         zoom = zoom.towards(*at, -1.0)
@@ -28,18 +28,18 @@ def test_what_is_under_the_mouse_stays_there(at: tuple[float, float]) -> None:
 def test_what_is_shown_never_leaves_the_picture(centre: tuple[float, float]) -> None:
     zoom = Zoom(5.0, centre)
     for corner in ((0.0, 0.0), (1.0, 1.0)):
-        assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.seen_at(*corner))
+        assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.window_to_image(*corner))
 
 
-def test_shown_at_is_the_inverse_of_seen_at() -> None:
+def test_image_to_window_is_the_inverse_of_window_to_image() -> None:
     zoom = Zoom(3.0, (0.3, 0.7))
-    assert zoom.shown_at(*zoom.seen_at(0.1, 0.9)) == pytest.approx((0.1, 0.9))
+    assert zoom.image_to_window(*zoom.window_to_image(0.1, 0.9)) == pytest.approx((0.1, 0.9))
 
 
 def test_dragging_moves_the_picture_along() -> None:
     zoom = Zoom(4.0, (0.5, 0.5))
-    before = zoom.seen_at(0.5, 0.5)
-    assert zoom.moved(0.1, -0.2).seen_at(0.6, 0.3) == pytest.approx(before)
+    before = zoom.window_to_image(0.5, 0.5)
+    assert zoom.moved(0.1, -0.2).window_to_image(0.6, 0.3) == pytest.approx(before)
 
 
 def test_there_is_a_largest_magnification() -> None:

@@ -1,0 +1,63 @@
+"""What the window and its content without one have in common: a session, what trains for it, and what draws it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from viewer.app.frontend import Frontend
+from viewer.commands import run_or_notify
+from viewer.commands.command import Context
+from viewer.gl.context import GraphicsContext
+from viewer.script.parse import Script
+from viewer.script.play import play_script
+from viewer.state.session import Session
+from viewer.ui.theme import Appearance
+from viewer.ui.widgets import WidgetRects
+
+
+class App:
+    """A session that is shown, and driven by commands. An ImGui context is current in all calls."""
+
+    def __init__(self, graphics: GraphicsContext, session: Session) -> None:
+        self.session = session
+        self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text)
+        self.training = self.context.training
+        self.frontend = Frontend(graphics, self.context)
+        self._appearance = Appearance()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the content in pixels."""
+        raise NotImplementedError
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the next frames would show the same picture: it is whole, and nothing moves it."""
+        return self.frontend.is_settled(self.size)
+
+    @property
+    def widgets(self) -> WidgetRects:
+        """The labelled widgets of the last frame."""
+        return self.frontend.interface.items
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Give the content this size (width, height) in pixels, from the next frame on."""
+        raise NotImplementedError
+
+    def run(self, command_id: str, *values: object) -> None:
+        """Run a command with typed values; what keeps it from being carried out becomes a message."""
+        run_or_notify(self.context, command_id, *values)
+
+    def open_files(self, paths: list[Path]) -> None:
+        """Open scenes and packs, as when they are dropped on the window."""
+        for path in paths:
+            self.run("file.open", path)
+
+    def played(self, script: Script) -> Iterator[None]:
+        """Plays a script: yields for every frame that it needs. Raises InputError with its file and line."""
+        return play_script(script, self)
+
+    def _apply_appearance(self, monitor_scale: float) -> None:
+        """To be called before a frame begins. `monitor_scale`: pixels per window unit that the monitor asks for."""
+        self._appearance.apply(self.session.settings.theme, self.session.settings.ui_scale, monitor_scale)

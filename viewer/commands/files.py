@@ -1,0 +1,113 @@
+"""Commands: screenshots, and the whole view as JSON, in files and on the clipboard."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from ntc.errors import InputError
+from ntc.io import write_text
+from ntc.reading import read_file
+from viewer.commands.command import Arg, Context, command, gesture
+from viewer.state.event_handlers import notify
+from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
+from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
+from viewer.state.zoom import LARGEST, Zoom
+
+PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
+Picture = Annotated[
+    PictureAlone,
+    Arg("the picture alone: as shown, side a, side b, both with the divider, or without overlay"),
+]
+
+
+def _request_picture(session: Session, kind: PictureKind, file: Path) -> None:
+    if file != Path() and file.suffix.lower() != ".png":
+        raise InputError(f"{file}: the name of a picture must end in .png")
+    request = PictureRequest(kind, None if file == Path() else file)
+    session.requests.pictures = (*session.requests.pictures, request)
+
+
+@command("file.screenshot", "Screenshot", "write the window's content as a PNG", "File", "F12")
+def take_screenshot(session: Session, file: PictureFile = Path()) -> None:
+    _request_picture(session, "window", file)
+
+
+@command(
+    "file.screenshot-picture", "Screenshot of the picture", "write the picture without the interface as a PNG", "File"
+)
+def take_picture(session: Session, kind: Picture, file: PictureFile = Path()) -> None:
+    _request_picture(session, kind, file)
+
+
+@gesture("file.screenshot-quietly")
+def take_quiet_screenshot(session: Session, file: Path) -> None:
+    session.requests.pictures = (*session.requests.pictures, PictureRequest("window", file, quiet=True))
+
+
+def _restore(session: Session, text: str, where: str) -> None:
+    saved = parse_view(text, where, present_view(session))
+    view, missing = with_open_sources(saved.view, session.view, session.sources)
+    session.navigation.motion = None
+    # The window's own size stays.
+    session.view = replace(view, size=session.view.size)
+    session.resolution = saved.resolution
+    session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: saved.bookmarks}
+    notes = [f"not open: {', '.join(missing)}"] if missing else []
+    if saved.scene != session.scene.name:
+        notes.append(f"it was made in scene {saved.scene}")
+    notify(session, f"view from {where}" + (f"; {'; '.join(notes)}" if notes else ""))
+
+
+Factor = Annotated[float, Arg(f"shown pixels along a side of one of the picture, 1 to {LARGEST:g}", None, 1.0, LARGEST)]
+PlaceX = Annotated[
+    float, Arg("share of the picture's width that is in the middle, from the upper left", None, 0.0, 1.0)
+]
+PlaceY = Annotated[
+    float, Arg("share of the picture's height that is in the middle, from the upper left", None, 0.0, 1.0)
+]
+
+
+@command("view.magnify", "Magnify", "look at the pixels themselves", "View")
+def magnify(session: Session, factor: Factor, x: PlaceX = 0.5, y: PlaceY = 0.5) -> None:
+    session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
+
+
+@gesture("view.zoom")
+def set_zoom(session: Session, zoom: Zoom) -> None:
+    session.view = replace(session.view, zoom=zoom)
+
+
+ViewFile = Annotated[Path, Arg("a .json, in the folder of pictures unless it is absolute")]
+
+
+@command("view.save", "Save view", "write the whole view as JSON", "View", "Ctrl+S")
+def save_view(session: Session, file: ViewFile = Path("view.json")) -> None:
+    path = session.pictures_folder / file
+    write_text(path, view_json(present_view(session)))
+    notify(session, f"wrote {path}")
+
+
+@command("view.load", "Load view", "see what view.save wrote", "View")
+def load_view(session: Session, file: Annotated[Path, Arg("what view.save wrote")]) -> None:
+    path = session.file_to_read(file)
+    try:
+        text = read_file(path, LARGEST_VIEW).decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text ({error.reason}); give what view.save made") from error
+    _restore(session, text, str(path))
+
+
+@command("view.copy", "Copy view", "put the whole view on the clipboard as JSON", "View", "Ctrl+C")
+def copy_view(context: Context) -> None:
+    context.write_clipboard(view_json(present_view(context.session)))
+    notify(context.session, "the view is on the clipboard")
+
+
+@command("view.paste", "Paste view", "see the view on the clipboard", "View", "Ctrl+V")
+def paste_view(context: Context) -> None:
+    text = context.read_clipboard()
+    if not text.strip():
+        raise InputError("view.paste: the clipboard holds no text")
+    _restore(context.session, text, "clipboard")

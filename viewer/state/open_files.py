@@ -1,0 +1,113 @@
+"""Opening scenes and packs: a session begins with a scene, and goes on with others."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ntc.codec.precision import PrecisionChoice
+from ntc.errors import InputError
+from ntc.pack.file import read_pack
+from ntc.pack.match import PackMatch, require_match
+from ntc.pack.model import Pack
+from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+from viewer.state.camera import frame_all
+from viewer.state.event_handlers import notify
+from viewer.state.message_log import details_of
+from viewer.state.pack_files import (
+    PACK_SUFFIX,
+    match_scene,
+    packs_beside,
+    preferred_source,
+    same_place,
+    source_of_grouping,
+    unused_name,
+)
+from viewer.state.session import InspectionState, Requests, Session, WindowState
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import REFERENCE, PathChoice, Slot, ViewState
+
+
+@dataclass(frozen=True)
+class InitialView:
+    """What slot A shows when a scene is opened."""
+
+    grouping: str | None = None
+    """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
+    path: PathChoice = "deferred"
+    precision: PrecisionChoice = "fp32"
+    """`auto`: fp32 until the cheapest that does not show has been found."""
+
+
+def new_session(
+    scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView, pictures: Path = Path()
+) -> Session:
+    """A session that begins with `scene`; `pictures` is the folder where it writes pictures, views and camera paths."""
+    session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
+    session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
+    session.requests = Requests(precision=frozenset(("a",) if initial.precision == "auto" else ()))
+    return session
+
+
+def open_file(session: Session, path: Path) -> None:
+    """Open a scene with the packs beside it, or a pack of the scene that is open. Raises InputError; all stays open then."""
+    try:
+        if path.suffix.lower() == PACK_SUFFIX:
+            _open_pack(session, path)
+        else:
+            _open_scene(session, path)
+    except (OSError, ValueError) as error:
+        # Names that no file can have, and what fails where reading does not expect it.
+        raise InputError(f"{path}: cannot be opened ({error}); check the path") from error
+
+
+def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView) -> ViewState:
+    wanted = initial.grouping
+    found = source_of_grouping(packs, wanted) if wanted is not None else None
+    source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs)
+    return ViewState(
+        camera=scene.cameras[0] if scene.cameras else frame_all(scene.bounds, settings.fov_degrees),
+        size=settings.window_size,
+        slot_a=Slot(source, initial.path, "fp32" if initial.precision == "auto" else initial.precision),
+        slot_b=Slot(REFERENCE),
+        compare="a" if source == REFERENCE else "wipe",
+        wipe_position=settings.wipe_position,
+        anisotropy=settings.anisotropy,
+    )
+
+
+def _open_scene(session: Session, path: Path) -> None:
+    scene = load_scene(path)
+    packs: dict[str, Pack] = {}
+    for pack_path in packs_beside(path):
+        try:
+            pack, _ = _matching_pack(pack_path, scene)
+            packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
+        except InputError as error:
+            # A pack that cannot be read, or is of another scene, does not keep the scene closed.
+            notify(session, str(error), "error", details_of(error))
+    session.scene, session.packs = scene, packs
+    session.view = _initial_view(scene, packs, session.settings, InitialView())
+    session.navigation.motion = None
+    session.previous_views = {}
+    session.requests.precision = frozenset()
+    session.inspection = InspectionState(errors=session.inspection.errors)
+    problems = len(scene.report.missing)
+    notify(session, f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))
+
+
+def _open_pack(session: Session, path: Path) -> None:
+    pack, match = _matching_pack(path, session.scene)
+    same = (name for name, other in session.packs.items() if other.path is not None and same_place(other.path, path))
+    name = next(same, None) or unused_name(pack.grouping.name, path, session.packs)
+    session.packs = {**session.packs, name: pack}
+    session.view = session.view.with_source("a", name)
+    notify(session, f"opened {path.name} in slot A: {match.line()}")
+
+
+def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
+    """Read a pack that holds textures of `scene`. Raises InputError for any other."""
+    pack = read_pack(path)
+    match = match_scene(pack, scene)
+    require_match(pack, match, scene.name)
+    return pack, match
