@@ -111,7 +111,7 @@ def test_a_view_with_a_source_that_is_not_open(app: HeadlessApp) -> None:
     play(app, "view.paste", "expect source clustered", "expect toast 'not open: elsewhere'", "expect toast another")
     app.context.write_clipboard("nothing of the kind")
     before = app.session.view
-    with pytest.raises(InputError, match="clipboard: not JSON"):
+    with pytest.raises(InputError, match="clipboard: not valid JSON"):
         play(app, "view.paste")
     assert app.session.view == before
 

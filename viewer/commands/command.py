@@ -88,6 +88,8 @@ class Parameter:
         """The default as it is typed; None where it must be given."""
         if self.default is REQUIRED:
             return None
+        if isinstance(self.default, bool):
+            return "on" if self.default else "off"
         if isinstance(self.default, float):
             return f"{self.default:g}"
         return "" if self.default == Path() else str(self.default)

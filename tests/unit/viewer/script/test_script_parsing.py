@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
-from viewer.script.expectations import PROPERTIES
 
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, command_table_markdown
 from viewer.locations import assets_folder
 from viewer.script.directions import DIRECTIONS, direction_table_markdown
 from viewer.script.parse import LARGEST_SCRIPT, MOST_LINES, parse_exec, parse_script, read_script, split_lines
+from viewer.script.stage import PROPERTIES
 
 SCRIPTS_PAGE = Path(__file__).resolve().parents[4] / "docs" / "scripts.md"
 
