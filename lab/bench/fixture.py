@@ -24,7 +24,7 @@ from viewer.render.resources.layout import (
     scene_layout_glsl,
 )
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 FixturePath = Literal["deferred", "deferred, shared", "binned"]
@@ -126,17 +126,15 @@ class LoadedPack:
 
     def decode(self, path: FixturePath, fixture: "DecodeFixture") -> Callable[[], None]:
         """A call that decodes the whole picture of `fixture`."""
-        programs = self._programs.of(self._pack)
+        programs, inputs = self._programs.of(self._pack), fixture.inputs(len(self._pack.textures))
         if path == "binned":
             if self._binned is None:
-                self._binned = DecodeBinnedPass(self._context, programs, self._buffers, self._ranges, self._pack, False)
-            binned, decoders = self._binned, range(len(self._pack.decoders))
-            return lambda: fixture.each_tile(
-                lambda: binned.run(fixture.visibility, fixture.material, fixture.target, decoders)
-            )
+                self._binned = DecodeBinnedPass(self._context, programs, self._buffers, self._ranges, False)
+            binned = self._binned
+            return lambda: fixture.each_tile(lambda: binned.run(inputs, fixture.target))
         shared = 0 if path == "deferred, shared" else None
         deferred = DecodeDeferredPass(self._context, programs, self._buffers, self._ranges, False, shared)
-        return lambda: fixture.each_tile(lambda: deferred.run(fixture.visibility, fixture.material, fixture.target))
+        return lambda: fixture.each_tile(lambda: deferred.run(inputs, fixture.target))
 
     def release(self) -> None:
         """Free all buffers."""
@@ -155,6 +153,10 @@ class DecodeFixture:
         self.visibility = VisibilityTarget(context, tiles.tile, SurfaceContent(False, False))
         self.visibility.write(words)
         self.target = AlbedoTarget(context, tiles.tile)
+
+    def inputs(self, textures: int) -> VisibilityInputs:
+        """What decode passes read, for a pack of so many textures."""
+        return VisibilityInputs(self.visibility, self.material, textures=tuple(range(textures)))
 
     def each_tile(self, run: Callable[[], None]) -> None:
         """Call `run` once for each tile."""

@@ -15,7 +15,7 @@ from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.passes.divergence import DivergencePass
+from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.layout import scene_layout_glsl
@@ -52,7 +52,7 @@ def main() -> int:
             for stage, counting in passes.items():
                 for name, table in tables.items():
                     with timer.measure(f"{name} {stage}"):
-                        counting.run(renderer.visibility, table, targets[name])
+                        counting.run(DivergenceInputs(renderer.visibility, camera, table), targets[name])
                     with timer.measure(f"{name} {stage} statistics"):
                         targets[name].statistics()
             for name, milliseconds in {"visibility": timings["visibility"], **timer.take()}.items():

@@ -34,6 +34,7 @@ def main() -> None:
     context = create_headless_context()
     programs = DecodePrograms(context)
     fixture = DecodeFixture(context, Tiling(SIZE, 1), interleaved_words(SIZE, TEXTURES))
+    inputs = fixture.inputs(TEXTURES)
     names: list[tuple[str, str, int]] = []
     runs: list[Callable[[], None]] = []
     for decoders in (1, 5, 10, 20):
@@ -43,18 +44,14 @@ def main() -> None:
             ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
             indexed = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, None)
             names.append(("deferred, index by pixel", place, decoders))
-            runs.append(lambda run=indexed: run.run(fixture.visibility, fixture.material, fixture.target))  # type: ignore[misc]
+            runs.append(lambda run=indexed: run.run(inputs, fixture.target))  # type: ignore[misc]
             if decoders == 1:
                 shared = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, 0)
                 names.append(("deferred, shared", place, decoders))
-                runs.append(lambda run=shared: run.run(fixture.visibility, fixture.material, fixture.target))  # type: ignore[misc]
-            binned = DecodeBinnedPass(context, programs.of(pack), buffers, ranges, pack, False)
+                runs.append(lambda run=shared: run.run(inputs, fixture.target))  # type: ignore[misc]
+            binned = DecodeBinnedPass(context, programs.of(pack), buffers, ranges, False)
             names.append(("binned", place, decoders))
-            runs.append(
-                lambda run=binned, count=decoders: run.run(  # type: ignore[misc]
-                    fixture.visibility, fixture.material, fixture.target, range(count)
-                )
-            )
+            runs.append(lambda run=binned: run.run(inputs, fixture.target))  # type: ignore[misc]
     spreads = time_interleaved(context, runs, options.repeats)
     shared_ms = spreads[names.index(("deferred, shared", "image", 1))].median_ms
     rows = [

@@ -33,7 +33,7 @@ class FactsReader:
         """The facts of the last frame; `live` is what comparing A with B has found."""
         last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
         slots = (self._session.view.slot_a, self._session.view.slot_b)
-        parts = {slot: found for slot in slots if renderer and (found := renderer.gpu_parts(slot)) is not None}
+        memory = {slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None}
         made = len(thumbnails) if thumbnails is not None else 0
         return FrameFacts(
             renderer=self._renderer_name,
@@ -45,7 +45,7 @@ class FactsReader:
             divergence=last.divergence if last else {},
             block=self._block(),
             thumbnail=self.thumbnail if thumbnails is not None else None,
-            gpu_bytes={slot: sum(of_slot.values()) for slot, of_slot in parts.items()},
+            gpu_bytes={slot: of_slot.total for slot, of_slot in memory.items()},
             frames_drawn=self._picture.frames_drawn,
             live=live,
             is_training=is_training,
@@ -53,8 +53,8 @@ class FactsReader:
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
             history=self._times.history,
-            gpu_parts=parts,
-            latent_bytes=renderer.latent_bytes(slots[0]) if renderer is not None else None,
+            gpu_parts={slot: of_slot.parts for slot, of_slot in memory.items()},
+            latent_bytes=memory[slots[0]].latents if slots[0] in memory else None,
             matches=renderer.matches if renderer is not None else {},
             image=self._image,
             thumbnails_made=made,
@@ -78,7 +78,9 @@ class FactsReader:
             shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
             seen = SeenPicture(shown, reference, covered, texture_ids)
             pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
-            results[side] = measure_slot(slot.source, seen, pack, match, renderer.gpu_bytes(slot))
+            results[side] = measure_slot(
+                slot.source, seen, pack, match, memory.total if (memory := renderer.memory(slot)) else None
+            )
         return results
 
     def take_problems(self) -> tuple[str, ...]:

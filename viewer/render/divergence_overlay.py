@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.gl.timer import PassTimer
+from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.composite import HeatmapOverlay
-from viewer.render.passes.divergence import DivergencePass
+from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Camera
@@ -31,25 +31,31 @@ class CountedGrouping:
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
 
+@dataclass(frozen=True)
+class MapPlace:
+    """Which blocks of which picture are counted."""
+
+    visibility: VisibilityTarget
+    camera: Camera
+    block: BlockName
+
+
 class DivergenceOverlay:
     """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, timer: PassTimer, stage: Stage) -> None:
-        self._context, self._timer = context, timer
+    def __init__(
+        self, context: GraphicsContext, programs: ProgramFactory, scheduler: PassScheduler, stage: Stage
+    ) -> None:
+        self._context, self._scheduler = context, scheduler
         self._pass = DivergencePass(context, programs, stage)
         self._target: DivergenceTarget | None = None
         self._tables: DecoderTables | None = None
-        self._place: object = None
+        self._place: MapPlace | None = None
         self._groupings: dict[str, CountedGrouping] = {}
-        self._key: object = None
-        self._rows: dict[str, int] = {}
+        """Of the tables, by source, in their order."""
+        self._counts = 0
         self.statistics: Mapping[str, DivergenceStatistics] = {}
         """Of each grouping, by the name of its source."""
-
-    @property
-    def key(self) -> object:
-        """What the maps were counted from: equal keys mean equal maps."""
-        return self._key
 
     def update(
         self,
@@ -57,58 +63,57 @@ class DivergenceOverlay:
         camera: Camera,
         groupings: Mapping[str, CountedGrouping],
         block: BlockName,
-    ) -> bool:
-        """Count unless the maps are still good; whether it counted.
+    ) -> None:
+        """Count the maps of `groupings`, unless they are known.
 
         What was counted last for the same picture is counted with it: slots that alternate are then counted once.
         """
-        place = (visibility, camera, block)
+        place = MapPlace(visibility, camera, block)
         known = self._groupings if place == self._place else {}
-        if all(known.get(source) == grouping for source, grouping in groupings.items()):
-            return False
-        kept = dict(list(known.items())[: LARGEST_COUNT - len(groupings)])
-        groupings = {**groupings, **{source: grouping for source, grouping in kept.items() if source not in groupings}}
-        same_tables = self._tables is not None and list(groupings.items()) == list(self._groupings.items())
-        # Nothing has been counted until all of it has.
-        self._place, self._groupings, self._key = None, {}, None
-        if not same_tables or self._tables is None:
-            tables = DecoderTables(self._context, [grouping.decoders for grouping in groupings.values()])
+        if any(known.get(source) != grouping for source, grouping in groupings.items()):
+            others = [(source, grouping) for source, grouping in known.items() if source not in groupings]
+            wanted = {**groupings, **dict(others[: LARGEST_COUNT - len(groupings)])}
+        else:
+            wanted = known
+        # Until all of it is counted nothing is known.
+        self._place = None
+        if self._tables is None or list(wanted.items()) != list(self._groupings.items()):
+            tables = DecoderTables(self._context, [grouping.decoders for grouping in wanted.values()])
             if self._tables is not None:
                 self._tables.release()
-            self._tables = tables
-        shape = (visibility.size, BLOCKS[block], len(groupings))
+            self._tables, self._groupings = tables, wanted
+        shape = (visibility.size, BLOCKS[block], len(wanted))
         target = self._target
         if target is None or (target.picture, target.block, target.groupings) != shape:
             made = DivergenceTarget(self._context, *shape)
             if target is not None:
                 target.release()
             target = self._target = made
-        with self._timer.measure("divergence"):
-            self._pass.run(visibility, self._tables, target)
-        self._rows = {source: row for row, source in enumerate(groupings)}
-        self.statistics = {source: target.statistics(row) for source, row in self._rows.items()}
-        self._place, self._groupings = place, dict(groupings)
-        self._key = (place, tuple(groupings.items()))
-        return True
+        if self._scheduler.run(self._pass, DivergenceInputs(visibility, camera, self._tables), target):
+            self.statistics = {source: target.statistics(row) for row, source in enumerate(wanted)}
+            self._counts += 1
+        self._place = place
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
         """The maps of two sources as an overlay; both must have been counted."""
         if self._target is None:
             raise RuntimeError("count first")
         most = max(2, *(self.statistics[source].maximum for source in (first, second)))
-        rows = self._rows
-        return HeatmapOverlay(self._target, rows[first], rows[second], most, settings.opacity, settings.palette)
+        rows = (self._row(first), self._row(second))
+        return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette, self._counts)
 
     def map(self, source: str) -> NDArray[np.uint16]:
         """[ceil(H / block height), ceil(W / block width)] uint16: D of a source that has been counted."""
         if self._target is None:
             raise RuntimeError("count first")
-        return self._target.read(self._rows[source])
+        return self._target.read(self._row(source))
+
+    def _row(self, source: str) -> int:
+        return list(self._groupings).index(source)
 
     def release(self) -> None:
         """Free everything on the GPU."""
         for part in (self._target, self._tables):
             if part is not None:
                 part.release()
-        self._target, self._tables, self._key, self._place = None, None, None, None
-        self._groupings = {}
+        self._target, self._tables, self._place, self._groupings = None, None, None, {}

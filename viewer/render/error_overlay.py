@@ -1,6 +1,5 @@
-"""What a comparison of A and B has found, on the GPU: the FLIP map, and the error of each texture and decoder."""
+"""Results of the comparison of A and B, on the GPU: the FLIP map, and the error of each texture and decoder."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -19,12 +18,22 @@ LEAST_ERROR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ComparisonErrors:
-    """Root mean square errors between A and B, in steps of 8-bit sRGB; NaN for textures that are not seen."""
+    """Root mean square errors between A and B, in steps of 8-bit sRGB; NaN for textures that are not visible."""
 
     by_texture: NDArray[np.float32]
     """[textures]."""
     by_decoder: NDArray[np.float32]
     """[textures]: of all textures of the texture's decoder."""
+
+
+@dataclass(frozen=True)
+class MarksInputs:
+    """What the marks are made from."""
+
+    errors: ComparisonErrors | None
+    """None where the overlay shows none."""
+    by_decoder: bool
+    highlighted: tuple[int, ...]
 
 
 class ErrorOverlay:
@@ -34,7 +43,7 @@ class ErrorOverlay:
         self._context, self._textures = context, textures
         self._errors: ComparisonErrors | None = None
         self._marks: TextureMarks | None = None
-        self._marks_key: object = None
+        self._marks_inputs: MarksInputs | None = None
         self._flip: moderngl.Texture | None = None
         self._flip_key: object = None
 
@@ -58,39 +67,34 @@ class ErrorOverlay:
         """The map, if it is of the picture that `key` stands for."""
         return self._flip if key == self._flip_key else None
 
-    def marks(self, overlay: Overlay, lit: Sequence[int], visibility: VisibilityTarget) -> MarksOverlay | None:
-        """What to do to the textures of the picture; None where there is nothing to do."""
-        shares = self._shares(overlay)
-        if shares is None and not lit:
+    def marks(
+        self, overlay: Overlay, highlighted: tuple[int, ...], visibility: VisibilityTarget
+    ) -> MarksOverlay | None:
+        """How to colour or dim the textures of the picture; None where nothing is."""
+        errors = self._errors if overlay.kind in ("error-texture", "error-decoder") else None
+        if errors is None and not highlighted:
             return None
-        key = (overlay.kind if shares is not None else None, self._errors if shares is not None else None, tuple(lit))
-        if self._marks is None or key != self._marks_key:
-            made = TextureMarks(self._context, shares, lit, self._textures)
+        inputs = MarksInputs(errors, errors is not None and overlay.kind == "error-decoder", highlighted)
+        if self._marks is None or inputs != self._marks_inputs:
+            shares = None
+            if errors is not None:
+                values = errors.by_decoder if inputs.by_decoder else errors.by_texture
+                shares = values / np.float32(largest_error(values))
+            made = TextureMarks(self._context, shares, highlighted, self._textures)
             if self._marks is not None:
                 self._marks.release()
-            self._marks, self._marks_key = made, key
+            self._marks, self._marks_inputs = made, inputs
         return MarksOverlay(self._marks, visibility, overlay.opacity, overlay.palette)
-
-    def marks_key(self, overlay: Overlay, lit: Sequence[int]) -> object:
-        """Equal keys mean equal marks."""
-        shown = overlay.kind in ("error-texture", "error-decoder")
-        return (overlay, self._errors, tuple(lit)) if shown else tuple(lit)
-
-    def _shares(self, overlay: Overlay) -> NDArray[np.float32] | None:
-        if self._errors is None or overlay.kind not in ("error-texture", "error-decoder"):
-            return None
-        values = self._errors.by_texture if overlay.kind == "error-texture" else self._errors.by_decoder
-        return values / np.float32(largest_error(values))
 
     def release(self) -> None:
         """Free everything on the GPU."""
         if self._marks is not None:
             self._marks.release()
         self.set_flip(None, None)
-        self._marks = self._marks_key = None
+        self._marks = self._marks_inputs = None
 
 
 def largest_error(values: NDArray[np.float32]) -> float:
-    """What stands at the far end of the palette."""
+    """The error at the far end of the palette."""
     known = values[np.isfinite(values)]
     return max(float(known.max()), LEAST_ERROR) if known.size else LEAST_ERROR

@@ -14,6 +14,18 @@ from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.view_state import PathChoice, Slot
 
 
+@dataclass(frozen=True)
+class UploadCounts:
+    """What a frame uploaded of packs that replace others of the same textures."""
+
+    uploaded: int = 0
+    """Bytes."""
+    kept: int = 0
+    """Bytes of the packs that were replaced whole in this frame which did not change, and so stayed on the GPU."""
+    is_pending: bool = False
+    """Whether an older version of a pack is drawn until the newer one is uploaded."""
+
+
 @dataclass(frozen=True, eq=False)
 class FrameResult:
     """One frame."""
@@ -39,6 +51,8 @@ class FrameResult:
     short_latents: bool = False
     """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
 
+    upload: UploadCounts = UploadCounts()
+
     @property
     def is_short(self) -> bool:
         """Whether the picture is coarser than it should be, because the GPU has too little memory."""
@@ -46,16 +60,25 @@ class FrameResult:
 
     @property
     def waiting(self) -> int:
-        """Tiles that are still to come: the same view drawn again shows more."""
-        return sum(counts.waiting for counts in self.tiles.values())
+        """Tiles and pack updates that are still to come: the same view drawn again shows more."""
+        return sum(counts.waiting for counts in self.tiles.values()) + self.upload.is_pending
+
+
+@dataclass(frozen=True)
+class PairKey:
+    """Stands for the content of both slots: equal keys mean equal pictures."""
+
+    a: Slot
+    b: Slot
+    drawings: tuple[int, int]
+    """Numbers of their drawings; 0 for one that is not drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnPair:
     """Slots A and B of one view, drawn whole."""
 
-    key: object
-    """Equal keys mean equal pictures."""
+    key: PairKey
     a: AlbedoTarget
     b: AlbedoTarget
     visibility: VisibilityTarget

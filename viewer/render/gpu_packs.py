@@ -1,88 +1,136 @@
 """The packs that a renderer's slots may name: how they fit the scene, and those of them that are on the GPU."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from ntc.codec.config import CodecConfig
+from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.program import ProgramFactory
 from viewer.render.divergence_overlay import CountedGrouping
-from viewer.render.gpu_pack import GpuPack, RenderContext
+from viewer.render.frame_result import UploadCounts
+from viewer.render.gpu_pack import GpuPack, PackVersion, RenderContext
 from viewer.render.resources.pack_buffers import codec_programs
-from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import Precision, Slot
 
 
 @contextmanager
 def naming_memory_errors(name: str) -> Iterator[None]:
-    """Say what it is that the GPU has no memory for."""
+    """Put `name` before the message of a GpuMemoryError."""
     try:
         yield
     except GpuMemoryError as error:
         raise GpuMemoryError(f"{name}: {error}") from error
 
 
+@dataclass(frozen=True, eq=False)
+class OpenPack:
+    """A pack that slots may name."""
+
+    pack: Pack
+    match: PackMatch
+    version: int
+
+
 class GpuPacks:
     """Packs of one scene. Each is uploaded when it is first asked for, once for every precision."""
 
-    def __init__(self, context: RenderContext, programs: ProgramFactory, scene: Scene) -> None:
-        self._drawing, self._programs, self._scene = context, programs, scene
-        self._packs: dict[str, Pack] = {}
-        self._versions: dict[str, int] = {}
+    def __init__(self, context: RenderContext, programs: ProgramFactory) -> None:
+        self._context, self._programs = context, programs
+        self._open: dict[str, OpenPack] = {}
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
-        self._matches: dict[str, PackMatch] = {}
         self._on_gpu: dict[tuple[str, Precision], GpuPack] = {}
         self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
 
     def __contains__(self, name: str) -> bool:
-        return name in self._packs
+        return name in self._open
 
     @property
     def matches(self) -> Mapping[str, PackMatch]:
         """How each pack fits the scene, by the pack's name."""
-        return self._matches
+        return {name: opened.match for name, opened in self._open.items()}
 
-    def version(self, name: str) -> int:
-        """Of a pack: differs whenever another one takes its name."""
-        return self._versions[name]
+    @property
+    def is_updating(self) -> bool:
+        """Whether `advance_updates` has something to upload."""
+        return any(on_gpu.is_updating for on_gpu in self._on_gpu.values())
+
+    def version(self, slot: Slot) -> int:
+        """Number of the version of a pack that a slot shows: differs whenever its picture may."""
+        on_gpu = self.uploaded(slot)
+        return on_gpu.version if on_gpu is not None else self._open[slot.source].version
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
-        """The packs from now on. Those that are gone or replaced are freed."""
-        for name, pack in packs.items():
-            if self._packs.get(name) is not pack:
-                self._last_version += 1
-                self._versions[name] = self._last_version
-                self._matches[name] = match_scene(pack, self._scene)
-        for key, on_gpu in list(self._on_gpu.items()):
-            replaced = packs.get(key[0])
-            if replaced is None or replaced.config != on_gpu.pack.config:
-                self._on_gpu.pop(key).release()
-            elif replaced is not on_gpu.pack:
-                try:
-                    self._on_gpu[key] = on_gpu.hand_over(replaced, self._matches[key[0]])
-                except GpuMemoryError:
-                    # Both do not fit beside each other; the new one is made when it is drawn.
-                    self._on_gpu.pop(key).release()
-        self._matches = {name: match for name, match in self._matches.items() if name in packs}
-        self._packs = dict(packs)
+        """The packs from now on. Those that are gone are freed; in those that are replaced what differs is uploaded at once."""
+        for name in [name for name in self._open if name not in packs]:
+            del self._open[name]
+            self._release(name)
+        changed = [name for name, pack in packs.items() if name not in self._open or self._open[name].pack is not pack]
+        for name in changed:
+            self.update_pack(name, packs[name], None)
+        self._advance(changed, None)
+
+    def update_pack(self, name: str, pack: Pack, changed_groups: frozenset[int] | None) -> None:
+        """Open `pack`, or have it replace the one of that name: `advance_updates` uploads what differs.
+
+        `changed_groups` are the groups of `pack` whose latents, decoders or adapters differ; None: they are looked for.
+        A pack of other textures, or another codec, is uploaded whole when it is drawn next.
+        """
+        before = self._open.get(name)
+        self._last_version += 1
+        opened = self._open[name] = OpenPack(pack, match_scene(pack, self._context.scene), self._last_version)
+        if before is None:
+            return
+        if not same_shape(before.pack, pack) or before.match != opened.match:
+            self._release(name)
+            return
+        if changed_groups is None:
+            changed_groups = frozenset(pack.textures[index].group for index in changed_textures(before.pack, pack))
+        for on_gpu in [on_gpu for (source, _), on_gpu in self._on_gpu.items() if source == name]:
+            on_gpu.update(PackVersion(pack, opened.version, changed_groups))
+
+    def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
+        """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
+        return self._advance(self._open, budget_bytes)
+
+    def _advance(self, names: Collection[str], budget_bytes: int | None) -> UploadCounts:
+        uploaded = kept = 0
+        for (name, _), on_gpu in list(self._on_gpu.items()):
+            room = None if budget_bytes is None else budget_bytes - uploaded
+            if name not in names or not on_gpu.is_updating or (room is not None and room <= 0):
+                continue
+            try:
+                counts = on_gpu.advance_update(room)
+            except GpuMemoryError:
+                # There is no memory for both beside each other: the new one is uploaded whole when it is drawn.
+                self._release(name)
+                continue
+            uploaded, kept = uploaded + counts.uploaded, kept + counts.kept
+        return UploadCounts(uploaded, kept, self.is_updating)
+
+    def _release(self, name: str) -> None:
+        for key in [key for key in self._on_gpu if key[0] == name]:
+            self._on_gpu.pop(key).release()
 
     def on_gpu(self, slot: Slot) -> GpuPack:
         """The pack that a slot shows, in its precision. Raises GpuMemoryError that names it."""
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
-            pack = self._packs[slot.source]
+            opened = self._open[slot.source]
+            config = opened.pack.config
             # Packs of one codec share their programs: those take seconds to compile.
-            if pack.config not in self._codec_programs:
-                self._codec_programs[pack.config] = codec_programs(self._programs, pack)
-            programs = self._codec_programs[pack.config]
-            on_gpu = GpuPack(self._drawing, pack, self._matches[slot.source], slot.precision, programs)
+            if config not in self._codec_programs:
+                self._codec_programs[config] = codec_programs(self._programs, opened.pack)
+            programs = self._codec_programs[config]
             with naming_memory_errors(f"pack {slot.source}"):
-                on_gpu.make()
-            self._on_gpu[key] = on_gpu
+                self._on_gpu[key] = GpuPack(
+                    self._context, opened.pack, opened.match, slot.precision, programs, opened.version
+                )
         return self._on_gpu[key]
 
     def uploaded(self, slot: Slot) -> GpuPack | None:
@@ -91,18 +139,17 @@ class GpuPacks:
 
     def counted(self, source: str) -> CountedGrouping:
         """The grouping of a source, as divergence counts it; for the reference nothing is decoded."""
-        pack = self._packs.get(source)
-        if pack is None:
-            return CountedGrouping(0, (-1,) * len(self._scene.textures))
-        decoders = tuple(self._matches[source].decoders(pack))
+        opened = self._open.get(source)
+        if opened is None:
+            return CountedGrouping(0, (-1,) * len(self._context.scene.textures))
+        decoders = opened.match.decoders(opened.pack)
         # A pack that is trained keeps its grouping: nothing is to be counted anew.
         version = self._grouping_versions.setdefault(decoders, len(self._grouping_versions) + 1)
         return CountedGrouping(version, decoders)
 
     def release(self) -> None:
         """Free everything on the GPU."""
-        for on_gpu in self._on_gpu.values():
-            on_gpu.release()
-        self._on_gpu.clear()
+        for name in list(self._open):
+            self._release(name)
         for programs in self._codec_programs.values():
             programs.release()

@@ -1,13 +1,19 @@
-"""Decode path `auto`: all paths are timed on the view at hand, and the fastest is taken."""
+"""Decode path `auto`: all paths are timed on small pictures of the view at hand, and the fastest is taken."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import get_args
 
 from ntc.errors import InputError
+from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
+from viewer.render.gpu_packs import GpuPacks
+from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.navigation import turned
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import REFERENCE, DecodePath, Precision, Slot, ViewState
 
 SHARE = 4
 """Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
@@ -32,7 +38,7 @@ class PathTimes:
 
 
 def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slot) -> PathTimes:
-    """Times of all paths for `slot`; `slot_ms` draws a view whole and says what its slot A took, in ms."""
+    """Times of all paths for `slot`; `slot_ms` draws slot A of a view whole and gives the time in ms."""
     times: dict[DecodePath, float] = {}
     for path in get_args(DecodePath):
         share = 1 if path == "cached" else SHARE
@@ -46,3 +52,52 @@ def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slo
             continue
         times[path] = min(taken[1:]) * (view.size[0] * view.size[1]) / (size[0] * size[1])
     return PathTimes(times)
+
+
+class PathChooser:
+    """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
+
+    def __init__(
+        self, context: GraphicsContext, drawer: SceneDrawer, packs: GpuPacks, scheduler: PassScheduler
+    ) -> None:
+        self._context, self._drawer, self._packs, self._scheduler = context, drawer, packs, scheduler
+        self._times: dict[tuple[str, Precision], PathTimes] = {}
+
+    def times(self, slot: Slot) -> PathTimes | None:
+        """What was found for the slot's pack and precision; None before `chosen` has timed them."""
+        return self._times.get((slot.source, slot.precision))
+
+    def chosen(self, slot: Slot, view: ViewState) -> Slot:
+        """`slot` with a path in place of `auto`, and without fields that are of no effect: equal pictures have equal slots.
+
+        Where paths are timed, the scene drawer's last view is another one afterwards.
+        """
+        if slot.source == REFERENCE:
+            return Slot(REFERENCE)
+        if slot.path != "auto":
+            return slot
+        times = self.times(slot)
+        if times is None:
+            times = time_paths(self._slot_ms, view, slot)
+            self._scheduler.timer.take()
+            self._scheduler.take_skipped()
+            if not times.milliseconds:
+                # None can be drawn: the error of one of them says why.
+                return replace(slot, path="deferred")
+            self._times[slot.source, slot.precision] = times
+        return replace(slot, path=times.fastest)
+
+    def _slot_ms(self, view: ViewState) -> float:
+        """Draw slot A of `view`; the time in ms."""
+        slot, context = view.slot_a, self._context
+        pack = self._packs.on_gpu(slot)
+        anisotropy = view.anisotropy if slot.path == "cached" else 1
+        with context.memory.transaction():
+            visibility = VisibilityTarget(context, view.size, SurfaceContent(pack.colors, anisotropy > 1))
+            albedo = AlbedoTarget(context, view.size)
+        try:
+            inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)
+            return pack.path(slot.path).draw(inputs, albedo, whole=True)
+        finally:
+            visibility.release()
+            albedo.release()

@@ -1,45 +1,63 @@
-"""Everything on the GPU that has the size of the picture."""
+"""Everything on the GPU that has the size of the picture, and what it was drawn from."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from viewer.render.frame_result import PairKey
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
-from viewer.render.resources.visibility_buffer import VisibilityTarget
-from viewer.state.view_state import Slot
+from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
+from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 
 @dataclass(frozen=True)
 class DrawnAlbedo:
-    """What an albedo was made from."""
+    """What the albedo of a slot was made from."""
 
-    key: object
-    """Equal means that it is still good."""
-    seen: object
-    """What of it does not depend on the pack."""
+    inputs: VisibilityInputs
+    version: int
+    """Of the slot's pack; 0 for the reference."""
     number: int
-    """Of the drawing: differs whenever the albedo may."""
+    """Of the drawing: differs whenever the content may."""
 
 
 @dataclass
 class PictureTargets:
-    """Everything that has the size of the picture."""
+    """Targets of one picture size."""
 
     visibility: VisibilityTarget
     composite: CompositeTarget
+    inputs: VisibilityInputs | None = None
+    """Of the last view, with its anisotropy; None before the first."""
     albedo: dict[Slot, AlbedoTarget] = field(default_factory=dict)
     drawn: dict[Slot, DrawnAlbedo] = field(default_factory=dict)
-    """For each slot what its albedo was made from."""
+    """Of each albedo that is whole."""
     slot_ms: dict[Slot, float] = field(default_factory=dict)
-    visibility_key: object = None
-    composite_key: object = None
+    """Time that each albedo took when it was last drawn."""
 
-    def release(self) -> None:
-        """Free all of it."""
-        self.release_all_but_picture()
-        self.composite.release()
+    def inputs_of(self, slot: Slot) -> VisibilityInputs:
+        """What the slot's albedo is drawn from: only the reference and path `cached` filter anisotropically."""
+        if self.inputs is None:
+            raise RuntimeError("draw the visibility buffer first")
+        filters = slot.source == REFERENCE or slot.path == "cached"
+        return self.inputs if filters else replace(self.inputs, anisotropy=1)
 
-    def release_all_but_picture(self) -> None:
-        """Free what the picture was made from."""
+    def number(self, slot: Slot) -> int:
+        """Number of the slot's drawing; 0 where there is none."""
+        return self.drawn[slot].number if slot in self.drawn else 0
+
+    def pair_key(self, view: ViewState) -> PairKey:
+        """Stands for the content of both slots."""
+        return PairKey(view.slot_a, view.slot_b, (self.number(view.slot_a), self.number(view.slot_b)))
+
+    def release_unused(self, view: ViewState) -> None:
+        """Free the albedos of all but slots A and B and the reference."""
+        for slot in [s for s in self.albedo if s not in (view.slot_a, view.slot_b) and s.source != REFERENCE]:
+            self.albedo.pop(slot).release()
+            self.drawn.pop(slot, None)
+            self.slot_ms.pop(slot, None)
+
+    def release_inputs(self) -> None:
+        """Free all but the composite."""
         self.visibility.release()
         for target in self.albedo.values():
             target.release()

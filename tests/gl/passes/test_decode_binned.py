@@ -18,7 +18,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
@@ -70,13 +70,14 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
     material, targets = OneMaterial(graphics), [AlbedoTarget(graphics, size) for _ in range(2)]
     deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, False, None)
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
-    deferred.run(visibility, material, targets[0])
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    inputs = VisibilityInputs(visibility, material, textures=tuple(range(decoders)))
+    deferred.run(inputs, targets[0])
     texture = (words[..., 0] & 0xFFFF).astype(int) - 1
     expected = np.bincount(texture[texture >= 0], minlength=decoders)
     for _ in range(2):
         # A second frame finds the bins empty again.
-        binned.run(visibility, material, targets[1], range(decoders))
+        binned.run(inputs, targets[1])
         bins = np.frombuffer(binned.bins(), BIN_RECORD)
         np.testing.assert_array_equal(bins["pixels"], expected)
         np.testing.assert_array_equal(bins["first"], np.cumsum(expected) - expected)
@@ -93,8 +94,8 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
     material, target = OneMaterial(graphics), AlbedoTarget(graphics, (64, 64))
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
-    binned.run(visibility, material, target, range(4))
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    binned.run(VisibilityInputs(visibility, material, textures=(0, 1, 2, 3)), target)
     groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]
     assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]
     for made in (target, material, binned, ranges, buffers, programs):

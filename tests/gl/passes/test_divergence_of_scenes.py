@@ -11,7 +11,7 @@ from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import assets_folder, shaders_folder
-from viewer.render.passes.divergence import DivergencePass
+from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
 from viewer.render.resources.layout import scene_layout_glsl
@@ -50,7 +50,7 @@ def test_every_camera_grouping_and_block_shape(place: str, request: pytest.Fixtu
             ids = renderer.texture_ids()
             assert (ids >= 0).any()
             for target in targets:
-                counting.run(renderer.visibility, tables, target)
+                counting.run(DivergenceInputs(renderer.visibility, camera, tables), target)
                 for row, groups in enumerate(groupings):
                     decoders = np.array([*groups, -1], np.int32)[ids]
                     expected = divergence_map(decoders, target.block[::-1])

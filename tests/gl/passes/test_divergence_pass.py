@@ -9,7 +9,7 @@ from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.passes.divergence import DivergencePass
+from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
 from viewer.render.resources.layout import MATERIAL_SHIFT, scene_layout_glsl
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
@@ -52,7 +52,7 @@ def test_it_equals_numpy(
     ids[: size[1] // 2] = ids[: size[1] // 2, :1]
     visibility = visibility_of(context, ids)
     target = DivergenceTarget(context, size, block)
-    counting.run(visibility, DecoderTables(context, [table.tolist()]), target)
+    counting.run(DivergenceInputs(visibility, None, DecoderTables(context, [table.tolist()])), target)
     expected = divergence_map(np.append(table, -1)[ids].astype(np.int32), (block[1], block[0]))
     np.testing.assert_array_equal(target.read(), expected)
     assert_equal_statistics(target.statistics(), DivergenceStatistics.of(expected))
@@ -77,7 +77,7 @@ def test_several_groupings_at_once_from_one_visibility_buffer(
     target = DivergenceTarget(context, (70, 50), (8, 8), groupings=3)
     for _ in range(2):
         # Twice: nothing of the first count may be left in the second.
-        counting.run(visibility, DecoderTables(context, tables), target)
+        counting.run(DivergenceInputs(visibility, None, DecoderTables(context, tables)), target)
     for row, table in enumerate(tables):
         expected = divergence_map(np.append(table, -1)[ids].astype(np.int32))
         np.testing.assert_array_equal(target.read(row), expected)
@@ -87,7 +87,7 @@ def test_several_groupings_at_once_from_one_visibility_buffer(
 def test_nothing_seen_is_no_divergence(context: GraphicsContext, counting: DivergencePass) -> None:
     visibility = visibility_of(context, np.full((20, 20), -1))
     target = DivergenceTarget(context, (20, 20), (8, 8))
-    counting.run(visibility, DecoderTables(context, [[]]), target)
+    counting.run(DivergenceInputs(visibility, None, DecoderTables(context, [[]])), target)
     figures = target.statistics()
     assert (figures.excess, figures.maximum, figures.covered_blocks, figures.blocks) == (0, 0, 0, 9)
     assert (figures.score, figures.mean, figures.wave_efficiency) == (0.0, 0.0, 1.0)

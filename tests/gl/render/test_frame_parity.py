@@ -106,7 +106,7 @@ def test_half_float_weights_stay_close_in_a_frame(renderer: Renderer, pack: Pack
 def test_precisions_are_told_apart_by_their_memory(renderer: Renderer) -> None:
     for precision in ("fp32", "fp16"):
         shown(renderer, "magnified", "deferred", precision)
-    full, half = (renderer.gpu_bytes(Slot("p", "deferred", precision)) for precision in ("fp32", "fp16"))
+    full, half = (renderer.memory(Slot("p", "deferred", precision)) for precision in ("fp32", "fp16"))
     assert full is not None
     assert half is not None
-    assert half < full
+    assert half.total < full.total

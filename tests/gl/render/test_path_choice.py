@@ -68,7 +68,7 @@ def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext)
     sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     renderer.set_packs({"p": random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures])})
     frame = renderer.render(VIEW)
-    times = renderer.path_times(SLOT)
+    times = renderer.paths.times(SLOT)
     assert times is not None
     assert set(times.milliseconds) == set(get_args(DecodePath))
     assert frame.slot_ms[SLOT] > 0.0

@@ -186,7 +186,7 @@ def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) ->
     for renderer in (tight, roomy):
         renderer.render(view("deferred", near))
         pictures.append(renderer.albedo(slot))
-    counts = tight._packs.on_gpu(slot).latents
+    counts = tight._packs.on_gpu(slot).buffers.latent_store.counts
     assert counts.levels_without_room > 0
     assert counts.bytes_uploaded <= 1600
     assert np.isfinite(pictures[0]).all()

@@ -234,10 +234,11 @@ def test_latents_have_what_memory_there_is(graphics: GraphicsContext, scene: Sce
     renderer.set_packs({"p": packs[0]})
     frame = renderer.render(replace(VIEWS["forward"], size=(200, 120)))
     assert frame.short_latents
-    parts = renderer.gpu_parts(FORWARD)
-    assert parts is not None
-    assert parts["latents"] <= memory.most
+    used = renderer.memory(FORWARD)
+    assert used is not None
+    assert used.parts["latents"] <= memory.most
     memory.most = 16
+    renderer.set_packs({})
     renderer.set_packs({"p": packs[1]})
     with pytest.raises(GpuMemoryError, match="pack p: latents: the GPU has no memory"):
         renderer.render(VIEWS["forward"])

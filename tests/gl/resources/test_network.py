@@ -19,7 +19,7 @@ from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 SIZE = (37, 50)
@@ -41,12 +41,13 @@ def decoded(
     buffers = PackBuffers(graphics, pack, range(3), precision, weights_in_image=in_image)
     ranges = DecoderRanges(graphics, pack, precision, network, weights_in_image=in_image)
     material, target = OneMaterial(graphics), AlbedoTarget(graphics, SIZE)
+    inputs = VisibilityInputs(visibility, material, textures=(0, 1, 2))
     pictures = []
     for shared, with_ranges in ((None, None), (0, ranges)):
-        DecodeDeferredPass(graphics, programs, buffers, with_ranges, False, shared).run(visibility, material, target)
+        DecodeDeferredPass(graphics, programs, buffers, with_ranges, False, shared).run(inputs, target)
         pictures.append(target.read())
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, pack, False)
-    binned.run(visibility, material, target, range(1))
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    binned.run(inputs, target)
     pictures.append(target.read())
     for made in (target, material, binned, ranges, buffers, programs):
         made.release()

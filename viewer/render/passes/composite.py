@@ -42,9 +42,9 @@ class CompositeTarget:
         self.texture.release()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class HeatmapOverlay:
-    """Decoders per block, to lie over the picture."""
+    """Decoders per block, as a heat map over the picture."""
 
     maps: DivergenceTarget
     first: int
@@ -55,6 +55,8 @@ class HeatmapOverlay:
     """Decoders at the far end of the palette."""
     opacity: float
     palette: PaletteName
+    version: int
+    """Number of the content of `maps`."""
 
     def uniforms(self) -> dict[str, object]:
         """Values of the shader's uniforms."""
@@ -69,9 +71,9 @@ class HeatmapOverlay:
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class MarksOverlay:
-    """Colours or dimming of whole textures, to lie over the picture."""
+    """Colours or dimming of whole textures, over the picture."""
 
     marks: TextureMarks
     visibility: VisibilityTarget
@@ -79,7 +81,7 @@ class MarksOverlay:
     palette: PaletteName
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class DifferenceParams:
     """The difference of A and B in place of a slot."""
 
@@ -104,9 +106,9 @@ class DifferenceParams:
 
 @dataclass(frozen=True)
 class CompositeParams:
-    """How the slots come together in one picture. Without `split` and `difference` slot A is shown alone."""
+    """Settings of the composite. Without `layout` and `difference` the first slot is shown alone."""
 
-    split: CompareLayout | None = None
+    layout: CompareLayout | None = None
     difference: DifferenceParams | None = None
     overlay: HeatmapOverlay | None = None
     marks: MarksOverlay | None = None
@@ -116,7 +118,7 @@ class CompositeParams:
     def defines(self) -> dict[str, int]:
         """Which variant of the shader draws it."""
         return {
-            "SPLIT": int(self.split is not None),
+            "SPLIT": int(self.layout is not None),
             "DIFFERENCE": self.difference.variant if self.difference is not None else 0,
             "OVERLAY": int(self.overlay is not None),
             "MARKS": int(self.marks is not None),
@@ -124,73 +126,94 @@ class CompositeParams:
         }
 
 
+@dataclass(frozen=True)
+class CompositeVariant:
+    """A program of the composite. Drivers may compile it anew for other formats of textures."""
+
+    defines: tuple[tuple[str, int], ...]
+    dtypes: tuple[str, str]
+    """Of both albedos' textures."""
+
+
+@dataclass(frozen=True)
+class CompositeInputs:
+    """What the pass reads. Equal inputs give equal pictures."""
+
+    first: AlbedoTarget
+    second: AlbedoTarget
+    """The same where one slot fills the picture: it is not read then."""
+    versions: tuple[int, int]
+    """Numbers of the content of both albedos."""
+    params: CompositeParams
+
+    @property
+    def variant(self) -> CompositeVariant:
+        """Which program draws it."""
+        dtypes = (self.first.texture.dtype, self.second.texture.dtype)
+        return CompositeVariant(tuple(self.params.defines.items()), dtypes)
+
+
 def palette_steps(name: PaletteName) -> bytes:
     """A palette as the shader reads it."""
     return palette_colors(name, np.linspace(0.0, 1.0, PALETTE_STEPS)).astype("<f4").tobytes()
 
 
-def _split_uniforms(split: CompareLayout, size: tuple[int, int]) -> dict[str, object]:
+def _layout_uniforms(layout: CompareLayout, size: tuple[int, int]) -> dict[str, object]:
     width, height = size
     # Rows of the shader count from below.
-    line = (1.0, 0.0, split.position * width) if split.vertical else (0.0, -1.0, (split.position - 1.0) * height)
-    return {"line": line, "shift": split.shift * width}
+    line = (1.0, 0.0, layout.position * width) if layout.vertical else (0.0, -1.0, (layout.position - 1.0) * height)
+    return {"line": line, "shift": layout.shift * width}
 
 
 class CompositePass:
-    """Inputs: linear albedo of one slot, or of A and B; overlays. Output: an 8-bit sRGB picture."""
+    """Output: an 8-bit sRGB picture."""
+
+    name = "composite"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._gl = context.gl
         self._programs = programs
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
-        self._drawn: set[object] = set()
+        self._drawn: set[CompositeVariant] = set()
         self._scratch = CompositeTarget(context, SCRATCH)
 
-    def prepare(self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams) -> bool:
-        """Draw a few pixels to nowhere, unless something like it has been drawn; whether it was."""
-        if self._kind(albedo_a, albedo_b, look) in self._drawn:
+    def prepare(self, inputs: CompositeInputs) -> bool:
+        """Compile the program for `inputs` by drawing a few pixels to a scratch picture; False where it has been used before."""
+        if inputs.variant in self._drawn:
             return False
-        self.run(albedo_a, albedo_b, look, self._scratch)
+        self.run(inputs, self._scratch)
         return True
 
-    @staticmethod
-    def _kind(albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams) -> object:
-        """Drivers may compile a program anew for other formats of textures."""
-        return tuple(look.defines.items()), albedo_a.texture.dtype, albedo_b.texture.dtype
-
-    def run(
-        self, albedo_a: AlbedoTarget, albedo_b: AlbedoTarget, look: CompositeParams, target: CompositeTarget
-    ) -> None:
-        """Draw the picture; `albedo_b` is not read where slot A is shown alone."""
-        overlay, marks, zoom = look.overlay, look.marks, look.zoom
-        self._drawn.add(self._kind(albedo_a, albedo_b, look))
-        program = self._programs.program("common/fullscreen.vert", "passes/composite/composite.frag", look.defines)
+    def run(self, inputs: CompositeInputs, output: CompositeTarget) -> None:
+        """Draw the picture."""
+        params, size = inputs.params, inputs.first.size
+        self._drawn.add(inputs.variant)
+        program = self._programs.program("common/fullscreen.vert", "passes/composite/composite.frag", params.defines)
         if program not in self._triangles:
             self._triangles[program] = self._gl.vertex_array(program, [])
-        target.framebuffer.use()
+        output.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
-        size = albedo_a.size
         values: dict[str, object] = {"depth": 0.0}
-        albedo_a.texture.use(int(TextureUnit.ALBEDO_A))
-        if look.split is not None or look.difference is not None:
-            albedo_b.texture.use(int(TextureUnit.ALBEDO_B))
-        if look.split is not None:
-            values |= _split_uniforms(look.split, size)
-        if look.difference is not None:
-            values |= look.difference.uniforms()
-            if look.difference.flip_map is not None:
-                look.difference.flip_map.use(int(TextureUnit.FLIP))
-        if not zoom.is_whole:
-            left, top = zoom.corner
-            values["zoom"] = zoom.factor
-            values["corner"] = (left * size[0], (1.0 - top - 1.0 / zoom.factor) * size[1])
-        if marks is not None:
-            marks.visibility.bind()
-            marks.marks.bind()
-            values |= {"opacity": marks.opacity, "palette": palette_steps(marks.palette)}
-        if overlay is not None:
-            overlay.maps.texture.use(int(TextureUnit.DIVERGENCE))
-            values |= overlay.uniforms()
+        inputs.first.texture.use(int(TextureUnit.ALBEDO_A))
+        if params.layout is not None or params.difference is not None:
+            inputs.second.texture.use(int(TextureUnit.ALBEDO_B))
+        if params.layout is not None:
+            values |= _layout_uniforms(params.layout, size)
+        if params.difference is not None:
+            values |= params.difference.uniforms()
+            if params.difference.flip_map is not None:
+                params.difference.flip_map.use(int(TextureUnit.FLIP))
+        if not params.zoom.is_whole:
+            left, top = params.zoom.corner
+            values["zoom"] = params.zoom.factor
+            values["corner"] = (left * size[0], (1.0 - top - 1.0 / params.zoom.factor) * size[1])
+        if params.marks is not None:
+            params.marks.visibility.bind()
+            params.marks.marks.bind()
+            values |= {"opacity": params.marks.opacity, "palette": palette_steps(params.marks.palette)}
+        if params.overlay is not None:
+            params.overlay.maps.texture.use(int(TextureUnit.DIVERGENCE))
+            values |= params.overlay.uniforms()
         set_uniforms(program, values)
         self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
 

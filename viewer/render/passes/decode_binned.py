@@ -3,26 +3,26 @@
 The counts never come back to the CPU: dispatches take their size from the bins.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
+import moderngl
 import numpy as np
 
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.scene_buffers import MaterialsSource
-from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
 
 FOLDER = "passes/decode_binned"
 PIXEL_BYTES = 4
 
 
-class DecodeBinnedPass:
-    """Inputs: visibility buffer, materials, a pack. Output: linear albedo."""
+class DecodeBinnedPass(DecodePass):
+    """Count, scan and scatter fill the bins; then one indirect dispatch for each decoder that may be visible."""
 
     def __init__(
         self,
@@ -30,11 +30,10 @@ class DecodeBinnedPass:
         programs: ProgramFactory,
         buffers: PackBuffers,
         ranges: DecoderRanges,
-        pack: Pack,
         colors: bool,
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
-        self._bin_count = len(pack.decoders)
+        self._bin_count = len(buffers.pack.decoders)
         defines = {
             "VERTEX_COLORS": int(colors),
             **buffers.defines,
@@ -49,18 +48,11 @@ class DecodeBinnedPass:
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
             self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
 
-    def run(
-        self,
-        visibility: VisibilityTarget,
-        scene_buffers: MaterialsSource,
-        target: AlbedoTarget,
-        decoders: Iterable[int],
-    ) -> None:
-        """Decode the whole picture; `decoders` names those that may be seen."""
+    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+        """Decode the whole picture."""
         needed = target.size[0] * target.size[1] * PIXEL_BYTES
         self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed)
-        visibility.bind()
-        scene_buffers.bind_materials()
+        inputs.bind()
         self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
         self._bins.bind_to_storage_buffer(int(StorageBinding.BINS))
@@ -74,7 +66,8 @@ class DecodeBinnedPass:
         self._scatter.run(*blocks)
         self._gl.memory_barrier()
         set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
-        for decoder in decoders:
+        decoders = np.unique(self._buffers.decoder_of_texture[list(inputs.textures)])
+        for decoder in decoders[decoders >= 0].tolist():
             self._ranges.bind(decoder)
             set_uniforms(self._decode, {"bin": decoder})
             self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
@@ -85,12 +78,6 @@ class DecodeBinnedPass:
         content: bytes = self._bins.read()
         return content
 
-    @property
-    def bytes_on_gpu(self) -> int:
+    def own_buffers(self) -> Sequence[moderngl.Buffer]:
         """Bins and the list of pixels."""
-        return self._bins.size + self._pixels.size
-
-    def release(self) -> None:
-        """Free the bins and the list."""
-        self._bins.release()
-        self._pixels.release()
+        return self._bins, self._pixels

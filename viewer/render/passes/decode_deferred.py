@@ -2,47 +2,45 @@
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.scene_buffers import MaterialsSource
-from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
 
 
-class DecodeDeferredPass:
-    """Inputs: visibility buffer, materials, a pack. Output: linear albedo.
+class DecodeDeferredPass(DecodePass):
+    """Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
 
-    Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels; `ranges` may be
-    None where they have not.
+    `ranges` may be None where they have not.
     """
 
     def __init__(
         self,
         context: GraphicsContext,
         programs: ProgramFactory,
-        pack: PackBuffers,
+        buffers: PackBuffers,
         ranges: DecoderRanges | None,
         colors: bool,
         shared_decoder: int | None,
     ) -> None:
         self._gl = context.gl
-        self._pack, self._shared_decoder = pack, shared_decoder
+        self._buffers, self._shared_decoder = buffers, shared_decoder
         self._ranges = ranges if shared_decoder is not None else None
-        defines = {"VERTEX_COLORS": int(colors), **pack.defines}
+        defines = {"VERTEX_COLORS": int(colors), **buffers.defines}
         if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
             shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
-    def run(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
         """Decode the whole picture."""
-        visibility.bind()
-        scene_buffers.bind_materials()
-        self._pack.bind()
+        inputs.bind()
+        self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
-        set_uniforms(self._program, {"network_blocks": self._pack.hidden_blocks})
+        set_uniforms(self._program, {"network_blocks": self._buffers.hidden_blocks})
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)

@@ -1,5 +1,7 @@
 """The divergence pass: distinct decoders of each block, from the visibility buffer and texture -> decoder tables."""
 
+from dataclasses import dataclass
+
 import moderngl
 
 from viewer.gl.context import GraphicsContext
@@ -7,10 +9,23 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.scene.model import Camera
+
+
+@dataclass(frozen=True)
+class DivergenceInputs:
+    """What the pass reads. Equal inputs give equal maps."""
+
+    visibility: VisibilityTarget
+    camera: Camera | None
+    """Whose view the visibility buffer holds; None where no camera drew it."""
+    tables: DecoderTables
 
 
 class DivergencePass:
-    """Inputs: visibility buffer, decoder tables. Output: a DivergenceTarget with as many maps as there are tables."""
+    """Output: a DivergenceTarget with as many maps as there are tables."""
+
+    name = "divergence"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, stage: Stage = "compute") -> None:
         self._gl = context.gl
@@ -18,12 +33,12 @@ class DivergencePass:
         self._stage: Stage = stage
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
 
-    def run(self, visibility: VisibilityTarget, tables: DecoderTables, target: DivergenceTarget) -> None:
+    def run(self, inputs: DivergenceInputs, target: DivergenceTarget) -> None:
         """Count the decoders of every block under every grouping."""
         defines = {"BLOCK_WIDTH": target.block[0], "BLOCK_HEIGHT": target.block[1]}
-        values = {"picture": target.picture, "textures": tables.textures, "rows": target.size[1]}
-        visibility.bind()
-        tables.bind()
+        values = {"picture": target.picture, "textures": inputs.tables.textures, "rows": target.size[1]}
+        inputs.visibility.bind()
+        inputs.tables.bind()
         target.counted_by = self._stage
         if self._stage == "compute":
             target.histogram.clear()

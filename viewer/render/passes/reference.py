@@ -16,8 +16,7 @@ from viewer.gl.srgb_arrays import SrgbTextureArray
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
-from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs
 from viewer.scene.model import Sampler, Scene
 
 LAYERS_AT_MOST = 256
@@ -69,8 +68,10 @@ def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping
 class ReferencePass:
     """Inputs: visibility buffer, materials, original images. Output: linear albedo.
 
-    Images are uploaded when a material that may be seen first asks for them.
+    Images are uploaded when a material that may be visible first needs them.
     """
+
+    name = "reference"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
         self._context, self._scene = context, scene
@@ -134,33 +135,23 @@ class ReferencePass:
 
     def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         if self._depth is None or self._depth.size != size:
-            made = self._context.memory.depth_texture(f"the reference in a picture of {size[0]} x {size[1]}", size)
+            made = self._context.memory.depth_texture(f"depth of the reference {size[0]}x{size[1]}", size)
             if self._depth is not None:
                 self._depth.release()
             self._depth = made
         return self._depth
 
-    def run(
-        self,
-        visibility: VisibilityTarget,
-        scene_buffers: SceneBuffers,
-        target: AlbedoTarget,
-        visible_materials: Iterable[int],
-        anisotropy: int,
-    ) -> None:
-        """Draw the albedo. `visible_materials` are those that may be seen; `upload` must have had them.
-
-        With `anisotropy` above 1 the visibility buffer must hold gradients.
-        """
+    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+        """Draw the albedo, once the visible materials have been uploaded."""
+        visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl
-        arrays = sorted({self._places[index].array for index in visible_materials if index in self._places})
+        arrays = sorted({self._places[index].array for index in inputs.visible_materials if index in self._places})
         # One array, the common case, needs no depth to tell pixels apart.
         sorts = len(arrays) > 1
         framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
         try:
             framebuffer.use()
-            visibility.bind()
-            scene_buffers.bind_materials()
+            inputs.bind()
             gl.enable_only(moderngl.DEPTH_TEST if sorts else moderngl.NOTHING)
             gl.depth_func = "1"
             framebuffer.depth_mask = sorts

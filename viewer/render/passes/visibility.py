@@ -1,17 +1,35 @@
 """The visibility pass: which surface each pixel shows. All later passes read only this."""
 
+from dataclasses import dataclass, field
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.resources.culling import DrawList
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.scene.model import Camera
+
+
+@dataclass(frozen=True)
+class CulledScene:
+    """What the pass reads: the draw list that the scene buffers hold. Equal for equal views of one scene."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """(width, height) in pixels."""
+    matrix: NDArray[np.float64] = field(compare=False)
+    """[4, 4] float64, world to clip."""
+    draw_list: DrawList = field(compare=False)
 
 
 class VisibilityPass:
-    """Inputs: scene buffers with an uploaded draw list, a matrix. Output: a VisibilityTarget."""
+    """Output: a VisibilityTarget."""
+
+    name = "visibility"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene_buffers: SceneBuffers) -> None:
         self._gl = context.gl
@@ -22,14 +40,14 @@ class VisibilityPass:
         defines = {**target.content.defines(), "ALPHA_TEST": int(alpha_test)}
         return self._programs.program("common/scene.vert", "passes/visibility/visibility.frag", defines)
 
-    def run(self, target: VisibilityTarget, matrix: NDArray[np.float64]) -> None:
-        """Draw the uploaded list with the world-to-clip `matrix` [4, 4]."""
+    def run(self, inputs: CulledScene, output: VisibilityTarget) -> None:
+        """Draw the list that the scene buffers hold."""
         gl = self._gl
-        target.clear()
+        output.clear()
         gl.enable_only(moderngl.DEPTH_TEST)
         gl.depth_func = "<"
         self._scene_buffers.bind_materials()
-        opaque, alpha_tested = (self._program(target, alpha_test) for alpha_test in (False, True))
+        opaque, alpha_tested = (self._program(output, alpha_test) for alpha_test in (False, True))
         for program in (opaque, alpha_tested):
-            program["view_projection"].write(matrix.T.astype("<f4").tobytes())  # type: ignore[union-attr]
+            set_uniforms(program, {"view_projection": inputs.matrix.T.astype("<f4").tobytes()})
         self._scene_buffers.draw(opaque, alpha_tested)

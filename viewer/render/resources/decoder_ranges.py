@@ -1,5 +1,7 @@
 """The weights of each decoder as a buffer range of its own, so that a shader can read one decoder at constant places."""
 
+from collections.abc import Collection
+
 import moderngl
 import numpy as np
 
@@ -28,22 +30,41 @@ class DecoderRanges:
         """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then a range holds
         only where the decoder begins among all weights."""
         self.pixels = network.pixels
+        self._memory, self._precision = context.memory, precision
         blocks = NetworkLayout(pack.config).blocks
-        in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
-        if in_image:
-            parts = [np.array([number * blocks, 0, 0, 0], "<i4").tobytes() for number in range(len(pack.decoders))]
-            self._size = 16
-        else:
-            decoders = stored_pack(pack, precision).decoders
-            parts = [weight_bytes(pack.config, [decoder], [], precision) for decoder in decoders]
-            # Halves are read in pairs of blocks, and there may be an odd number of those.
-            self._size = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
+        self._in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        # Halves are read in pairs of blocks, and there may be an odd number of those.
+        stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
+        self._size = 16 if self._in_image else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
-        table = np.zeros((max(1, len(parts)), self._stride), np.uint8)
-        for row, part in zip(table, parts, strict=False):
-            row[: len(part)] = np.frombuffer(part, np.uint8)
-        self.in_storage = not in_image and self._size > context.features.uniform_block_bytes
-        self._buffer: moderngl.Buffer = context.memory.buffer("decoders", table.tobytes())
+        self.in_storage = not self._in_image and self._size > context.features.uniform_block_bytes
+        self._count = len(pack.decoders)
+        self._buffer = self._make(stored_pack(pack, precision))
+
+    def _range(self, pack: Pack, decoder: int) -> bytes:
+        if self._in_image:
+            start = decoder * NetworkLayout(pack.config).blocks
+            return np.array([start, 0, 0, 0], "<i4").tobytes()
+        return weight_bytes(pack.config, [pack.decoders[decoder]], [], self._precision)
+
+    def _make(self, pack: Pack) -> moderngl.Buffer:
+        ranges = [self._range(pack, decoder).ljust(self._stride, b"\0") for decoder in range(len(pack.decoders))]
+        return self._memory.buffer("decoders", b"".join(ranges) or bytes(self._stride))
+
+    def replace(self, pack: Pack, groups: Collection[int]) -> int:
+        """Hold the decoders of `pack`, stored as `stored_pack` gives it, in which those of `groups` differ; the bytes uploaded.
+
+        Raises GpuMemoryError, with nothing changed.
+        """
+        if len(pack.decoders) != self._count:
+            made = self._make(pack)
+            self._buffer.release()
+            self._buffer, self._count = made, len(pack.decoders)
+            return made.size
+        parts = {} if self._in_image else {group: self._range(pack, group) for group in groups}
+        for group, part in parts.items():
+            self._buffer.write(part, offset=group * self._stride)
+        return sum(map(len, parts.values()))
 
     @property
     def bytes_on_gpu(self) -> int:

@@ -55,19 +55,20 @@ class LatentStore:
         textures: Sequence[EncodedTexture | None],
         budget: LatentBudget,
     ) -> None:
-        self._gl, self._memory = context.gl, context.memory
-        self._config, self._textures = config, tuple(textures)
-        self._cell_bytes = 4 * cell_words(config)
-        self._budget_cells = max(1, budget.budget_bytes // self._cell_bytes)
-        self._pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
+        self.gl, self.memory = context.gl, context.memory
+        self.config, self._textures = config, list(textures)
+        self.cell_bytes = 4 * cell_words(config)
+        """Bytes of one cell on the GPU."""
+        self._budget_cells = max(1, budget.budget_bytes // self.cell_bytes)
+        self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
             () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
         )
-        counts = [len(pyramid) for pyramid in self._pyramids]
+        counts = [len(pyramid) for pyramid in self.pyramids]
         self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
         """[textures] row of `levels` of each texture's finest mip."""
         self.levels = np.zeros(max(1, sum(counts)), LEVEL_RECORD)
         """[mips] LEVEL_RECORD; `first_cell` means something for mips that are there."""
-        for first, pyramid in zip(self.first_level, self._pyramids, strict=True):
+        for first, pyramid in zip(self.first_level, self.pyramids, strict=True):
             for row, level in enumerate(pyramid, start=int(first)):
                 self.levels[row]["width"], self.levels[row]["height"] = level.width, level.height
                 self.levels[row]["texel_width"] = level.texel_width
@@ -79,7 +80,7 @@ class LatentStore:
         self._cells_from = np.array(
             [
                 sum(level.cells for level in pyramid[start:])
-                for pyramid in self._pyramids
+                for pyramid in self.pyramids
                 for start in range(len(pyramid) + 1)
             ],
             np.int64,
@@ -88,7 +89,7 @@ class LatentStore:
         self._used = 0
         self._without_room = 0
         self._out_of_memory = False
-        self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self._cell_bytes)
+        self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self.cell_bytes)
 
     def _cells(self, index: int, finest: int) -> int:
         """Cells of a texture from mip `finest` on."""
@@ -97,23 +98,28 @@ class LatentStore:
     @property
     def bytes_by_texture(self) -> NDArray[np.int64]:
         """[textures] int64: what of each texture is there."""
-        return self._cells_from[self._first_sum + self.finest] * self._cell_bytes
+        return self._cells_from[self._first_sum + self.finest] * self.cell_bytes
 
     @property
     def counts(self) -> LatentCounts:
         """What is there."""
-        total = int(self._cells_from[self._first_sum].sum()) * self._cell_bytes
+        total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
         return LatentCounts(there, total - there, absent, self._without_room, self._out_of_memory)
 
     def all_levels(self) -> dict[int, int]:
         """Every mip of every texture, for `need`."""
-        return {index: 0 for index, pyramid in enumerate(self._pyramids) if pyramid}
+        return {index: 0 for index, pyramid in enumerate(self.pyramids) if pyramid}
 
     def has(self, wanted: Mapping[int, int]) -> bool:
         """Whether these mips are there, given as finest mip by texture."""
         return all(self.finest[index] <= level for index, level in wanted.items())
+
+    def replace_textures(self, textures: Mapping[int, EncodedTexture]) -> None:
+        """Upload from these versions, given by index, from now on. What is on the GPU stays (`LatentUpdate` replaces it)."""
+        for index, texture in textures.items():
+            self._textures[index] = texture
 
     def need(self, wanted: Mapping[int, int]) -> bool:
         """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
@@ -135,7 +141,7 @@ class LatentStore:
             self._reserve(self._used + cells)
         except GpuMemoryError:
             self._out_of_memory = True
-            self._budget_cells = max(1, self.buffer.size // self._cell_bytes)
+            self._budget_cells = max(1, self.buffer.size // self.cell_bytes)
             missing, cells = self._begin_anew(wanted)
             self._reserve(cells)
         for index, level in missing.items():
@@ -153,39 +159,39 @@ class LatentStore:
         """As much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
         fitting = dict(wanted)
         while sum(self._cells(index, level) for index, level in fitting.items()) > self._budget_cells:
-            open_ones = [index for index, level in fitting.items() if level + 1 < len(self._pyramids[index])]
+            open_ones = [index for index, level in fitting.items() if level + 1 < len(self.pyramids[index])]
             if not open_ones:
                 break
-            largest = max(open_ones, key=lambda index: self._pyramids[index][fitting[index]].cells)
+            largest = max(open_ones, key=lambda index: self.pyramids[index][fitting[index]].cells)
             fitting[largest] += 1
             self._without_room += 1
         return fitting
 
     def _reserve(self, cells: int) -> None:
-        size = cells * self._cell_bytes
+        size = cells * self.cell_bytes
         if size <= self.buffer.size:
             return
-        roomy = max(size, min(2 * self.buffer.size, self._budget_cells * self._cell_bytes))
+        roomy = max(size, min(2 * self.buffer.size, self._budget_cells * self.cell_bytes))
         try:
-            grown = self._memory.buffer("latents", reserve=roomy)
+            grown = self.memory.buffer("latents", reserve=roomy)
         except GpuMemoryError:
             if roomy == size:
                 raise
-            grown = self._memory.buffer("latents", reserve=size)
+            grown = self.memory.buffer("latents", reserve=size)
         if self._used:
-            self._gl.copy_buffer(grown, self.buffer, self._used * self._cell_bytes)
+            self.gl.copy_buffer(grown, self.buffer, self._used * self.cell_bytes)
         self.buffer.release()
         self.buffer = grown
 
     def _upload(self, index: int, finest: int) -> None:
         """Upload a texture's mips from `finest` to those that are there."""
-        texture, pyramid = self._textures[index], self._pyramids[index]
+        texture, pyramid = self._textures[index], self.pyramids[index]
         assert texture is not None
         present = int(self.finest[index])
         start = pyramid[finest].first_cell
         end = pyramid[present].first_cell if present < len(pyramid) else len(texture.latents)
         self.buffer.write(
-            stored_words(texture, self._config, slice(start, end)).tobytes(), offset=self._used * self._cell_bytes
+            stored_words(texture, self.config, slice(start, end)).tobytes(), offset=self._used * self.cell_bytes
         )
         for number in range(finest, present):
             row = int(self.first_level[index]) + number

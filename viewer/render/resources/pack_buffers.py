@@ -1,6 +1,6 @@
 """A pack on the GPU: records, latents and weights in storage buffers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import moderngl
 import numpy as np
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.rescale import stored_pack
-from ntc.pack.model import Adapter, EncodedTexture, Pack
+from ntc.pack.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.resources.latent_store import LatentBudget, LatentCounts, LatentStore
+from viewer.render.resources.latent_store import LatentBudget, LatentStore
 from viewer.render.resources.layout import (
     WEIGHT_COLUMN_BITS,
     ImageUnit,
@@ -55,117 +55,158 @@ class PackBuffers:
 
         Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
         """
-        pack = stored_pack(pack, precision) if rescale else pack
-        config = pack.config
-        network = NetworkLayout(config)
-        self.hidden_blocks = network.hidden_blocks
+        self._memory, self._rescale = context.memory, rescale
         self.precision = precision
-        textures = [pack.textures[index] if index >= 0 else None for index in texture_index]
-        with context.memory.transaction():
-            self._make(context, pack, textures, weights_in_image, on_demand)
+        self.pack = self.stored(pack)
+        """As it is stored in this precision."""
+        self._texture_index = tuple(texture_index)
+        self._network = NetworkLayout(pack.config)
+        self.hidden_blocks = self._network.hidden_blocks
+        self.weights_in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
         self.defines = {
             **precision_defines(context, precision, emulate_half),
             "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
         }
+        with context.memory.transaction():
+            # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
+            textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
+            self.latent_store = LatentStore(context, pack.config, textures, on_demand or ALL_LATENTS)
+            self._records = np.zeros(max(1, len(textures)), texture_record(pack.config))
+            self._fill_records()
+            self._weights = self._make_weights()
+            self._tables: dict[StorageBinding, moderngl.Buffer] = {
+                StorageBinding.TEXTURES: self._memory.buffer("tables of textures", self._records.tobytes()),
+                StorageBinding.LEVELS: self._memory.buffer("tables of textures", self.latent_store.levels.tobytes()),
+            }
+            if on_demand is None:
+                self.need(self.latent_store.all_levels())
+                if not self.latent_store.has(self.latent_store.all_levels()):
+                    # Measurements need all of them: coarser mips in their place would give wrong numbers.
+                    raise GpuMemoryError("latents: the GPU has no memory for all of them; close other programs")
 
-    def _make(
-        self,
-        context: GraphicsContext,
-        pack: Pack,
-        textures: Sequence[EncodedTexture | None],
-        weights_in_image: bool | None,
-        on_demand: LatentBudget | None,
-    ) -> None:
-        config, memory = pack.config, context.memory
-        network = NetworkLayout(config)
-        # Only what the table names is uploaded: latents of other scenes' textures cost nothing.
-        self._latents = LatentStore(context, config, textures, on_demand or ALL_LATENTS)
-        records = np.zeros(max(1, len(textures)), texture_record(config))
+    def stored(self, pack: Pack) -> Pack:
+        """`pack` as these buffers store it: rescaled where the precision needs that."""
+        return stored_pack(pack, self.precision) if self._rescale else pack
+
+    def _textures(self) -> Iterator[tuple[int, EncodedTexture]]:
+        """Slot of the table and texture, for all that the pack holds."""
+        return ((slot, self.pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
+
+    def _fill_records(self) -> None:
+        config, records = self.pack.config, self._records
         records["decoder"] = -1
-        adapters: list[Adapter] = []
-        for record, texture, first_level in zip(records, textures, self._latents.first_level, strict=False):
-            if texture is None:
-                continue
-            record["first_level"] = first_level
+        adapter = len(self.pack.decoders) * self._network.blocks
+        for slot, texture in self._textures():
+            record = records[slot]
+            record["first_level"] = self.latent_store.first_level[slot]
             record["levels"] = len(latent_levels(texture.width, texture.height, config))
             record["decoder"], record["channels"] = texture.group, texture.channels
             record["srgb"] = texture.color_space == "srgb"
-            record["adapter"] = len(pack.decoders) * network.blocks + len(adapters) * network.adapter_blocks
-            if texture.adapter is not None:
-                adapters.append(texture.adapter)
+            record["adapter"] = adapter
             record["scale"] = texture.scale.reshape(-1, 4)
             record["offset"] = texture.offset.reshape(-1, 4)
-        self._records = records
-        self._buffers: dict[StorageBinding, moderngl.Buffer] = {
-            StorageBinding.TEXTURES: memory.buffer("tables of textures", records.tobytes()),
-            StorageBinding.LEVELS: memory.buffer("tables of textures", self._latents.levels.tobytes()),
-        }
-        weights = weight_bytes(config, pack.decoders, adapters, self.precision)
-        self._weight_image: moderngl.Texture | None = None
-        if context.features.weights_in_image if weights_in_image is None else weights_in_image:
-            self._weight_image = weight_image(memory, weights, self.precision)
+            adapter += self._network.adapter_blocks
+
+    def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:
+        adapters = [texture.adapter for _, texture in self._textures() if texture.adapter is not None]
+        weights = weight_bytes(self.pack.config, self.pack.decoders, adapters, self.precision)
+        made: moderngl.Buffer | moderngl.Texture
+        if self.weights_in_image:
+            made = weight_image(self._memory, weights, self.precision)
         else:
-            self._buffers[StorageBinding.WEIGHTS] = memory.buffer("decoders", weights)
-        self.weights_in_image = self._weight_image is not None
-        self._image_bytes = len(weights) if self._weight_image is not None else 0
-        if on_demand is None:
-            self.need(self._latents.all_levels())
-            if not self._latents.has(self._latents.all_levels()):
-                # Who wants all at once measures: coarser mips in their place would be wrong numbers.
-                raise GpuMemoryError("latents: the GPU has no memory for all of them; close other programs")
+            made = self._memory.buffer("decoders", weights)
+        self._weight_bytes = len(weights)
+        return made
 
     @property
-    def latents(self) -> LatentCounts:
-        """What of the latents lies on the GPU."""
-        return self._latents.counts
+    def decoder_of_texture(self) -> NDArray[np.int32]:
+        """[slots of the table] int32: decoder of each texture, -1 where nothing is decoded."""
+        decoders: NDArray[np.int32] = self._records["decoder"][: len(self._texture_index)]
+        return decoders
+
+    def slots_of_groups(self, groups: Collection[int], pack: Pack) -> dict[int, EncodedTexture]:
+        """Textures of these groups of `pack`, a version of this pack, by slot of the table."""
+        slots = ((slot, pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
+        return {slot: texture for slot, texture in slots if texture.group in groups}
+
+    def replace_weights(self, pack: Pack, groups: Collection[int]) -> int:
+        """Decode with the decoders, adapters and value ranges of `pack`, which replaces this pack and is stored as `stored` gives it.
+
+        `groups` are those that differ. Only their weights and records are uploaded, or all where textures have changed groups.
+        Gives the bytes uploaded. Raises GpuMemoryError, with nothing changed.
+        """
+        old, self.pack = self.pack, pack
+        if [t.group for t in old.textures] != [t.group for t in pack.textures] or len(old.decoders) != len(
+            pack.decoders
+        ):
+            try:
+                weights = self._make_weights()
+            except GpuMemoryError:
+                self.pack = old
+                raise
+            self._weights.release()
+            self._weights = weights
+            self._fill_records()
+            self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
+            return self._records.nbytes + self._weight_bytes
+        self._fill_records()
+        uploaded = 0
+        for group in groups:
+            decoder = weight_bytes(pack.config, [pack.decoders[group]], [], self.precision)
+            uploaded += self._write_weights(group * self._network.blocks, decoder)
+        size = self._records.itemsize
+        for slot, texture in self.slots_of_groups(groups, pack).items():
+            self._tables[StorageBinding.TEXTURES].write(self._records[slot].tobytes(), offset=slot * size)
+            uploaded += size
+            if texture.adapter is not None:
+                adapter = weight_bytes(pack.config, [], [texture.adapter], self.precision)
+                uploaded += self._write_weights(int(self._records["adapter"][slot]), adapter)
+        return uploaded
+
+    def _write_weights(self, first_block: int, weights: bytes) -> int:
+        """Write `weights` from block `first_block` on; the bytes."""
+        block_bytes = 16 if self.precision == "fp32" else 8
+        if isinstance(self._weights, moderngl.Buffer):
+            self._weights.write(weights, offset=first_block * block_bytes)
+            return len(weights)
+        columns, start, end = 1 << WEIGHT_COLUMN_BITS, first_block, first_block + len(weights) // block_bytes
+        while start < end:
+            row, column = divmod(start, columns)
+            count = min(columns - column, end - start)
+            part = weights[(start - first_block) * block_bytes :][: count * block_bytes]
+            self._weights.write(part, viewport=(column, row, count, 1))
+            start += count
+        return len(weights)
 
     @property
-    def bytes_on_gpu(self) -> int:
-        """All buffers."""
-        return self._image_bytes + self._latents.buffer.size + sum(buffer.size for buffer in self._buffers.values())
-
-    @property
-    def bytes_by_part(self) -> Mapping[str, int]:
-        """The same, by what it is for; adapters count as decoders."""
-        stored = self._buffers.get(StorageBinding.WEIGHTS)
-        weights = self._image_bytes if stored is None else stored.size
-        tables = sum(buffer.size for buffer in self._buffers.values()) - (0 if stored is None else weights)
-        return {"latents": self._latents.buffer.size, "decoders": weights, "tables": tables}
-
-    @property
-    def latent_bytes(self) -> NDArray[np.int64]:
-        """[slots of the table] int64: latents of each texture that are on the GPU."""
-        return self._latents.bytes_by_texture
-
-    def has(self, wanted: Mapping[int, int]) -> bool:
-        """Whether these mips, given as finest mip by texture, are on the GPU."""
-        return self._latents.has(wanted)
+    def bytes_by_part(self) -> dict[str, int]:
+        """Bytes on the GPU by what they are for; adapters count as decoders."""
+        tables = sum(buffer.size for buffer in self._tables.values())
+        return {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
 
     def need(self, wanted: Mapping[int, int]) -> None:
-        """Upload what is missing of these mips, given as finest mip by texture."""
-        if self._latents.need(wanted):
-            count = len(self._latents.finest)
-            self._records["finest_level"][:count] = np.minimum(
-                self._latents.finest, np.maximum(self._records["levels"][:count] - 1, 0)
-            )
-            self._buffers[StorageBinding.TEXTURES].write(self._records.tobytes())
-            self._buffers[StorageBinding.LEVELS].write(self._latents.levels.tobytes())
+        """Upload what is missing of these mips, given as finest mip by texture. Raises GpuMemoryError."""
+        if self.latent_store.need(wanted):
+            finest = self.latent_store.finest
+            last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
+            self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
+            self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
+            self._tables[StorageBinding.LEVELS].write(self.latent_store.levels.tobytes())
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
-        for binding, buffer in self._buffers.items():
+        for binding, buffer in self._tables.items():
             buffer.bind_to_storage_buffer(int(binding))
-        self._latents.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
-        if self._weight_image is not None:
-            self._weight_image.bind_to_image(int(ImageUnit.WEIGHTS), read=True, write=False)
+        self.latent_store.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
+        if isinstance(self._weights, moderngl.Buffer):
+            self._weights.bind_to_storage_buffer(int(StorageBinding.WEIGHTS))
+        else:
+            self._weights.bind_to_image(int(ImageUnit.WEIGHTS), read=True, write=False)
 
     def release(self) -> None:
         """Free the buffers."""
-        self._latents.release()
-        for buffer in self._buffers.values():
-            buffer.release()
-        if self._weight_image is not None:
-            self._weight_image.release()
+        for part in (self.latent_store, self._weights, *self._tables.values()):
+            part.release()
 
 
 def weight_image(memory: GpuMemory, weights: bytes, precision: Precision) -> moderngl.Texture:

@@ -1,7 +1,7 @@
 """The visibility buffer: the surface of each pixel, as integer words and depth (docs/decode-paths.md)."""
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -11,6 +11,8 @@ from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import TextureUnit, materials_of, texture_ids_of
+from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.scene.model import Camera
 
 
 @dataclass(frozen=True)
@@ -118,3 +120,27 @@ class VisibilityTarget:
         self.depth.release()
         for texture in self._textures.values():
             texture.release()
+
+
+@dataclass(frozen=True)
+class VisibilityInputs:
+    """What passes read that colour the pixels of one view. Equal inputs show the same surfaces, filtered alike."""
+
+    visibility: VisibilityTarget
+    """With gradients where `anisotropy` is above 1."""
+    materials: MaterialsSource = field(compare=False)
+    camera: Camera | None = None
+    """None for a visibility buffer that no camera drew."""
+    anisotropy: int = 1
+    """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
+    textures: tuple[int, ...] = field(default=(), compare=False)
+    """Ids of the textures that may be visible, ascending."""
+    visible_materials: tuple[int, ...] = field(default=(), compare=False)
+    """Materials that may be visible, ascending."""
+    matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), compare=False)
+    """[4, 4] float64, world to clip."""
+
+    def bind(self) -> None:
+        """Bind visibility buffer and materials for reading."""
+        self.visibility.bind()
+        self.materials.bind_materials()

@@ -1,6 +1,6 @@
 """Decode path `cached`: tiles of texels that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
 
-from collections.abc import Iterable
+from collections.abc import Collection
 
 import moderngl
 import numpy as np
@@ -25,8 +25,7 @@ from viewer.render.resources.layout import (
     TextureUnit,
 )
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.scene_buffers import MaterialsSource
-from viewer.render.resources.visibility_buffer import VisibilityTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.page_pool import PagePool
 from viewer.render.tile_cache.tile_table import TileTable
@@ -48,7 +47,10 @@ def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
 
 
 class DecodeCachedPass:
-    """Inputs: visibility buffer, materials, a pack. Output: linear albedo. `request`, `decode` and `sample` in turn make a frame."""
+    """The GPU work of path `cached`: `request`, `decode` and `sample` in turn make a frame (see CachedPath).
+
+    Inputs: visibility buffer, materials, a pack. Output: linear albedo.
+    """
 
     def __init__(
         self,
@@ -57,14 +59,12 @@ class DecodeCachedPass:
         buffers: PackBuffers,
         ranges: DecoderRanges,
         table: TileTable,
-        decoder_of_texture: Iterable[int],
         colors: bool,
         config: TileCacheConfig,
-        pace: TileBudget,
+        budget: TileBudget,
     ) -> None:
         self._gl = context.gl
-        self._buffers, self._ranges, self._table, self._config, self._pace = buffers, ranges, table, config, pace
-        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+        self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         defines = {
             "VERTEX_COLORS": int(colors),
             **buffers.defines,
@@ -130,21 +130,18 @@ class DecodeCachedPass:
         """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
         return self._unheard > 0 and not len(self._waiting)
 
-    def request(self, visibility: VisibilityTarget, scene_buffers: MaterialsSource, anisotropy: int) -> None:
-        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones.
-
-        With `anisotropy` above 1 the visibility buffer must hold gradients.
-        """
+    def request(self, inputs: VisibilityInputs) -> None:
+        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones."""
+        visibility = inputs.visibility
         program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
         self._invalidate_entries(self._waiting)
         self._frame += 1
         self._starved, self._kept = 0, self._pool.taken
-        visibility.bind()
-        scene_buffers.bind_materials()
+        inputs.bind()
         self._bind()
         asked = self._places[StorageBinding.RESULTS]
         asked.write(bytes(4))
-        set_uniforms(program, {"frame": self._frame, "anisotropy": anisotropy})
+        set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy})
         program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
         self._gl.memory_barrier()
         self._drop_unseen_stale()
@@ -170,7 +167,7 @@ class DecodeCachedPass:
 
     def tiles_now(self, whole: bool) -> int:
         """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
-        return self._fitting(None if whole else self._pace.milliseconds, self._config.least_tiles)
+        return self._fitting(None if whole else self._budget.milliseconds, self._config.least_tiles)
 
     def tiles_ahead(self) -> int:
         """How many tiles to decode in a frame that shows the picture before: few where nobody waits for them."""
@@ -225,7 +222,7 @@ class DecodeCachedPass:
         tiles = self._table.tiles(entries)
         tiles["page"] = pages
         self._need_latents(tiles)
-        decoders = self._decoder_of_texture[tiles["texture_id"]]
+        decoders = self._buffers.decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])
         self._decoded += len(pages)
@@ -234,7 +231,7 @@ class DecodeCachedPass:
         levels = finest_levels(tiles)
         self._buffers.need(levels)
         # Such tiles stay as they are, even when there is room again.
-        self._coarse_latents |= not self._buffers.has(levels)
+        self._coarse_latents |= not self._buffers.latent_store.has(levels)
 
     def _drop_unseen_stale(self) -> None:
         """What the last request did not read need not be decoded anew."""
@@ -251,7 +248,7 @@ class DecodeCachedPass:
         """Learn how long decoding takes."""
         if tiles:
             self._tile_ms = milliseconds / tiles
-            self._pace.note_tiles(milliseconds)
+            self._budget.note_tiles(milliseconds)
 
     def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
         self._bind()
@@ -280,26 +277,18 @@ class DecodeCachedPass:
         self._invalidate.run(-(-len(entries) // TEXEL_GROUP))
         self._gl.memory_barrier()
 
-    def sample(
-        self,
-        visibility: VisibilityTarget,
-        scene_buffers: MaterialsSource,
-        target: AlbedoTarget,
-        anisotropy: int,
-        band: tuple[int, int] = (0, 1),
-    ) -> None:
-        """Draw the albedo from the tiles that are there; `anisotropy` as for `request`, `band` (number, of) is a part of the rows."""
-        defines = {**self._defines, **visibility.content.defines()}
+    def sample(self, inputs: VisibilityInputs, target: AlbedoTarget, band: tuple[int, int] = (0, 1)) -> None:
+        """Draw the albedo from the tiles that are there; `band` (number, of) is a part of the rows."""
+        defines = {**self._defines, **inputs.visibility.content.defines()}
         program = self._programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
         if program not in self._triangles:
             self._triangles[program] = self._gl.vertex_array(program, [])
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
-        visibility.bind()
-        scene_buffers.bind_materials()
+        inputs.bind()
         self._bind()
         self._atlas.use(int(TextureUnit.ATLAS))
-        set_uniforms(program, {"depth": 0.0, "anisotropy": anisotropy})
+        set_uniforms(program, {"depth": 0.0, "anisotropy": inputs.anisotropy})
         low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))
         target.framebuffer.scissor = (0, low, target.size[0], high - low)
         try:
@@ -307,19 +296,13 @@ class DecodeCachedPass:
         finally:
             target.framebuffer.scissor = (0, 0, *target.size)
 
-    def replace_pack(
-        self,
-        buffers: PackBuffers,
-        ranges: DecoderRanges,
-        decoder_of_texture: Iterable[int],
-        changed_textures: Iterable[int],
-    ) -> None:
-        """Decode from other buffers of the same shape from now on. The tiles of `changed_textures` are decoded anew, and shown as
-        they are until then; all others stay, and so does what the last request asked for."""
-        self._buffers, self._ranges = buffers, ranges
-        self._decoder_of_texture = np.array([*decoder_of_texture, -1], np.int64)
+    def mark_stale(self, textures: Collection[int]) -> None:
+        """Decode the tiles of these scene textures anew, whose latents or decoder have changed; they are shown as they are until then.
+
+        All others stay, and so does what the last request asked for.
+        """
         held = self._pool.held()
-        changed = held[np.isin(self._table.tiles(held)["texture_id"], np.fromiter(changed_textures, np.int64))]
+        changed = held[np.isin(self._table.tiles(held)["texture_id"], list(textures))]
         # Those that wait already come first, or they might wait for ever.
         self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
         self._drop_unseen_stale()

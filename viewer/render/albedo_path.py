@@ -1,0 +1,98 @@
+"""How a slot's albedo comes onto the screen: the interface of all decode paths, and the paths that decode every pixel at once."""
+
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from viewer.gl.timer import PassTimer
+from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.tile_cache.budget import TileCounts
+
+
+class AlbedoPath(Protocol):
+    """Draws the albedo of one pack, in one frame or over several."""
+
+    memory_part: str
+    """What `bytes_on_gpu` counts as in reports."""
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Buffers and textures of the path; the pack's own are not among them."""
+
+    @property
+    def tiles(self) -> TileCounts | None:
+        """The state of the path's tile cache; None where it has none."""
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether drawing the same view again improves it."""
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether the last `draw` left rows of the picture for the next ones."""
+
+    def decode_ahead(self) -> bool:
+        """Work for the next picture of the same view without drawing; False when it is time to draw."""
+
+    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+        """Draw linear albedo; the time in ms. With `whole` nothing is left for later frames.
+
+        With `same_view`, where `target` shows an older picture of this view, the path may draw some of its rows only.
+        """
+
+    def update(self, textures: Collection[int], regrouped: bool) -> None:
+        """The pack's buffers hold another version of these scene textures; `regrouped`: some have another decoder than before."""
+
+    def release(self) -> None:
+        """Free what belongs to the path alone."""
+
+
+class DirectPath:
+    """Decodes every visible pixel in every picture. The pass is made when it is first used."""
+
+    memory_part = "tables"
+    tiles = None
+    is_waiting = is_partial = False
+
+    def __init__(
+        self,
+        name: str,
+        make_pass: Callable[[], DecodePass],
+        upload_latents: Callable[[VisibilityInputs], None],
+        timer: PassTimer,
+    ) -> None:
+        self._name, self._make_pass, self._upload_latents, self._timer = name, make_pass, upload_latents, timer
+        self._pass: DecodePass | None = None
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Buffers of the pass."""
+        return self._pass.bytes_on_gpu if self._pass is not None else 0
+
+    def decode_ahead(self) -> bool:
+        """There is nothing to decode ahead."""
+        return False
+
+    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+        """Upload the latents that are missing, and decode the picture; the time of the pass in ms."""
+        del whole, same_view
+        self._upload_latents(inputs)
+        if self._pass is None:
+            # Made outside of the measured time: compiling is no part of a frame.
+            self._pass = self._make_pass()
+        with self._timer.measure(f"decode_{self._name}"):
+            self._pass.run(inputs, target)
+        return self._timer.last_ms
+
+    def update(self, textures: Collection[int], regrouped: bool) -> None:
+        """Make the pass anew for the next picture where it depends on what has changed: which decoders there are."""
+        del textures
+        if regrouped:
+            self.release()
+
+    def release(self) -> None:
+        """Free the pass."""
+        if self._pass is not None:
+            self._pass.release()
+            self._pass = None

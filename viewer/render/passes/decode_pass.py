@@ -1,0 +1,31 @@
+"""The interface that the decode passes share. The table of decode paths makes them (viewer/render/gpu_pack.py)."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import moderngl
+
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
+
+
+class DecodePass(ABC):
+    """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: linear albedo of the whole picture."""
+
+    @abstractmethod
+    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+        """Decode every visible pixel once."""
+
+    def own_buffers(self) -> Sequence[moderngl.Buffer]:
+        """GPU buffers that belong to this pass alone."""
+        return ()
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Size of the pass's own buffers."""
+        return sum(buffer.size for buffer in self.own_buffers())
+
+    def release(self) -> None:
+        """Free the pass's own buffers."""
+        for buffer in self.own_buffers():
+            buffer.release()

@@ -1,0 +1,72 @@
+"""Culling and the visibility pass: from a camera to what the later passes read."""
+
+import numpy as np
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.passes.visibility import CulledScene, VisibilityPass
+from viewer.render.resources.culling import Culling, DrawList
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
+from viewer.scene.model import Camera, Scene
+from viewer.state.camera import view_projection
+
+
+class SceneDrawer:
+    """Draws visibility buffers of one scene."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        scene: Scene,
+        scene_buffers: SceneBuffers,
+        scheduler: PassScheduler,
+    ) -> None:
+        self._scene, self._buffers, self._scheduler = scene, scene_buffers, scheduler
+        self._culling = Culling(scene)
+        self._pass = VisibilityPass(context, programs, scene_buffers)
+        self._texture_of_material = np.array([material.texture_id for material in scene.materials], np.int64)
+        self._culled: CulledScene | None = None
+
+    @property
+    def draw_list(self) -> DrawList:
+        """What the last visibility buffer was drawn from. Raises RuntimeError before the first."""
+        return self._last.draw_list
+
+    @property
+    def _last(self) -> CulledScene:
+        if self._culled is None:
+            raise RuntimeError("draw a visibility buffer first")
+        return self._culled
+
+    def draw(self, camera: Camera, target: VisibilityTarget) -> VisibilityInputs:
+        """Draw what `camera` sees, unless `target` shows that already. Raises GpuMemoryError."""
+        culled = self._culled
+        if culled is None or (culled.camera, culled.size) != (camera, target.size):
+            self._culled = None
+            with self._scheduler.timer.measure_cpu("cull"):
+                matrix = view_projection(camera, target.size, self._scene.bounds)
+                draw_list = self._culling.draw_list(camera, matrix)
+                self._buffers.upload(draw_list)
+            culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
+        self._scheduler.run(self._pass, culled, target)
+        return self._inputs(culled, target)
+
+    def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
+        """Draw the last view into `target`, which may have another size: nothing is culled for it."""
+        self._pass.run(self._last, target)
+        return self._inputs(self._last, target)
+
+    def _inputs(self, culled: CulledScene, target: VisibilityTarget) -> VisibilityInputs:
+        materials = np.nonzero(culled.draw_list.materials)[0]
+        textures = np.unique(self._texture_of_material[materials])
+        return VisibilityInputs(
+            target,
+            self._buffers,
+            culled.camera,
+            textures=tuple(textures[textures >= 0].tolist()),
+            visible_materials=tuple(materials.tolist()),
+            matrix=culled.matrix,
+        )

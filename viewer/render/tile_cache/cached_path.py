@@ -1,0 +1,126 @@
+"""Decode path `cached` over several frames: when tiles are requested, decoded and drawn."""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from viewer.gl.timer import PassTimer
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.tile_cache.budget import TileBudget, TileCounts
+from viewer.render.tile_cache.decode_cached import DecodeCachedPass
+
+BANDS = 4
+"""Parts in which a picture is drawn anew while the one before is still shown: none of them makes a frame long."""
+FRAMES_AHEAD = 12
+"""Frames that decode tiles and show the picture before, where all tiles are there in an older version."""
+FRAMES_AHEAD_OF_MISSING = 4
+"""The same where tiles are shown coarser, and frames are long."""
+NAME = "decode_cached"
+
+
+class CachedPath:
+    """Draws one pack from its tile cache. A view is complete once no tile is waiting and no band is left."""
+
+    memory_part = "tile cache"
+
+    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
+        self._cache, self._timer, self._budget = cache, timer, budget
+        self._requested: VisibilityInputs | None = None
+        """The view whose tiles were requested last."""
+        self._frames_ahead = 0
+        """Frames that decoded tiles since the last drawing."""
+        self._bands_left = 0
+        """Parts of the picture that the next frames draw."""
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Atlas and tables."""
+        return self._cache.bytes_on_gpu
+
+    @property
+    def tiles(self) -> TileCounts:
+        """The state of the tile cache; tiles that are decoded but not drawn count as waiting."""
+        counts = self._cache.counts
+        undrawn = bool(self._frames_ahead or self._bands_left)
+        return replace(counts, waiting=max(counts.waiting, 1)) if undrawn else counts
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether drawing the same view again improves it."""
+        return self.tiles.waiting > 0
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether the last `draw` left rows of the picture for the next ones."""
+        return self._bands_left > 0
+
+    def decode_ahead(self) -> bool:
+        """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
+
+        Drawing costs as much as decoding many tiles: the picture is drawn once for several frames that decode.
+        """
+        if self._bands_left:
+            return False
+        most = FRAMES_AHEAD if self._cache.only_stale else 0
+        if self._cache.is_missing_tiles and self._budget.is_tight:
+            most = FRAMES_AHEAD_OF_MISSING
+        if self._frames_ahead >= most:
+            return False
+        self._frames_ahead += 1
+        self._decode(self._cache.tiles_ahead())
+        return True
+
+    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+        """Request, decode and draw; the time in ms. With `whole` all missing tiles are decoded, however long it takes.
+
+        With `same_view`, where `target` shows an older picture of this view, only some rows may be drawn (`is_partial`).
+        """
+        # Only after frames that decoded ahead: else a picture that lacks tiles is to improve in every frame.
+        undrawn = bool(self._frames_ahead or self._bands_left)
+        in_bands = same_view and not whole and self._requested == inputs and undrawn
+        if in_bands and self._bands_left:
+            return self._sample_band(inputs, target)
+        self._bands_left = 0
+        spent = 0.0
+        while True:
+            if self._requested != inputs or self._cache.request_overflowed:
+                with self._timer.measure(NAME):
+                    self._cache.request(inputs)
+                spent += self._timer.last_ms
+                self._requested = inputs
+            wanted = 0 if self._frames_ahead and not whole else self._cache.tiles_now(whole)
+            self._frames_ahead = 0
+            if wanted:
+                spent += self._decode(wanted)
+            if not (whole and wanted and self._cache.request_overflowed):
+                break
+        if in_bands:
+            self._bands_left = BANDS
+            return spent + self._sample_band(inputs, target)
+        with self._timer.measure(NAME):
+            self._cache.sample(inputs, target)
+        return spent + self._timer.last_ms
+
+    def update(self, textures: Collection[int], regrouped: bool) -> None:
+        """The pack's buffers hold another version of these scene textures: their tiles are decoded anew."""
+        del regrouped
+        self._cache.mark_stale(textures)
+
+    def _decode(self, count: int) -> float:
+        """Decode waiting tiles; the time in ms."""
+        with self._timer.measure(NAME):
+            done = self._cache.decode(count)
+        self._cache.note_time(done, self._timer.last_ms)
+        return self._timer.last_ms
+
+    def _sample_band(self, inputs: VisibilityInputs, target: AlbedoTarget) -> float:
+        """Draw the next rows; the time in ms."""
+        band = (BANDS - self._bands_left, BANDS)
+        self._bands_left -= 1
+        with self._timer.measure(NAME):
+            self._cache.sample(inputs, target, band)
+        return self._timer.last_ms
+
+    def release(self) -> None:
+        """Free the tile cache."""
+        self._cache.release()
