@@ -1,12 +1,32 @@
-"""The one exception that bad input raises."""
+"""The exceptions of the codec library."""
 
 
 class InputError(Exception):
     """Bad input. The message is one line naming the file, the field and the remedy; the CLI prints it and exits 2.
 
-    What a terminal would act on (escape sequences in names that a hostile file chose) is shown as a question mark.
+    Characters that a terminal would interpret (escape sequences in names from a hostile file) become question marks.
     """
 
     def __init__(self, message: str) -> None:
         line = " ".join(message.split())
         super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
+
+
+class TrainingFailedError(InputError):
+    """Loss or gradients were not finite several times in a row."""
+
+
+class TrainingCancelledError(Exception):
+    """The caller cancelled a training; there is no result."""
+
+
+class NotFiniteError(Exception):
+    """Loss or a gradient is NaN or infinite; the training step was not done."""
+
+
+class MetadataError(Exception):
+    """What is wrong with the metadata of a pack, naming the field."""
+
+
+class WireError(ValueError):
+    """Bytes from another process that are no message, or a message that cannot be encoded."""

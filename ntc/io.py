@@ -1,6 +1,8 @@
-"""Atomic file writing: a reader sees the old file or the new one, never half of one."""
+"""Reading whole files, and atomic writing: a reader sees the old file or the new one, never half of one."""
 
+import errno
 import os
+import stat
 import sys
 import tempfile
 import time
@@ -19,6 +21,30 @@ STEM_SHOWN = 100
 """Letters of the destination's name that the temporary one repeats: both together must stay a valid name."""
 STALE_SECONDS = 24 * 3600.0
 """Age from which leftovers are removed where files cannot be locked."""
+LARGEST_FILE = 1 << 32
+"""Bytes: the most that is read of any one file; a GLB cannot be longer."""
+
+
+def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
+    """The bytes of the regular file at `path`, which has at most `largest`.
+
+    Raises OSError, whose `strerror` says why, for anything that is not a regular file (a pipe would block, a device may
+    never end), for longer files, before memory is allocated, and for a file that changes while it is read.
+    """
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(handle, "rb") as file:
+        status = os.fstat(file.fileno())
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file", str(path))
+        if status.st_size > largest:
+            raise OSError(errno.EFBIG, f"it has {status.st_size} bytes, at most {largest} are read", str(path))
+        data = file.read(status.st_size)
+        after = os.fstat(file.fileno())
+        if (len(data), after.st_mtime_ns, after.st_size) != (status.st_size, status.st_mtime_ns, status.st_size):
+            raise OSError(errno.EAGAIN, "it changed while it was read", str(path))
+        return data
 
 
 def _prefix(destination: Path) -> str:

@@ -15,7 +15,7 @@ from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
-from ntc.training.trainer import train
+from ntc.training.encode import train
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene

@@ -21,8 +21,8 @@ from ntc.codec.config import CodecConfig, GroupingConfig
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.io import write_text
-from ntc.training.batch import TrainingCohort
-from ntc.training.trainer import choose_device, peak_memory_bytes
+from ntc.training.batch import TrainingBatch
+from ntc.training.device import choose_device, peak_memory_bytes
 from viewer.cli.encode import read_source
 
 STEPS_A_TURN = 10
@@ -47,13 +47,13 @@ def measure(source: Path, texture_size: int, clusters: int, turns: int, device: 
     plain = PlainTraining(textures, grouping.groups, CodecConfig(levels=1), device)
     per_texture = settings.texels_per_texture
 
-    def cohort(codec: CodecConfig, recipe: str) -> TrainingCohort:
+    def batch(codec: CodecConfig, recipe: str) -> TrainingBatch:
         training = settings.training("paper" if recipe == "paper" else "best", 0)
-        return TrainingCohort(textures, grouping.groups, codec, training, device, torch.Generator().manual_seed(0))
+        return TrainingBatch(textures, grouping.groups, codec, training, device, torch.Generator().manual_seed(0))
 
     steps: dict[str, Callable[[], object]] = {"plain loop": lambda: plain.step(per_texture)}
-    cohorts = {"recipe paper": cohort(paper, "paper"), "recipe best": cohort(settings.codec("best", 3), "best")}
-    for name, trained in cohorts.items():
+    batches = {"recipe paper": batch(paper, "paper"), "recipe best": batch(settings.codec("best", 3), "best")}
+    for name, trained in batches.items():
         steps[name] = lambda trained=trained: trained.advance(1.0)  # type: ignore[misc]
     seconds: dict[str, list[float]] = {name: [] for name in steps}
     for turn in range(turns + 1):

@@ -20,8 +20,9 @@ from ntc.metrics.metrics import finite_or_none, psnr_db, psnr_table
 from ntc.pack.file import write_pack
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
+from ntc.training.device import choose_device
+from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
-from ntc.training.trainer import choose_device, train
 
 LARGEST_FILE = 1 << 26
 """Bytes of a kept run."""
@@ -155,7 +156,7 @@ def finished_run(
     curve: list[tuple[int, float]] = []
 
     def listen(progress: TrainingProgress) -> None:
-        curve.append((progress.step, progress.psnr_db))
+        curve.append((progress.step, progress.mean_psnr_db))
         report(progress.step, progress.steps)
 
     state = path.with_suffix(".state")

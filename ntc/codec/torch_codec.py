@@ -1,5 +1,6 @@
 """Decoding a pack with torch, float32 (docs/codec.md)."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,10 @@ def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:
 class TorchCodec:
     """Decodes the textures of one pack on one torch device."""
 
-    def __init__(self, pack: Pack, device: str | torch.device) -> None:
+    def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
+        """`interruption` is called before each piece of an image; what it raises ends the decode."""
         self._pack = pack
+        self._interruption = interruption
         self._device = torch.device(device)
         self._decoders = DecoderStack(pack.config, len(pack.decoders), torch.Generator().manual_seed(0))
         self._decoders.load(pack.decoders)
@@ -92,6 +95,7 @@ class TorchCodec:
         last = float(cells.levels[0] - 1)
         parts = []
         for start in range(0, len(uv), TEXELS_AT_ONCE):
+            self._interruption()
             part = slice(start, start + TEXELS_AT_ONCE)
             at = torch.from_numpy(np.nan_to_num(np.asarray(uv[part], np.float32), posinf=0.0, neginf=0.0)).to(
                 self._device

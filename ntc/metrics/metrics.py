@@ -28,6 +28,11 @@ def psnr_of_mse(mean_square: float) -> float:
     return math.inf if mean_square <= 0.0 else 10.0 * math.log10(255.0**2 / mean_square)
 
 
+def mse_of_psnr(psnr: float) -> float:
+    """Mean square error in 8-bit steps squared of a PSNR in dB; 0 for infinity."""
+    return float(255.0**2 * 10.0 ** (-psnr / 10.0))
+
+
 def psnr_db(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     """PSNR in dB over 8-bit values (for pictures: sRGB RGB) of two arrays of one shape; infinity when equal."""
     return psnr_of_mse(mean_square_error(a, b))

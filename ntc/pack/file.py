@@ -1,10 +1,14 @@
-"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md)."""
+"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md).
 
+Files are read whole (`ntc.io.read_file`), not mapped: a mapped file that another process shortens would end this one.
+"""
+
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, deserialize
@@ -13,15 +17,17 @@ from safetensors.numpy import save
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.quantize import packed_cells, unpacked_cells
-from ntc.errors import InputError
-from ntc.io import write_bytes
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
-from ntc.pack.schema import METADATA_KEY, MetadataError, PackMetadata, metadata_json, parse_metadata
-from ntc.pack.tensor_file import file_metadata
-from ntc.reading import read_file
+from ntc.errors import InputError, MetadataError
+from ntc.io import read_file, write_bytes
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2
+_Tensors = Mapping[str, Mapping[str, Any]]
+"""By name: "dtype", "shape" and "data", checked by safetensors against each other and the file's length."""
 NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
+LENGTH_BYTES = 8
+"""A safetensors file begins with the length of its JSON header."""
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
@@ -52,10 +58,10 @@ def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, 
     """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
     expected: dict[str, tuple[str, tuple[int, ...]]] = {}
     for index, texture in enumerate(metadata.textures):
-        cells = latent_cell_count(texture.width, texture.height, metadata.config)
-        expected.update(_texture_tensors(index, cells, metadata.config))
+        cells = latent_cell_count(texture.width, texture.height, metadata.codec)
+        expected.update(_texture_tensors(index, cells, metadata.codec))
     for index in range(metadata.decoders):
-        expected.update(_decoder_tensors(index, metadata.config))
+        expected.update(_decoder_tensors(index, metadata.codec))
     return expected
 
 
@@ -80,44 +86,32 @@ def write_pack(path: Path, pack: Pack) -> None:
     write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
 
 
-@dataclass(frozen=True)
-class _Tensors:
-    """A safetensors file in memory."""
-
-    metadata: Mapping[str, Any]
-    tensors: Mapping[str, Mapping[str, Any]]
-    """By name: "dtype", "shape" and "data", checked against each other and the file's length."""
-
-    @classmethod
-    def of(cls, data: bytes) -> "_Tensors":
-        """Take a file apart. Raises SafetensorError."""
-        tensors = dict(deserialize(data))
-        return cls(file_metadata(data), tensors)
-
-    def array(self, name: str) -> NDArray[Any]:
-        """The tensor called `name`, of one of NUMPY_TYPES."""
-        tensor = self.tensors[name]
-        array: NDArray[Any] = np.frombuffer(tensor["data"], NUMPY_TYPES[tensor["dtype"]])
-        return array.reshape(tensor["shape"])
+def file_metadata(data: bytes) -> Mapping[str, Any]:
+    """The string metadata of a safetensors file that safetensors has accepted; empty where it has none."""
+    length = int.from_bytes(data[:LENGTH_BYTES], "little")
+    header = json.loads(data[LENGTH_BYTES : LENGTH_BYTES + length])
+    return header.get("__metadata__") or {}
 
 
 def _check_header(file: _Tensors, metadata: PackMetadata, path: Path) -> None:
     expected = expected_tensors(metadata)
-    present = set(file.tensors)
+    present = set(file)
     missing, surplus = sorted(expected.keys() - present), sorted(present - expected.keys())
     if missing:
         raise InputError(f"{path}: tensor {missing[0]} is missing ({len(missing)} in all); {REMEDY}")
     if surplus:
         raise InputError(f"{path}: tensor {surplus[0]!r} does not belong there ({len(surplus)} in all); {REMEDY}")
     for name, (kind, shape) in expected.items():
-        part = file.tensors[name]
+        part = file[name]
         if part["dtype"] != kind or tuple(part["shape"]) != shape:
             found = f"{part['dtype']} {part['shape']}"
             raise InputError(f"{path}: tensor {name} is {found}, expected {kind} {list(shape)}; {REMEDY}")
 
 
 def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:
-    array = file.array(name)
+    array: NDArray[Any] = np.frombuffer(file[name]["data"], NUMPY_TYPES[file[name]["dtype"]]).reshape(
+        file[name]["shape"]
+    )
     if array.dtype != np.uint8 and not np.isfinite(array).all():
         raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
     return array
@@ -134,15 +128,15 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     textures = []
     for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
         encoded = EncodedTexture(
-            **vars(texture),
+            **msgspec.structs.asdict(texture),
             group=group,
-            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), metadata.config.latent_bits),
+            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), metadata.codec.latent_bits),
             scale=_tensor(file, f"latents.{index}.scale", path),
             offset=_tensor(file, f"latents.{index}.offset", path),
-            adapter=_adapter(file, index, metadata.config, path),
+            adapter=_adapter(file, index, metadata.codec, path),
         )
         textures.append(encoded)
-    layers = range(len(metadata.config.layer_shapes))
+    layers = range(len(metadata.codec.layer_shapes))
     decoders = tuple(
         Decoder(
             weights=tuple(
@@ -152,7 +146,8 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
         )
         for index in range(metadata.decoders)
     )
-    return Pack(metadata.config, metadata.grouping, tuple(textures), decoders, metadata.training, path)
+    grouping = Grouping(**msgspec.structs.asdict(metadata.grouping))
+    return Pack(metadata.codec, grouping, tuple(textures), decoders, metadata.training, path)
 
 
 def read_pack(path: Path) -> Pack:
@@ -166,8 +161,9 @@ def read_pack(path: Path) -> Pack:
             raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty; {REMEDY}")
-        file = _Tensors.of(read_file(path))
-        text = file.metadata.get(METADATA_KEY)
+        data = read_file(path)
+        file: _Tensors = dict(deserialize(data))
+        text = file_metadata(data).get(METADATA_KEY)
         if text is None:
             raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
         metadata = parse_metadata(text)

@@ -13,6 +13,7 @@ from ntc.codec.config import CodecConfig
 from ntc.codec.decoder import AdapterStack, DecoderStack
 from ntc.codec.quantize import QuantizedLatents, quantize_latents
 from ntc.codec.textures import SourceTexture
+from ntc.errors import NotFiniteError
 from ntc.pack.model import Adapter, Decoder, EncodedTexture
 from ntc.training.config import TrainingConfig
 from ntc.training.data import Samples, TrainingData
@@ -32,10 +33,6 @@ LOSS_MEMORY = 0.95
 """Share of a texture's running loss that stays in a step."""
 
 
-class NotFiniteError(Exception):
-    """Loss or gradient is NaN or infinite; the step was not done."""
-
-
 @dataclass(frozen=True, eq=False)
 class StepReport:
     """What came of a step."""
@@ -52,7 +49,7 @@ def _side_by_side(flat: Sequence[Tensor], textures: int) -> Tensor:
     return torch.cat(rows, dim=1) if len(rows) > 1 else rows[0]
 
 
-class TrainingCohort:
+class TrainingBatch:
     """Latents, decoders and adapters of some textures while they are trained."""
 
     def __init__(
@@ -106,7 +103,7 @@ class TrainingCohort:
         self.steps = max(steps, self.step, 1)
 
     def start_at(self, textures: Sequence[EncodedTexture | None], decoders: Sequence[Decoder | None]) -> None:
-        """Start at what a pack holds, before the first step: `textures` of this cohort and `decoders` in the order of
+        """Start at what a pack holds, before the first step: `textures` of this batch and `decoders` in the order of
         `decoder_numbers`. None leaves one where it is."""
         with torch.no_grad():
             for texture, encoded, first, cells in zip(

@@ -1,4 +1,4 @@
-"""The file that holds a training under way, to go on with it later: safetensors, like packs."""
+"""The file that holds a training under way, to continue it later: safetensors, like packs."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,9 @@ from torch import Tensor
 from ntc.codec.config import CodecConfig
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.io import write_bytes
+from ntc.io import read_file, write_bytes
+from ntc.pack.file import file_metadata
 from ntc.pack.model import Grouping
-from ntc.pack.tensor_file import file_metadata
-from ntc.reading import read_file
 from ntc.training.config import TrainingConfig
 
 METADATA_KEY = "ntc_training"
@@ -26,8 +25,8 @@ REMEDY = "remove it, or name another file"
 
 
 @dataclass(frozen=True)
-class CohortProgress:
-    """What is known of a cohort besides its tensors."""
+class BatchProgress:
+    """What the state of a batch holds besides its tensors."""
 
     rate_factor: float
     dropped: int
@@ -37,8 +36,8 @@ class CohortProgress:
 class TrainingState:
     """A training between two steps."""
 
-    cohorts: Sequence[Mapping[str, Tensor]]
-    progress: Sequence[CohortProgress]
+    batches: Sequence[Mapping[str, Tensor]]
+    progress: Sequence[BatchProgress]
     generator: Tensor
     """State of the random generator, bytes."""
     seconds: float
@@ -48,7 +47,7 @@ class TrainingState:
 def training_settings(
     textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig, training: TrainingConfig
 ) -> dict[str, Any]:
-    """What must be the same for a state to be gone on with."""
+    """What must be equal for a training to continue from a state."""
     return {
         "codec": asdict(codec),
         "training": asdict(training),
@@ -61,7 +60,9 @@ def training_settings(
 def save_state(path: Path, state: TrainingState, settings: Mapping[str, Any]) -> None:
     """Write a state atomically. Raises InputError where it cannot be written."""
     tensors = {
-        f"{number}/{name}": value.contiguous() for number, c in enumerate(state.cohorts) for name, value in c.items()
+        f"{number}/{name}": value.contiguous()
+        for number, batch in enumerate(state.batches)
+        for name, value in batch.items()
     }
     record = {
         "settings": settings,
@@ -83,12 +84,12 @@ def load_state(path: Path, settings: Mapping[str, Any]) -> TrainingState:
         other = sorted(key for key in known if record["settings"].get(key) != known[key])
         if other:
             raise InputError(f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}")
-        progress = tuple(CohortProgress(**entry) for entry in record["progress"])
-        cohorts: list[dict[str, Tensor]] = [{} for _ in progress]
+        progress = tuple(BatchProgress(**entry) for entry in record["progress"])
+        batches: list[dict[str, Tensor]] = [{} for _ in progress]
         for name, tensor in tensors.items():
             number, _, key = name.partition("/")
             if key:
-                cohorts[int(number)][key] = tensor
-        return TrainingState(cohorts, progress, tensors[GENERATOR], float(record["seconds"]))
+                batches[int(number)][key] = tensor
+        return TrainingState(batches, progress, tensors[GENERATOR], float(record["seconds"]))
     except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error

@@ -1,13 +1,21 @@
-"""Reports of a training under way, and the question whether it should stop."""
+"""What a training reports, and the host that receives it. Needs no torch."""
 
-import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
 
-import torch
+from ntc.metrics.metrics import PsnrSummary
+from ntc.training.snapshot import GroupSnapshot
 
-SECONDS_BETWEEN_REPORTS = 0.25
+ProgressListener = Callable[["TrainingProgress"], None]
+CancelQuestion = Callable[[], bool]
+Interruption = Callable[[], None]
+"""Called many times within a step. It may wait, and the step continues when it returns; what it raises ends the training."""
+EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
+
+
+def no_interruption() -> None:
+    """Lets training continue."""
 
 
 @dataclass(frozen=True)
@@ -16,73 +24,75 @@ class TrainingProgress:
 
     step: int
     steps: int
-    psnr_db: float
-    """Running PSNR in dB of the samples, all lods mixed, before 8-bit rounding."""
-    texels_per_second: float
+    """Steps in all, as planned now."""
     seconds_left: float
-    loss: float
+    elapsed_seconds: float
+    """Of training, without pauses."""
+    losses: Mapping[int, float]
+    """By group: mean square error of its latest samples, colours in [0, 1], all lods mixed. Groups not yet begun are missing."""
+    psnr_db: Mapping[int, float]
+    """By texture: PSNR in dB of its latest samples, all lods mixed, before 8-bit rounding."""
     freezing_scale: float
+    """Of the decoder's updates: 1 free, 0 frozen."""
+    ktexels_per_second: float
     note: str = ""
-    """Something to be put down in a log, or nothing."""
+    """A line for a log, or nothing."""
+
+    @property
+    def mean_psnr_db(self) -> float:
+        """PSNR in dB of the latest samples of all textures together; 0 before the first step."""
+        summary = PsnrSummary.of(list(self.psnr_db.values()))
+        return 0.0 if summary is None else summary.of_mean_mse_db
 
 
-class TrainingCancelledError(Exception):
-    """The caller asked to stop; nothing is delivered."""
+@dataclass(frozen=True)
+class GroupOutcome:
+    """How a group's training ended. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
 
+    group: int
+    before_db: float | None
+    """None for a group that did not exist before."""
+    after_db: float
+    """Of the training's result, also where it was not kept."""
+    kept_old: bool = False
+    """Whether the training found nothing better, so that the group is unchanged."""
 
-ProgressListener = Callable[[TrainingProgress], None]
-CancelQuestion = Callable[[], bool]
-Interruption = Callable[[], None]
-"""Called many times within a step. It may wait, and the step goes on when it returns; what it raises ends the training."""
-
-
-def no_interruption() -> None:
-    """Lets training go on."""
-
-
-class TrainingClock:
-    """Counts the steps of all cohorts together and reports about four times a second."""
-
-    def __init__(self, steps: int, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
-        self._steps, self._listener, self._cancelled = steps, listener, cancelled
-        self._start = self._last_report = time.monotonic()
-        self._step = self._first_step = 0
-        self._texels = 0
-        self._mean_loss = math.nan
-
-    def skip(self, steps: int) -> None:
-        """Count steps that were done before, or need not be done."""
-        self._step += steps
-        self._first_step += steps
-
-    def ask(self) -> None:
-        """Raises TrainingCancelledError when the caller asks to stop."""
-        if self._cancelled is not None and self._cancelled():
-            raise TrainingCancelledError
-
-    def tick(self, loss: torch.Tensor, texels: int, scale: float, note: str = "") -> None:
-        """Count one step of `texels` samples, with their mean square error."""
-        self._step += 1
-        self._texels += texels
-        now = time.monotonic()
-        due = note or now - self._last_report >= SECONDS_BETWEEN_REPORTS or self._step >= self._steps
-        if self._listener is None or not due:
-            return
-        self._last_report = now
-        value = float(loss)
-        if math.isfinite(value):
-            self._mean_loss = value if math.isnan(self._mean_loss) else 0.7 * self._mean_loss + 0.3 * value
-        elapsed = max(now - self._start, 1e-6)
-        known_loss = 1.0 if math.isnan(self._mean_loss) else self._mean_loss
-        self._listener(
-            TrainingProgress(
-                step=self._step,
-                steps=self._steps,
-                psnr_db=-10.0 * math.log10(max(known_loss, 1e-12)),
-                texels_per_second=self._texels / elapsed,
-                seconds_left=elapsed / max(1, self._step - self._first_step) * (self._steps - self._step),
-                loss=value,
-                freezing_scale=scale,
-                note=note,
+    def line(self) -> str:
+        """One line about it."""
+        if self.before_db is None:
+            return f"group {self.group}: {self.after_db:.2f} dB"
+        if self.kept_old:
+            return (
+                f"group {self.group}: stays at {self.before_db:.2f} dB; training it again gave {self.after_db:.2f} dB, "
+                "so the old one was kept"
             )
-        )
+        return f"group {self.group}: {self.before_db:.2f} dB before, {self.after_db:.2f} dB now"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The training is over; its final snapshots were sent before."""
+
+    reason: EndReason
+    outcomes: tuple[GroupOutcome, ...] = ()
+    record: Mapping[str, Any] = field(default_factory=dict)
+    """What the pack records of its training: JSON values only."""
+
+
+class TrainingHost(Protocol):
+    """Runs a training: receives its reports, and may pause or cancel it."""
+
+    def interruption(self) -> None:
+        """Called many times a second; waits while training is paused, and raises TrainingCancelledError to end it."""
+
+    def seconds(self) -> float:
+        """A clock that stands still in pauses."""
+
+    def progress(self, progress: TrainingProgress) -> None:
+        """Takes a report, or drops it."""
+
+    def wants_snapshot(self, group: int) -> bool:
+        """Whether an intermediate snapshot of the group would be taken now."""
+
+    def snapshot(self, snapshot: GroupSnapshot) -> None:
+        """Takes a snapshot; waits for room for a final one."""

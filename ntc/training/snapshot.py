@@ -11,7 +11,6 @@ from ntc.codec.quantize import QuantizedLatents
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
-from ntc.training.encoded import encoded_texture
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +28,28 @@ class GroupSnapshot:
     decoder: Decoder
     final: bool = False
     """Whether training of this group has ended with this."""
+
+
+def encoded_texture(
+    source: SourceTexture, group: int, latents: QuantizedLatents, adapter: Adapter | None
+) -> EncodedTexture:
+    """`source` in `group`, encoded as `latents` and, where the codec has them, `adapter`; its PSNR is not yet known."""
+    width, height = source.size
+    return EncodedTexture(
+        name=source.name,
+        pixel_hash=source.pixel_hash,
+        width=width,
+        height=height,
+        channels=source.pixels.shape[2],
+        color_space=source.color_space,
+        wrap=source.wrap,
+        category=source.category,
+        group=group,
+        latents=latents.stored,
+        scale=latents.scale,
+        offset=latents.offset,
+        adapter=adapter,
+    )
 
 
 def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
@@ -110,13 +131,14 @@ def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: Code
 
 def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:
     """The groups of `new` that have the same textures as a group of `old`: their numbers, and those of the old ones."""
-    members = {frozenset(_members(old, group)): group for group in range(old.group_count)}
-    found = {group: members.get(frozenset(_members(new, group))) for group in range(new.group_count)}
+    members = {group_members(old, group): group for group in range(old.group_count)}
+    found = {group: members.get(group_members(new, group)) for group in range(new.group_count)}
     return {group: number for group, number in found.items() if number is not None}
 
 
-def _members(grouping: Grouping, group: int) -> list[int]:
-    return [index for index, number in enumerate(grouping.groups) if number == group]
+def group_members(grouping: Grouping, group: int) -> tuple[int, ...]:
+    """Indices of the textures in a group, in ascending order."""
+    return tuple(index for index, number in enumerate(grouping.groups) if number == group)
 
 
 def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:

@@ -6,16 +6,16 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from ntc.errors import InputError
+from ntc.errors import InputError, WireError
 from ntc.pack.model import Pack
-from ntc.training.checks import checked_request
+from ntc.training.progress import Ended, TrainingProgress
+from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack
-from ntc.worker.launch import TrainingProcess, start_process
 from ntc.worker.pipe import WindowEnd, framed
+from ntc.worker.process import TrainingProcess, start_process
 from ntc.worker.protocol import (
     Cancel,
     Command,
-    Ended,
     Failed,
     Finished,
     Pause,
@@ -26,13 +26,12 @@ from ntc.worker.protocol import (
     Resume,
     SnapshotTaken,
     StartTraining,
-    TrainingRequest,
-    WorkerProgress,
     WorkerReport,
+    decode_report,
+    encode,
 )
-from ntc.worker.report_checks import check_ended, check_progress, check_snapshot, told
+from ntc.worker.report_checks import check_ended, check_progress, check_snapshot, sanitize
 from ntc.worker.shared_arrays import SharedBlock, without_arrays
-from ntc.worker.wire import WireError, decode_report, encode
 
 SECONDS_TO_CANCEL = 0.6
 """A process that has not obeyed by then is ended."""
@@ -281,7 +280,7 @@ class TrainingWorker:
             job.input.close()
             job.snapshots.remove_name()
             return None
-        if isinstance(report, WorkerProgress):
+        if isinstance(report, TrainingProgress):
             check_progress(report, job.request)
             self._command(ProgressTaken())
             return report
@@ -296,7 +295,7 @@ class TrainingWorker:
         if isinstance(report, Ended):
             return self._finish(Finished(report.reason, report.outcomes, self._pack_of(report, job)))[0]
         if isinstance(report, Failed):
-            return self._finish(told(report))[0]
+            return self._finish(sanitize(report))[0]
         return report
 
     def _pack_of(self, ended: Ended, job: _Job) -> Pack | None:
@@ -338,4 +337,4 @@ class TrainingWorker:
         if self._cancelled_at is not None:
             return self._finish(Finished("cancelled"))
         line = f"training: its process {why}; what was shown stays, nothing else is lost: start the training again"
-        return self._finish(told(Failed(line)))
+        return self._finish(sanitize(Failed(line)))

@@ -8,7 +8,7 @@ import socket
 import struct
 from collections import deque
 
-from ntc.worker.wire import WireError
+from ntc.errors import WireError
 
 _LENGTH = struct.Struct("<I")
 CHUNK = 1 << 16

@@ -1,6 +1,7 @@
-"""The training process: listens to commands in a thread, trains in the main one. torch is imported when it is needed."""
+"""The training process: reads commands in one thread and trains in the main one. torch is imported when it is needed."""
 
 import importlib
+import multiprocessing
 import os
 import queue
 import signal
@@ -10,16 +11,17 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
 
-from ntc.errors import InputError
+from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.validate import check_pack
-from ntc.training.checks import checked_request
+from ntc.training.progress import Ended, TrainingProgress
+from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import WorkerEnd
 from ntc.worker.protocol import (
     Cancel,
     Command,
-    Ended,
     Failed,
     Pause,
     Paused,
@@ -30,23 +32,22 @@ from ntc.worker.protocol import (
     Resumed,
     SnapshotTaken,
     StartTraining,
-    TrainingRequest,
-    WorkerProgress,
     WorkerReport,
+    decode_command,
+    encode,
 )
 from ntc.worker.shared_arrays import SharedBlock
-from ntc.worker.wire import decode_command, encode
 
 NICENESS = 19
-"""The window comes first."""
+"""Priority of the process, below the window's."""
 LONGEST_DETAILS = 8000
 """Characters of a traceback: its end says what happened."""
 NOT_A_COMMAND = 3
-"""Exit status after what the window did not say. Training may hang on it: the window tells, and starts another process."""
+"""Exit status after bytes that are not a command. The window sees it, and starts another process."""
 
 
-class Switchboard:
-    """What the commands say now; the listening thread writes it and the training reads it."""
+class WorkerState:
+    """What the commands so far ask for: the listening thread writes it, the training reads it."""
 
     def __init__(self) -> None:
         self.starts: queue.SimpleQueue[StartTraining] = queue.SimpleQueue()
@@ -54,8 +55,8 @@ class Switchboard:
         self._paused = self._cancelled = self._progress_open = False
         self._open_snapshots: set[int] = set()
 
-    def obey(self, command: Command) -> None:
-        """Take a command in."""
+    def apply(self, command: Command) -> None:
+        """Apply a command."""
         with self._changed:
             if isinstance(command, StartTraining):
                 self._paused = self._cancelled = self._progress_open = False
@@ -75,7 +76,7 @@ class Switchboard:
 
     @property
     def paused(self) -> bool:
-        """Whether training is to stand still."""
+        """Whether training is to pause."""
         return self._paused and not self._cancelled
 
     @property
@@ -84,12 +85,12 @@ class Switchboard:
         return self._cancelled
 
     def wait(self, waits: Callable[[], bool]) -> None:
-        """Wait as long as `waits` says, and training is not cancelled."""
+        """Wait while `waits` returns True and training is not cancelled."""
         with self._changed:
             self._changed.wait_for(lambda: self._cancelled or not waits())
 
     def open_progress(self) -> bool:
-        """Whether a report may be sent; from then on not until it is taken."""
+        """Whether a report may be sent; the next one only after ProgressTaken."""
         with self._changed:
             free, self._progress_open = not self._progress_open, True
             return free
@@ -107,63 +108,60 @@ class Switchboard:
 class PipeHost:
     """Runs a training for the other end of a pipe."""
 
-    def __init__(self, pipe: WorkerEnd, board: Switchboard, block: SharedBlock, start: StartTraining) -> None:
-        self._pipe, self._board, self._block, self._regions = pipe, board, block, start.regions
-        self._stood = 0.0
-        """Seconds in pauses."""
+    def __init__(self, pipe: WorkerEnd, state: WorkerState, block: SharedBlock, start: StartTraining) -> None:
+        self._pipe, self._state, self._block, self._regions = pipe, state, block, start.regions
+        self._paused_seconds = 0.0
 
     def interruption(self) -> None:
         """Wait in a pause; raise TrainingCancelledError when cancelled."""
-        if self._board.paused:
+        if self._state.paused:
             began = time.monotonic()
             self._pipe.send(encode(Paused()))
-            self._board.wait(lambda: self._board.paused)
-            self._stood += time.monotonic() - began
-            if not self._board.cancelled:
+            self._state.wait(lambda: self._state.paused)
+            self._paused_seconds += time.monotonic() - began
+            if not self._state.cancelled:
                 self._pipe.send(encode(Resumed()))
-        if self._board.cancelled:
-            from ntc.training.progress import TrainingCancelledError
-
+        if self._state.cancelled:
             raise TrainingCancelledError
 
     def seconds(self) -> float:
         """Monotonic, without pauses."""
-        return time.monotonic() - self._stood
+        return time.monotonic() - self._paused_seconds
 
-    def progress(self, progress: WorkerProgress) -> None:
-        """Send it, unless the last one still waits."""
-        if self._board.open_progress():
+    def progress(self, progress: TrainingProgress) -> None:
+        """Send it, unless the window has not yet read the last one."""
+        if self._state.open_progress():
             self._pipe.send(encode(progress))
 
     def wants_snapshot(self, group: int) -> bool:
         """Whether the group's region is free."""
-        return not self._board.snapshot_open(group)
+        return not self._state.snapshot_open(group)
 
     def snapshot(self, snapshot: GroupSnapshot) -> None:
-        """Write it to its region as soon as that is free, and say so."""
+        """Write it to its region as soon as that is free, and report it."""
         group = snapshot.group
-        while self._board.snapshot_open(group):
-            self._board.wait(lambda: self._board.snapshot_open(group) and not self._board.paused)
+        while self._state.snapshot_open(group):
+            self._state.wait(lambda: self._state.snapshot_open(group) and not self._state.paused)
             self.interruption()
-        self._board.open_snapshot(group)
+        self._state.open_snapshot(group)
         self._pipe.send(encode(self._block.write(snapshot, self._regions[group])))
 
 
-def _listen(pipe: WorkerEnd, board: Switchboard) -> None:
+def _listen(pipe: WorkerEnd, state: WorkerState) -> None:
     status = NOT_A_COMMAND
     try:
         while True:
-            board.obey(decode_command(pipe.receive()))
+            state.apply(decode_command(pipe.receive()))
     except (EOFError, OSError):
         status = 0
     finally:
-        # The other process is gone, or done with this one. Training may be anywhere: leave without further ado. Nothing may
-        # end this thread alone, for then nobody would notice that the window is gone.
+        # The window is gone, or done with this process, which may be anywhere in a training: exit at once. Should this thread
+        # end alone, nothing would notice that the window is gone.
         os._exit(status)
 
 
 def read_request(start: StartTraining) -> TrainingRequest:
-    """What is to be trained, with its arrays. Raises OSError, ValueError or InputError for what cannot be."""
+    """The request of a command, with copies of its arrays. Raises OSError, ValueError or InputError where it cannot be trained."""
     given = SharedBlock.open(start.input_block)
     try:
         request = given.read(start.request)
@@ -178,24 +176,23 @@ def read_request(start: StartTraining) -> TrainingRequest:
     return request
 
 
-def train_as_told(pipe: WorkerEnd, board: Switchboard, start: StartTraining) -> WorkerReport:
-    """One training; returns how it ended. Raises whatever makes it impossible, and OSError when the window is gone."""
+def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> WorkerReport:
+    """One training; returns how it ended. Raises whatever it fails by, and OSError when the window is gone."""
     request = read_request(start)
     block = SharedBlock.open(start.snapshot_block)
     try:
         pipe.send(encode(Received()))
-        host = PipeHost(pipe, board, block, start)
+        host = PipeHost(pipe, state, block, start)
         # Importing torch takes seconds, in which commands are already listened to.
         import torch
 
-        from ntc.training.progress import TrainingCancelledError
-        from ntc.training.retrain import Retraining
+        from ntc.training.trainer import Trainer
 
         torch.set_num_threads(max(1, _cores() - 1))
         _yield_to_others()
         try:
             host.interruption()
-            return Retraining(request, host).run()
+            return Trainer(request, host).run()
         except TrainingCancelledError:
             return Ended("cancelled")
     finally:
@@ -224,36 +221,67 @@ def _one_line(error: BaseException) -> str:
 
 
 def _import_training() -> None:
-    # What is wrong with it is said when the training imports it.
+    # An error is reported when a training imports it again.
     with suppress(Exception):
-        importlib.import_module("ntc.training.retrain")
+        importlib.import_module("ntc.training.trainer")
 
 
 def failure(error: Exception) -> Failed:
-    """What is said of a training that ended with an exception."""
+    """The report of a training that ended with `error`, which is being handled."""
     details = traceback.format_exc()[-LONGEST_DETAILS:]
-    # File names may hold what is no Unicode.
+    # File names may hold what is not Unicode.
     line, details = (text.encode("utf-8", "replace").decode() for text in (_one_line(error), details))
     return Failed(line[:LONGEST_DETAILS], details)
 
 
 def serve(end: socket.socket) -> None:
-    """The process: trains what it is told to, one after the other, until the other end of the pipe closes."""
-    # Ctrl-C in a terminal reaches this process too; the other one decides what it means.
+    """The main function of the process: runs trainings, one after the other, until the other end of the pipe closes."""
+    # Ctrl-C in a terminal reaches this process too; the window decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    pipe, board = WorkerEnd(end), Switchboard()
-    threading.Thread(target=_listen, args=(pipe, board), daemon=True).start()
+    pipe, state = WorkerEnd(end), WorkerState()
+    threading.Thread(target=_listen, args=(pipe, state), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):
         pipe.send(encode(Ready()))
         # Importing takes seconds, in which a request may be prepared elsewhere, or be on its way.
         threading.Thread(target=_import_training, daemon=True).start()
         while True:
-            start = board.starts.get()
+            start = state.starts.get()
             try:
-                last = encode(train_as_told(pipe, board, start))
+                last = encode(run_job(pipe, state, start))
             except (BrokenPipeError, ConnectionResetError):
                 raise
             except Exception as error:
                 last = encode(failure(error))
             pipe.send(last)
     os._exit(0)
+
+
+class TrainingProcess(Protocol):
+    """What the client needs of a process: `multiprocessing.Process`, or a substitute in tests."""
+
+    @property
+    def pid(self) -> int | None:
+        """The process id."""
+
+    @property
+    def exitcode(self) -> int | None:
+        """None while it is alive; negative: the signal that killed it."""
+
+    def is_alive(self) -> bool:
+        """Whether it is alive."""
+
+    def kill(self) -> None:
+        """Kill it."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait for its end, at most `timeout` seconds."""
+
+    def close(self) -> None:
+        """Release its resources. Raises ValueError while it is alive."""
+
+
+def start_process(end: socket.socket) -> TrainingProcess:
+    """A process that serves the other end of the pipe and ends with this one. Raises OSError where none can be started."""
+    process = multiprocessing.get_context("spawn").Process(target=serve, args=(end,), name="ntc-training", daemon=True)
+    process.start()
+    return process

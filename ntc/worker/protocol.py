@@ -1,68 +1,35 @@
-"""What the window and the training process say to each other: immutable, and without torch."""
+"""The messages between the window and the training process, and their bytes. Needs no torch.
+
+Messages are frozen dataclasses. As bytes they are msgpack, [name of the class, its fields], checked against the fields' types
+when decoded. Not pickle, which `Connection.send` would use: unpickling damaged bytes may call anything. Arrays are sent as
+places in shared memory (`ntc.worker.shared_arrays`). File paths are sent as null: they mean nothing to the other process.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast, get_args
 
-from ntc.codec.config import CodecConfig
-from ntc.codec.textures import SourceTexture
-from ntc.pack.model import Grouping, Pack
-from ntc.training.config import TrainingConfig
+import msgspec
+import numpy as np
+
+from ntc.errors import WireError
+from ntc.pack.model import Pack
+from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-
-
-@dataclass(frozen=True)
-class StepBudget:
-    """Train for so many steps."""
-
-    steps: int
-
-
-@dataclass(frozen=True)
-class TimeBudget:
-    """Train for so many seconds, pauses not counted; the schedule ends in its decay when they are over."""
-
-    seconds: float
-
-
-@dataclass(frozen=True)
-class QualityBudget:
-    """Train until samples of the trained textures together reach a PSNR, then let the rates fall to the end; at most as long as
-    the training's settings say."""
-
-    psnr_db: float
-
-
-Budget = StepBudget | TimeBudget | QualityBudget
-
-
-@dataclass(frozen=True, eq=False)
-class TrainingRequest:
-    """What is to be trained."""
-
-    textures: tuple[SourceTexture, ...]
-    grouping: Grouping
-    codec: CodecConfig
-    training: TrainingConfig
-    budget: Budget | None = None
-    """None: as long as `training` says."""
-    start: Pack | None = None
-    """A pack of the same textures in the same order and of the same codec, to go on from; None: from nothing."""
-    dirty: frozenset[int] | None = None
-    """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
-    must be groups of `start`."""
-    seconds_between_snapshots: float = 2.0
+from ntc.worker.shared_arrays import ArrayPlace, replaced
 
 
 @dataclass(frozen=True, eq=False)
 class StartTraining:
-    """To the worker: begin. Arrays of the request are places in a block."""
+    """To the worker: start a training. Arrays of the request are places in the input block."""
 
     request: TrainingRequest
     input_block: str
     snapshot_block: str
     regions: Mapping[int, int]
-    """Where the region of each dirty group begins in the snapshot block."""
+    """By dirty group: first byte of its region in the snapshot block."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +39,12 @@ class Pause:
 
 @dataclass(frozen=True)
 class Resume:
-    """To the worker: go on."""
+    """To the worker: continue."""
 
 
 @dataclass(frozen=True)
 class Cancel:
-    """To the worker: end the training; nothing is delivered."""
+    """To the worker: end the training; there is no result."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +56,7 @@ class SnapshotTaken:
 
 @dataclass(frozen=True)
 class ProgressTaken:
-    """To the worker: the last progress has been read."""
+    """To the worker: the last progress report has been read."""
 
 
 Command = StartTraining | Pause | Resume | Cancel | SnapshotTaken | ProgressTaken
@@ -97,90 +64,32 @@ Command = StartTraining | Pause | Resume | Cancel | SnapshotTaken | ProgressTake
 
 @dataclass(frozen=True)
 class Ready:
-    """The worker process listens. Not passed on."""
+    """The worker process accepts commands. Not passed on to the window."""
 
 
 @dataclass(frozen=True)
 class Received:
-    """The worker has opened its blocks and copied the request. Not passed on."""
+    """The worker has opened its blocks and copied the request. Not passed on to the window."""
 
 
 @dataclass(frozen=True)
 class Paused:
-    """Training stands still, and takes no processor time."""
+    """Training is paused, and takes no processor time."""
 
 
 @dataclass(frozen=True)
 class Resumed:
-    """Training goes on."""
-
-
-@dataclass(frozen=True)
-class WorkerProgress:
-    """How far a training is. Reports that nobody took are not kept: each is the latest."""
-
-    step: int
-    of: int
-    """Steps in all, as planned now."""
-    eta_seconds: float
-    elapsed_seconds: float
-    """Of training, without pauses."""
-    losses: Mapping[int, float]
-    """By group: mean square error of its latest samples, colours in [0, 1], all lods mixed. Groups not yet begun are missing."""
-    psnr_db: Mapping[int, float]
-    """By texture: PSNR in dB of its latest samples."""
-    freezing_scale: float
-    """Of the decoder's updates: 1 free, 0 frozen."""
-    ktexels_per_second: float
-    note: str = ""
-    """Something to be put down in a log, or nothing."""
-
-
-@dataclass(frozen=True)
-class GroupOutcome:
-    """How a group's training ended. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
-
-    group: int
-    before_db: float | None
-    """None where the group was not there before."""
-    after_db: float
-    """Of what the training found, also where it was not kept."""
-    kept_old: bool = False
-    """Whether the training found nothing better, so that the group is what it was."""
-
-    def line(self) -> str:
-        """One line about it."""
-        if self.before_db is None:
-            return f"group {self.group}: {self.after_db:.2f} dB"
-        if self.kept_old:
-            return (
-                f"group {self.group}: stays at {self.before_db:.2f} dB; training it again gave {self.after_db:.2f} dB, "
-                "so the old one was kept"
-            )
-        return f"group {self.group}: {self.before_db:.2f} dB before, {self.after_db:.2f} dB now"
-
-
-EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
-
-
-@dataclass(frozen=True)
-class Ended:
-    """The training is over; its last snapshots were sent before. Not passed on: `Finished` is."""
-
-    reason: EndReason
-    outcomes: tuple[GroupOutcome, ...] = ()
-    record: Mapping[str, Any] = field(default_factory=dict)
-    """What the pack says of its training."""
+    """Training continues after a pause."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """The training is over."""
+    """The training is over: what the window gets in place of `Ended`."""
 
     reason: EndReason
     outcomes: tuple[GroupOutcome, ...] = ()
     pack: Pack | None = None
-    """What came of it; None when it was cancelled."""
+    """The trained pack; None when the training was cancelled."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +102,67 @@ class Failed:
     """For a log."""
 
 
-Report = Paused | Resumed | WorkerProgress | GroupSnapshot | Finished | Failed
-"""What the window gets to see."""
-WorkerReport = Ready | Received | Paused | Resumed | WorkerProgress | GroupSnapshot | Ended | Failed
+Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
+"""What the window gets."""
+WorkerReport = Ready | Received | Paused | Resumed | TrainingProgress | GroupSnapshot | Ended | Failed
 """What the worker sends. Arrays of snapshots are places in the snapshot block."""
+
+
+def _encode_other(value: Any) -> Any:
+    """What messages hold beside msgpack's types: paths, numpy's numbers and subclasses of str."""
+    if isinstance(value, Path):
+        return None
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, str):
+        return str(value)
+    raise TypeError(f"a {type(value).__name__} is not sent")
+
+
+def _decode_other(kind: type, value: Any) -> Any:
+    """A place where a dataclass has an array. It comes in an array of one object, for msgspec checks the field's type."""
+    if kind is Path:
+        raise ValueError("paths are not sent")
+    boxed = np.empty((), object)
+    boxed[()] = msgspec.convert(value, ArrayPlace)
+    return boxed
+
+
+def _decoders(messages: Any) -> dict[str, msgspec.msgpack.Decoder[Any]]:
+    return {kind.__name__: msgspec.msgpack.Decoder(kind, dec_hook=_decode_other) for kind in get_args(messages)}
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_other)
+_NAMED = msgspec.msgpack.Decoder(tuple[str, msgspec.Raw])
+_COMMANDS, _REPORTS = _decoders(Command), _decoders(WorkerReport)
+
+
+def encode(message: Command | WorkerReport) -> bytes:
+    """The bytes of a message whose arrays are places. Raises WireError for values that cannot be encoded: halves of surrogate
+    pairs, integers of more than 64 bits, records that are not JSON."""
+    name = type(message).__name__
+    try:
+        return _ENCODER.encode((name, message))
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise WireError(f"{name} cannot be sent: {error}") from error
+
+
+def _decode(decoders: Mapping[str, msgspec.msgpack.Decoder[Any]], data: bytes) -> Any:
+    try:
+        name, fields = _NAMED.decode(data)
+        if name not in decoders:
+            raise ValueError(f"unknown message {name[:60]!r}")
+        return replaced(decoders[name].decode(fields), np.ndarray, lambda boxed: boxed.item())
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        # msgspec's own errors are ValueErrors, and so is what is not UTF-8.
+        raise WireError(" ".join(str(error).split())[:200]) from error
+
+
+def decode_command(data: bytes) -> Command:
+    """What the window sent. Raises WireError for anything else."""
+    return cast(Command, _decode(_COMMANDS, data))
+
+
+def decode_report(data: bytes) -> WorkerReport:
+    """What the training process sent. Raises WireError for anything else."""
+    return cast(WorkerReport, _decode(_REPORTS, data))

@@ -1,6 +1,6 @@
-"""Whether what the training process reports can be true of the training that it was asked for. Needs no torch.
+"""Checks of what the training process reports against the training that was requested. Needs no torch.
 
-The process is this program's own; but a report that a fault has garbled must not end the window.
+The process is this program's own, but a damaged report must not end the window.
 """
 
 import math
@@ -9,30 +9,32 @@ from typing import Any
 
 from ntc.errors import InputError
 from ntc.pack.validate import check_decibels, check_decoder, check_encoded
-from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.protocol import Ended, Failed, TrainingRequest, WorkerProgress
+from ntc.training.progress import Ended, TrainingProgress
+from ntc.training.request import TrainingRequest
+from ntc.training.snapshot import GroupSnapshot, group_members
+from ntc.worker.protocol import Failed
 
 LARGEST_SECONDS = 1e12
-"""Of a time; far more than the clock of any machine says."""
+"""Seconds: larger times are refused."""
 LARGEST_LOSS = 1e40
-"""Beyond single precision."""
+"""Larger losses are refused; single precision ends below."""
 DEEPEST_RECORD = 32
 LONGEST_LINE = 1000
 
 
-def check_progress(progress: WorkerProgress, request: TrainingRequest) -> None:
-    """Raises ValueError for numbers that are none, and for groups and textures that are not trained."""
-    if not 0 <= progress.step <= progress.of:
-        raise ValueError(f"step {progress.step} of {progress.of}")
-    numbers = (progress.eta_seconds, progress.elapsed_seconds, progress.ktexels_per_second, progress.freezing_scale)
+def check_progress(progress: TrainingProgress, request: TrainingRequest) -> None:
+    """Raises ValueError for numbers out of range, and for groups and textures that are not trained."""
+    if not 0 <= progress.step <= progress.steps:
+        raise ValueError(f"step {progress.step} of {progress.steps}")
+    numbers = (progress.seconds_left, progress.elapsed_seconds, progress.ktexels_per_second, progress.freezing_scale)
     if not all(0.0 <= number <= LARGEST_SECONDS for number in numbers):
         raise ValueError(f"progress: {numbers}")
     if not progress.note.isprintable() or len(progress.note) > LONGEST_LINE:
-        raise ValueError("a note that is not one line")
+        raise ValueError("the note is not one line")
     _check_keys(progress.losses, request.dirty or (), "group")
     _check_keys(progress.psnr_db, range(len(request.textures)), "texture")
     if not all(0.0 <= loss <= LARGEST_LOSS for loss in progress.losses.values()):
-        raise ValueError("a loss that is none")
+        raise ValueError("a loss is out of range")
     for decibels in progress.psnr_db.values():
         check_decibels(decibels)
 
@@ -45,9 +47,9 @@ def _check_keys(found: Iterable[int], known: Iterable[int], what: str) -> None:
 
 def check_snapshot(snapshot: GroupSnapshot, request: TrainingRequest) -> None:
     """Raises ValueError for a group that is not trained, other textures than its own, and what the codec cannot decode."""
-    group, grouping = snapshot.group, request.grouping
+    group = snapshot.group
     _check_keys((group,), request.dirty or (), "group")
-    if snapshot.members != tuple(index for index, number in enumerate(grouping.groups) if number == group):
+    if snapshot.members != group_members(request.grouping, group):
         raise ValueError(f"group {group} has other textures")
     if len(snapshot.textures) != len(snapshot.members):
         raise ValueError(f"group {group} has {len(snapshot.members)} textures, and {len(snapshot.textures)} came")
@@ -66,7 +68,7 @@ def check_snapshot(snapshot: GroupSnapshot, request: TrainingRequest) -> None:
 
 
 def check_ended(ended: Ended, request: TrainingRequest) -> None:
-    """Raises ValueError for outcomes of groups that are not trained, and a record that is no JSON."""
+    """Raises ValueError for outcomes of groups that are not trained, and a record that is not JSON."""
     groups = [outcome.group for outcome in ended.outcomes]
     _check_keys(groups, request.dirty or (), "group")
     if len(groups) != len(set(groups)):
@@ -83,7 +85,7 @@ def _check_json(value: Any, depth: int) -> None:
         raise ValueError("the record is nested too deep")
     if isinstance(value, Mapping):
         if not all(isinstance(key, str) for key in value):
-            raise ValueError("the record has a key that is no text")
+            raise ValueError("the record has a key that is not text")
         value = list(value.values())
     if isinstance(value, list | tuple):
         for part in value:
@@ -91,9 +93,9 @@ def _check_json(value: Any, depth: int) -> None:
     elif not (value is None or isinstance(value, str | int | float)) or (
         isinstance(value, float) and not math.isfinite(value)
     ):
-        raise ValueError(f"the record holds a {type(value).__name__} that is no JSON")
+        raise ValueError(f"the record holds a {type(value).__name__} that is not JSON")
 
 
-def told(failed: Failed) -> Failed:
-    """A failure whose line is one line, not too long, that a terminal can show."""
+def sanitize(failed: Failed) -> Failed:
+    """`failed` with its line cut to 1000 printable characters on one line."""
     return Failed(str(InputError(failed.line))[:LONGEST_LINE] or "training: failed", failed.details)

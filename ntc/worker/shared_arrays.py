@@ -49,16 +49,16 @@ def aligned(size: int) -> int:
     return -(-size // ALIGNMENT) * ALIGNMENT
 
 
-def _replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
+def replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
     """`value` with everything of a type within its dataclasses and tuples changed."""
     if isinstance(value, of_type):
         return change(value)
     if isinstance(value, tuple):
-        changed = tuple(_replaced(part, of_type, change) for part in value)
+        changed = tuple(replaced(part, of_type, change) for part in value)
         return changed if any(a is not b for a, b in zip(value, changed, strict=True)) else value
     if is_dataclass(value) and not isinstance(value, type):
         found = {field.name: getattr(value, field.name) for field in fields(value)}
-        new = {name: _replaced(part, of_type, change) for name, part in found.items()}
+        new = {name: replaced(part, of_type, change) for name, part in found.items()}
         different = {name: part for name, part in new.items() if part is not found[name]}
         return replace(value, **different) if different else value
     return value
@@ -77,7 +77,7 @@ def without_arrays(message: T, start: int = 0) -> tuple[T, list[NDArray[Any]], i
         position += aligned(array.nbytes)
         return found
 
-    return _replaced(message, np.ndarray, place), arrays, position
+    return replaced(message, np.ndarray, place), arrays, position
 
 
 class SharedBlock:
@@ -146,7 +146,7 @@ class SharedBlock:
             array.flags.writeable = False
             return array
 
-        found: T = _replaced(message, ArrayPlace, copy)
+        found: T = replaced(message, ArrayPlace, copy)
         return found
 
     def _buffer(self) -> memoryview:

@@ -16,16 +16,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lab.benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
-from ntc.errors import InputError
+from ntc.errors import InputError, WireError
 from ntc.pack.model import Decoder
+from ntc.training.progress import Ended, GroupOutcome
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import framed
 from ntc.worker.protocol import (
     Cancel,
-    Ended,
     Failed,
     Finished,
-    GroupOutcome,
     Pause,
     Paused,
     ProgressTaken,
@@ -33,9 +32,11 @@ from ntc.worker.protocol import (
     Received,
     SnapshotTaken,
     WorkerReport,
+    decode_command,
+    decode_report,
+    encode,
 )
 from ntc.worker.shared_arrays import ArrayPlace
-from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
     Session,
     left_of,
@@ -212,7 +213,7 @@ HOSTILE: dict[str, WorkerReport | bytes] = {
         record={"a": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]}
     ),
     "a record that is infinite": _ended(record={"a": float("inf")}),
-    "progress that is no number": replace(progress(), eta_seconds=float("nan")),
+    "progress that is no number": replace(progress(), seconds_left=float("nan")),
     "progress backwards": replace(progress(), step=-5),
     "progress of no texture": replace(progress(), psnr_db={2**40: 1.0}),
     "progress that overflows a curve": replace(progress(), psnr_db={0: -1e308}),

@@ -12,24 +12,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ntc.errors import WireError
 from ntc.pack.model import Grouping
 from ntc.training.config import TrainingConfig
-from ntc.worker.launch import TrainingProcess, start_process
+from ntc.training.progress import Ended
+from ntc.training.request import StepBudget
 from ntc.worker.pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed
-from ntc.worker.process import NOT_A_COMMAND, Switchboard, train_as_told
+from ntc.worker.process import NOT_A_COMMAND, TrainingProcess, WorkerState, run_job, start_process
 from ntc.worker.protocol import (
     Cancel,
-    Ended,
     Failed,
     Pause,
     ProgressTaken,
     Ready,
     Received,
     SnapshotTaken,
-    StepBudget,
     WorkerReport,
+    decode_command,
+    decode_report,
+    encode,
 )
-from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
     REFUSED,
     Orders,
@@ -114,7 +116,7 @@ def test_bad_orders_are_refused_before_anything_is_done(
 ) -> None:
     began = time.monotonic()
     with pytest.raises(REFUSED, match=r"."):
-        train_as_told(ends[0], Switchboard(), orders.named(BAD_ORDERS[what]))
+        run_job(ends[0], WorkerState(), orders.named(BAD_ORDERS[what]))
     assert time.monotonic() - began < 1.0
     ends[1].setblocking(False)
     with pytest.raises(BlockingIOError):
@@ -131,13 +133,13 @@ def test_bad_orders_are_refused_before_anything_is_done(
     )
 )
 @QUICK
-def test_the_switchboard_takes_anything(commands: list[Any]) -> None:
-    board = Switchboard()
+def test_the_worker_state_takes_anything(commands: list[Any]) -> None:
+    state = WorkerState()
     for command in commands:
-        board.obey(command)
-    assert board.starts.qsize() == commands.count(ORDER)
-    assert not (board.paused and board.cancelled)
-    assert board.open_progress() in (True, False)
+        state.apply(command)
+    assert state.starts.qsize() == commands.count(ORDER)
+    assert not (state.paused and state.cancelled)
+    assert state.open_progress() in (True, False)
 
 
 def _process() -> tuple[TrainingProcess, socket.socket]:

@@ -12,13 +12,9 @@ import torch
 from ntc.codec.config import CodecConfig
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
+from ntc.training.request import TrainingRequest
 from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import (
-    Failed,
-    Finished,
-    Report,
-    TrainingRequest,
-)
+from ntc.worker.protocol import Failed, Finished, Report
 from ntc.worker.shared_arrays import PREFIX
 from tests.unit.ntc.training.test_train import texture
 

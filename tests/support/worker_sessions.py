@@ -14,28 +14,26 @@ from ntc.pack.model import Grouping, Pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from ntc.pack.validate import check_pack
 from ntc.training.config import TrainingConfig
+from ntc.training.progress import Ended, GroupOutcome, TrainingProgress
+from ntc.training.request import QualityBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, grey_pack
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.pipe import framed
 from ntc.worker.protocol import (
     Command,
-    Ended,
     Failed,
     Finished,
-    GroupOutcome,
     Paused,
-    QualityBudget,
     Ready,
     Received,
     Report,
     Resumed,
     StartTraining,
-    TrainingRequest,
-    WorkerProgress,
     WorkerReport,
+    decode_command,
+    encode,
 )
 from ntc.worker.shared_arrays import BLOCK_NAME, SharedBlock, without_arrays
-from ntc.worker.wire import decode_command, encode
 from viewer.training.run_log import Curves
 
 CODEC = CodecConfig(
@@ -75,9 +73,9 @@ def placed(request: TrainingRequest, found: list[GroupSnapshot]) -> list[GroupSn
     return places
 
 
-def progress(step: int = 5) -> WorkerProgress:
+def progress(step: int = 5) -> TrainingProgress:
     """An ordinary one."""
-    return WorkerProgress(step, 10, 1.0, 2.0, {0: 0.1, 1: 0.2}, {0: 10.0, 1: 7.0, 2: 10.0}, 1.0, 3.0)
+    return TrainingProgress(step, 10, 1.0, 2.0, {0: 0.1, 1: 0.2}, {0: 10.0, 1: 7.0, 2: 10.0}, 1.0, 3.0)
 
 
 def whole_training(request: TrainingRequest) -> list[WorkerReport]:
@@ -218,11 +216,11 @@ class Session:
                 return
 
     def _use(self, report: Report) -> None:
-        if isinstance(report, WorkerProgress):
+        if isinstance(report, TrainingProgress):
             self._curves.add(report)
-            shown = (report.eta_seconds, report.elapsed_seconds, report.ktexels_per_second, *report.losses.values())
+            shown = (report.seconds_left, report.elapsed_seconds, report.ktexels_per_second, *report.losses.values())
             assert all(0.0 <= number < math.inf for number in shown)
-            assert 0 <= report.step <= report.of
+            assert 0 <= report.step <= report.steps
             assert report.note.isprintable()
         elif isinstance(report, GroupSnapshot):
             assert self._pack is not None

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.textures import SourceTexture
-from ntc.errors import InputError
+from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.labels import read_labels
@@ -24,8 +24,9 @@ from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
 from ntc.pack.model import Pack
 from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
-from ntc.training.progress import TrainingCancelledError, TrainingProgress
-from ntc.training.trainer import peak_memory_bytes, train
+from ntc.training.device import peak_memory_bytes
+from ntc.training.encode import train
+from ntc.training.progress import TrainingProgress
 from viewer.cli.options import EncodeOptions
 from viewer.locations import features_cache
 from viewer.scene.images import folder_textures
@@ -137,8 +138,8 @@ class _ProgressReport:
     def __call__(self, progress: TrainingProgress) -> None:
         share = progress.step / max(1, progress.steps)
         status = (
-            f"step {progress.step}/{progress.steps}  PSNR {progress.psnr_db:.2f} dB  "
-            f"{progress.texels_per_second / 1e6:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
+            f"step {progress.step}/{progress.steps}  PSNR {progress.mean_psnr_db:.2f} dB  "
+            f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
         )
         if self._console.is_terminal:
             self._bar.update(self._task, completed=share, status=status)

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ntc.errors import InputError
-from ntc.io import write_text
-from ntc.reading import read_file
+from ntc.io import read_file, write_text
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.state.event_handlers import notify
 from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session

@@ -9,7 +9,7 @@ from typing import Annotated
 import msgspec
 
 from ntc.errors import InputError
-from ntc.reading import read_file
+from ntc.io import read_file
 from viewer.scene.json_text import Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ntc.codec.color import linear_to_srgb
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.io import atomic_path, is_partial
-from ntc.reading import read_file
+from ntc.io import atomic_path, is_partial, read_file
 
 LARGEST_EXCESS = 1e-3
 """Floating-point values may lie this far above 1, by rounding."""

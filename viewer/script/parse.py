@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ntc.errors import InputError
-from ntc.reading import read_file
+from ntc.io import read_file
 from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
 from viewer.script.directions import DIRECTIONS, Play

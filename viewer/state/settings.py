@@ -9,8 +9,7 @@ from typing import Annotated, Literal, get_args
 from msgspec import Meta
 
 from ntc.errors import InputError
-from ntc.io import write_text
-from ntc.reading import read_file
+from ntc.io import read_file, write_text
 from viewer.locations import CONFIG_FOLDER_VARIABLE
 from viewer.scene.json_text import Share, convert, parse_json
 

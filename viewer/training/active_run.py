@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ntc.pack.model import Pack
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
-from ntc.worker.protocol import TrainingRequest, WorkerProgress
 from viewer.scene.model import Scene
 from viewer.training.preparation import TrainingJob, job_title, settings_text
 from viewer.training.run_log import Curves, Run, mean_of_psnr
@@ -44,7 +45,7 @@ class ActiveRun:
     """The pack that it started from, with the snapshots so far."""
     groups_seen: frozenset[int] = frozenset()
     """Groups of which a snapshot has come."""
-    progress: WorkerProgress | None = None
+    progress: TrainingProgress | None = None
     first_picture_seconds: float | None = None
     """From the request to the first snapshot."""
     curves: Curves = field(default_factory=Curves)
@@ -59,7 +60,7 @@ class ActiveRun:
         """Name under which its pack is open."""
         return f"run {self.number}"
 
-    def add_progress(self, progress: WorkerProgress) -> None:
+    def add_progress(self, progress: TrainingProgress) -> None:
         """Take in a report of the worker."""
         self.progress = progress
         self.curves.add(progress)

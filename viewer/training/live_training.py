@@ -9,9 +9,11 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.pack.model import Pack
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed, TrainingRequest, WorkerProgress
+from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackUpdated, RunStarted
@@ -222,7 +224,7 @@ class LiveTraining:
 
     def _take(self, run: ActiveRun, report: Report) -> None:
         match report:
-            case WorkerProgress():
+            case TrainingProgress():
                 run.add_progress(report)
             case GroupSnapshot():
                 run.add_snapshot(report)

@@ -7,8 +7,8 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import recipe_codec, recipe_config
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import moved_texture, unchanged_groups
-from ntc.worker.protocol import TrainingRequest
 from viewer.jobs.job import JobReport
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures

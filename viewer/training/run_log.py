@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_of_mse
 from ntc.pack.model import Pack
-from ntc.worker.protocol import WorkerProgress
+from ntc.training.progress import TrainingProgress
 
 MOST_POINTS = 400
 """Of a curve; when it is full every second one is dropped, so that a long run costs no more than a short one."""
@@ -66,7 +66,7 @@ class Curves:
     mean_db: list[float] = field(default_factory=list)
     """Of the textures under training."""
 
-    def add(self, progress: WorkerProgress) -> None:
+    def add(self, progress: TrainingProgress) -> None:
         """One more point."""
         if not progress.psnr_db:
             return

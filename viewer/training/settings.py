@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from ntc.codec.config import GroupingName, RecipeName
 from ntc.errors import InputError
-from ntc.worker.protocol import Budget, QualityBudget, StepBudget, TimeBudget
+from ntc.training.request import Budget, QualityBudget, StepBudget, TimeBudget
 
 BudgetUnit = Literal["steps", "s", "dB"]
 BUDGET_UNITS: tuple[BudgetUnit, ...] = get_args(BudgetUnit)

@@ -61,7 +61,7 @@ class TrainingPanel:
         progress = run.progress
         imgui.text_wrapped(f"{run.name}: {job_title(run.job)}")
         state = STATES[run.state]
-        share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.of)
+        share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.steps)
         imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
         # The text stands below: over the bar it would be hard to read.
         imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
@@ -70,7 +70,9 @@ class TrainingPanel:
         if progress is None:
             imgui.text(state or "starting")
         else:
-            imgui.text(f"step {progress.step} of {progress.of}, {state or _duration(progress.eta_seconds) + ' left'}")
+            imgui.text(
+                f"step {progress.step} of {progress.steps}, {state or _duration(progress.seconds_left) + ' left'}"
+            )
         waits = run.state in ("paused", "pausing")
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
         imgui.begin_disabled(run.state in ("preparing", "cancelling"))

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import msgspec
 
 from lab.benchmarks.fuzzing.mutators import Mutate, mutate_document
+from ntc.errors import WireError
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import framed
-from ntc.worker.process import Switchboard, failure, read_request
+from ntc.worker.process import WorkerState, failure, read_request
 from ntc.worker.protocol import (
     Cancel,
     Command,
@@ -20,8 +21,10 @@ from ntc.worker.protocol import (
     Resume,
     SnapshotTaken,
     StartTraining,
+    decode_command,
+    decode_report,
+    encode,
 )
-from ntc.worker.wire import WireError, decode_command, decode_report, encode
 from tests.support.worker_sessions import (
     REFUSED,
     Orders,
@@ -98,13 +101,13 @@ class MessageReader:
             assert encode(decode_report(encode(report))) == encode(report)
 
     def _obey(self, data: bytes) -> None:
-        board = Switchboard()
+        state = WorkerState()
         for frame in frames(data):
             try:
                 command = decode_command(frame)
             except WireError:
                 continue
-            board.obey(command)
+            state.apply(command)
             if isinstance(command, StartTraining):
                 try:
                     read_request(self._orders.named(command))

@@ -32,13 +32,13 @@ WATCHED_SCRIPTS = [
 WATCHED_MESSAGES = [
     *(
         "ntc.worker.client",
-        "ntc.worker.wire",
+        "ntc.worker.protocol",
         "ntc.worker.pipe",
         "ntc.worker.process",
         "ntc.worker.report_checks",
         "ntc.pack.validate",
     ),
-    *("ntc.worker.shared_arrays", "ntc.training.snapshot", "ntc.training.checks"),
+    *("ntc.worker.shared_arrays", "ntc.training.snapshot", "ntc.training.request"),
 ]
 
 with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_SCRIPTS], enable_loader_override=False):

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from ntc.errors import InputError
-from ntc.io import atomic_path, is_partial, write_bytes
-from ntc.reading import read_file
+from ntc.io import atomic_path, is_partial, read_file, write_bytes
 
 
 def test_a_write_replaces_the_file_and_leaves_nothing_else(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import GroupingConfig
 from ntc.errors import InputError
+from ntc.io import read_file
 from ntc.pack.file import read_pack, write_pack
-from ntc.reading import read_file
 from tests.support.gltf_builder import png
 from tests.support.spoilt_files import (
     Spoil,
@@ -156,12 +156,12 @@ def test_what_changes_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: p
             change()
             return super().read(size)
 
-    monkeypatch.setattr("ntc.reading.os.fdopen", lambda handle, _mode: Changing(handle))
+    monkeypatch.setattr("ntc.io.os.fdopen", lambda handle, _mode: Changing(handle))
     changes = (lambda: os.utime(file, ns=(1, 1)), lambda: os.truncate(file, 100))
     for change in changes:  # noqa: B007 - the file calls it
         with pytest.raises(InputError, match=r"scene\.single\.ntc: cannot be read \(it changed while it was read\)"):
             read_pack(file)
-    monkeypatch.setattr("ntc.reading.os.fdopen", fdopen)
+    monkeypatch.setattr("ntc.io.os.fdopen", fdopen)
     assert len(read_file(file)) == 100
 
 

@@ -8,7 +8,7 @@ from urllib.parse import unquote, unquote_to_bytes, urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.reading import read_file
+from ntc.io import read_file
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene.gltf.container import GltfFile
 

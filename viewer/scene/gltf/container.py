@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ntc.errors import InputError
-from ntc.reading import read_file
+from ntc.io import read_file
 from viewer.locations import scene_roots
 from viewer.scene.json_text import describe, printable
 

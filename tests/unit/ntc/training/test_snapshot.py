@@ -10,8 +10,8 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
+from ntc.training.encode import train
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, moved_texture, unchanged_groups
-from ntc.training.trainer import train
 from tests.unit.ntc.training.test_train import texture
 
 CODECS = [

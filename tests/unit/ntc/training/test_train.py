@@ -17,13 +17,14 @@ from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.errors import InputError
+from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.model import Grouping, Pack
 from ntc.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
-from ntc.training.progress import TrainingCancelledError, TrainingProgress
-from ntc.training.trainer import choose_device, train
+from ntc.training.device import choose_device
+from ntc.training.encode import train
+from ntc.training.progress import TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
 SMALL = CodecConfig(hidden_width=16)
@@ -175,7 +176,7 @@ def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
     assert reports[-1].seconds_left == 0.0
     assert [report.step for report in reports] == sorted(report.step for report in reports)
     for report in reports:
-        values = (report.psnr_db, report.texels_per_second, report.seconds_left, report.loss)
+        values = (report.mean_psnr_db, report.ktexels_per_second, report.seconds_left, *report.losses.values())
         assert np.isfinite(values).all()
         assert report.freezing_scale == 1.0
 

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from ntc.codec.config import CodecConfig
+from ntc.errors import TrainingFailedError
 from ntc.pack.model import Grouping
-from ntc.training import batch as training_cohort
+from ntc.training import batch as training_batch
 from ntc.training.config import TrainingConfig
-from ntc.training.guard import TrainingFailedError
+from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
-from ntc.training.trainer import train
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
 SHORT = TrainingConfig(steps=120, texels_per_texture=32, device="cpu")
@@ -26,13 +26,13 @@ PAIR = Grouping("single", (0, 0))
 def spoilt(monkeypatch: pytest.MonkeyPatch, calls: range, value: float) -> None:
     """Let the loss of these calls, and so its gradients, be `value`."""
     count = iter(range(10**9))
-    true_loss = training_cohort.squared_error
+    true_loss = training_batch.squared_error
 
     def loss(*arguments: object) -> torch.Tensor:
         right = true_loss(*arguments)  # type: ignore[arg-type]
         return right * value if next(count) in calls else right
 
-    monkeypatch.setattr(training_cohort, "squared_error", loss)
+    monkeypatch.setattr(training_batch, "squared_error", loss)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])

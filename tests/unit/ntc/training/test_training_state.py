@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from ntc.codec.config import CodecConfig
-from ntc.errors import InputError
+from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.model import Grouping
 from ntc.training.config import TrainingConfig
-from ntc.training.progress import TrainingCancelledError
-from ntc.training.trainer import train
+from ntc.training.encode import train
 from tests.unit.ntc.training.test_train import same, texture
 
 SHORT = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from ntc.pack.model import Pack
-from ntc.training.trainer import train
+from ntc.training.encode import train
 from ntc.worker.client import TrainingWorker
 from tests.support.training_workers import (
     CODEC,

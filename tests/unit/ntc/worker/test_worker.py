@@ -14,17 +14,12 @@ from ntc.codec.reference import decode_image
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.model import Grouping, Pack
+from ntc.training.encode import train
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
-from ntc.training.trainer import train
 from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import (
-    Failed,
-    Finished,
-    QualityBudget,
-    StepBudget,
-    TimeBudget,
-    WorkerProgress,
-)
+from ntc.worker.protocol import Failed, Finished
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,
@@ -64,8 +59,8 @@ def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
     assert [outcome.before_db for outcome in end.outcomes] == [None, None]
     assert blocks() == []
 
-    last = [report for report in reports if isinstance(report, WorkerProgress)][-1]
-    assert (last.step, last.of, last.eta_seconds) == (120, 120, 0.0)
+    last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
+    assert (last.step, last.steps, last.seconds_left) == (120, 120, 0.0)
     assert set(last.losses) == {0, 1}
     assert set(last.psnr_db) == {0, 1, 2, 3}
     assert all(math.isfinite(value) for value in (*last.losses.values(), *last.psnr_db.values()))
@@ -79,7 +74,7 @@ def test_group_by_group_as_the_paper_trains(shared: TrainingWorker) -> None:
         expected = train(TEXTURES, GROUPS, CODEC, training)
     end, reports = finished(shared, replace(FROM_NOTHING, training=training))
     assert same(pack_of(end), expected)
-    steps = [report.step for report in reports if isinstance(report, WorkerProgress)]
+    steps = [report.step for report in reports if isinstance(report, TrainingProgress)]
     assert steps == sorted(steps)
     assert steps[-1] == 140
 
@@ -103,10 +98,10 @@ def test_snapshots_come_early_and_can_be_swapped_in(shared: TrainingWorker) -> N
 
 def test_a_reader_who_sleeps_finds_the_latest_and_no_queue(shared: TrainingWorker) -> None:
     shared.start(replace(FROM_NOTHING, training=ENDLESS, seconds_between_snapshots=0.01))
-    until(shared, WorkerProgress)
+    until(shared, TrainingProgress)
     time.sleep(2.0)
     waiting = shared.poll()
-    assert len([report for report in waiting if isinstance(report, WorkerProgress)]) <= 2
+    assert len([report for report in waiting if isinstance(report, TrainingProgress)]) <= 2
     assert len([report for report in waiting if isinstance(report, GroupSnapshot)]) <= 4
     shared.cancel()
     until(shared, Finished)
@@ -173,10 +168,10 @@ def test_regrouped_with_another_count(shared: TrainingWorker, trained: Pack) -> 
 
 def test_a_budget_of_seconds_ends_in_time_with_rounded_latents(shared: TrainingWorker) -> None:
     end, reports = finished(shared, replace(FROM_NOTHING, training=ENDLESS, budget=TimeBudget(3.0)))
-    last = [report for report in reports if isinstance(report, WorkerProgress)][-1]
+    last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
     assert 2.9 < last.elapsed_seconds < 4.5
     pack = pack_of(end)
-    assert pack.training["steps"] == last.step == last.of
+    assert pack.training["steps"] == last.step == last.steps
     assert min(t.psnr_db for t in pack.textures if t.psnr_db is not None) > 12.0
 
 

@@ -14,19 +14,12 @@ import torch
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.model import Grouping, Pack
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker import shared_arrays
 from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import (
-    Failed,
-    Finished,
-    Paused,
-    Resumed,
-    StepBudget,
-    TimeBudget,
-    TrainingRequest,
-    WorkerProgress,
-)
+from ntc.worker.protocol import Failed, Finished, Paused, Resumed
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,
@@ -46,7 +39,7 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
     large = tuple(texture(256, 256, seed=seed) for seed in range(6))
     request = TrainingRequest(large, Grouping("random", (0, 1) * 3), CODEC, replace(ENDLESS, texels_per_texture=8192))
     shared.start(request)
-    until(shared, WorkerProgress)
+    until(shared, TrainingProgress)
     delays = []
     for _ in range(5):
         began = time.monotonic()
@@ -56,11 +49,11 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
         assert shared.process_id is not None
         used = processor_seconds(shared.process_id)
         time.sleep(0.2)
-        assert [report for report in shared.poll() if not isinstance(report, GroupSnapshot | WorkerProgress)] == []
+        assert [report for report in shared.poll() if not isinstance(report, GroupSnapshot | TrainingProgress)] == []
         assert processor_seconds(shared.process_id) - used < 0.05
         shared.resume()
         until(shared, Resumed)
-        until(shared, WorkerProgress)
+        until(shared, TrainingProgress)
     record_property("pause_seconds", delays)
     # Promised are 0.2 s; other work on the machine may hold it up.
     assert sorted(delays)[2] < 0.2
@@ -83,7 +76,7 @@ def test_paused_before_it_began_it_waits(shared: TrainingWorker) -> None:
     shared.start(FROM_NOTHING)
     shared.pause()
     reports = until(shared, Paused)
-    assert not any(isinstance(report, WorkerProgress) for report in reports)
+    assert not any(isinstance(report, TrainingProgress) for report in reports)
     shared.resume()
     assert isinstance(until(shared, (Finished, Failed))[-1], Finished)
 
@@ -171,7 +164,7 @@ def test_killed_twenty_times_it_says_so_and_leaves_nothing(tmp_path: Path, train
             assert process is not None
             # Most of them while it starts, some while it works.
             if attempt % 5 == 4:
-                until(worker, WorkerProgress)
+                until(worker, TrainingProgress)
             wait = time.monotonic() + random.uniform(0.0, 0.6)
             while time.monotonic() < wait:
                 worker.poll()
@@ -212,7 +205,7 @@ def test_cancelled_while_it_starts_and_closed_while_it_trains() -> None:
 def test_a_process_that_does_not_obey_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     with TrainingWorker() as worker:
         worker.start(replace(FROM_NOTHING, training=ENDLESS))
-        until(worker, WorkerProgress)
+        until(worker, TrainingProgress)
         process = worker.process_id
         assert process is not None
         os.kill(process, 19)

@@ -28,14 +28,15 @@ from ntc.pack.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.training.config import TrainingConfig
 from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import TrainingRequest, WorkerProgress
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import TrainingRequest
 
 def main():
     texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")
     training = TrainingConfig(steps=10**7, texels_per_texture=64, device="cpu", converged_db=None)
     worker = TrainingWorker()
     worker.start(TrainingRequest((texture,), Grouping("single", (0,)), CodecConfig(hidden_width=16), training))
-    while not any(isinstance(report, WorkerProgress) for report in worker.poll()):
+    while not any(isinstance(report, TrainingProgress) for report in worker.poll()):
         time.sleep(0.01)
     print(worker.process_id, flush=True)
     while not {closed}:

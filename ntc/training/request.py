@@ -1,8 +1,9 @@
-"""What can be trained, and what can be trained again. Needs no torch."""
+"""What is to be trained, and whether it can be. Needs no torch."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from ntc.codec.config import CodecConfig
@@ -10,8 +11,48 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.model import Grouping, Pack
 from ntc.pack.validate import check_grouping
+from ntc.training.config import TrainingConfig
 from ntc.training.snapshot import unchanged_groups
-from ntc.worker.protocol import QualityBudget, StepBudget, TimeBudget, TrainingRequest
+
+
+class StepBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train for a number of steps."""
+
+    steps: int
+
+
+class TimeBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train for a number of seconds, pauses not counted; the learning rates have fallen to 0 when they are over."""
+
+    seconds: float
+
+
+class QualityBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train until samples of the trained textures together reach a PSNR in dB, then let the rates fall to the end; at most as
+    long as the training's settings say."""
+
+    psnr_db: float
+
+
+Budget = StepBudget | TimeBudget | QualityBudget
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingRequest:
+    """What is to be trained."""
+
+    textures: tuple[SourceTexture, ...]
+    grouping: Grouping
+    codec: CodecConfig
+    training: TrainingConfig
+    budget: Budget | None = None
+    """None: as long as `training` says."""
+    start: Pack | None = None
+    """A pack of the same textures in the same order and of the same codec, to continue from; None: from nothing."""
+    dirty: frozenset[int] | None = None
+    """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
+    must be groups of `start`."""
+    seconds_between_snapshots: float = 2.0
 
 
 def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> None:
@@ -38,15 +79,12 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
     """`request` with its dirty groups named. Raises InputError for what cannot be trained."""
-    grouping, start = request.grouping, request.start
+    grouping, start, budget = request.grouping, request.start, request.budget
     check_textures(request.textures, grouping, request.codec)
-    budget = request.budget
-    for name, value in (
-        ("steps", budget.steps if isinstance(budget, StepBudget) else None),
-        ("seconds", budget.seconds if isinstance(budget, TimeBudget) else None),
-        ("PSNR", budget.psnr_db if isinstance(budget, QualityBudget) else None),
-    ):
-        if value is not None and not (np.isfinite(value) and value > 0):
+    if budget is not None:
+        (value,) = msgspec.structs.astuple(budget)
+        if not (np.isfinite(value) and value > 0):
+            name = {"psnr_db": "PSNR"}.get(budget.__struct_fields__[0], budget.__struct_fields__[0])
             raise InputError(f"budget: {name} is {value}; set it above 0")
     if start is not None:
         _check_start(request.textures, request.codec, start)
@@ -54,7 +92,7 @@ def checked_request(request: TrainingRequest) -> TrainingRequest:
     clean = frozenset() if start is None else frozenset(unchanged_groups(start.grouping, grouping))
     dirty = everything - clean if request.dirty is None else request.dirty
     if not dirty:
-        raise InputError("there is no group to train: all are as they were; name those that are to be trained again")
+        raise InputError("there is no group to train: all are unchanged; name those that are to be trained again")
     if not dirty <= everything:
         raise InputError(f"group {max(dirty - everything)}: there are groups 0 to {grouping.group_count - 1} only")
     missing = everything - clean - dirty

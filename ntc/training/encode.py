@@ -1,0 +1,85 @@
+"""Encoding textures from nothing, in the caller's own process."""
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ntc.codec.config import CodecConfig
+from ntc.codec.textures import SourceTexture
+from ntc.errors import TrainingCancelledError, TrainingFailedError
+from ntc.pack.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.training.config import TrainingConfig
+from ntc.training.progress import CancelQuestion, ProgressListener, TrainingProgress
+from ntc.training.request import TrainingRequest, checked_request
+from ntc.training.snapshot import GroupSnapshot
+from ntc.training.trainer import Trainer
+
+
+class _CallingHost:
+    """The host of a training in the caller's own thread, which wants the final snapshots only."""
+
+    def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
+        self._listener, self._cancelled = listener, cancelled
+        self.textures: dict[int, EncodedTexture] = {}
+        self.decoders: dict[int, Decoder] = {}
+
+    def interruption(self) -> None:
+        if self._cancelled is not None and self._cancelled():
+            raise TrainingCancelledError
+
+    def seconds(self) -> float:
+        return time.monotonic()
+
+    def progress(self, progress: TrainingProgress) -> None:
+        if self._listener is not None:
+            self._listener(progress)
+
+    def wants_snapshot(self, group: int) -> bool:
+        del group
+        return False
+
+    def snapshot(self, snapshot: GroupSnapshot) -> None:
+        self.textures.update(zip(snapshot.members, snapshot.textures, strict=True))
+        self.decoders[snapshot.group] = snapshot.decoder
+
+
+def train(
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    codec: CodecConfig,
+    training: TrainingConfig,
+    progress: ProgressListener | None = None,
+    cancelled: CancelQuestion | None = None,
+    state: Path | None = None,
+    rescue: Path | None = None,
+) -> Pack:
+    """Train a pack for `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
+
+    With `state` a training that was stopped continues, and ends as if it had never been stopped: the file is written every
+    minute where that is possible, when `cancelled` says so and when the training fails, and removed at the end. Without it,
+    the state of a training that fails is written to `rescue`.
+
+    Raises InputError for a device that is missing, for textures or groups that do not fit and for a state of another
+    training, TrainingFailedError when numbers overflow again and again, TrainingCancelledError when `cancelled` says so.
+    """
+    host = _CallingHost(progress, cancelled)
+    trainer = Trainer(checked_request(TrainingRequest(tuple(textures), grouping, codec, training)), host, state)
+    try:
+        ended = trainer.run()
+    except TrainingCancelledError:
+        if state is not None:
+            trainer.save(state)
+        raise
+    except TrainingFailedError as error:
+        kept = state or rescue
+        if kept is None:
+            raise
+        trainer.save(kept)
+        raise TrainingFailedError(f"{error}; the last good state is in {kept}") from error
+    if state is not None:
+        with suppress(OSError):
+            state.unlink(missing_ok=True)
+    encoded = tuple(host.textures[index] for index in range(len(textures)))
+    decoders = tuple(host.decoders[group] for group in range(grouping.group_count))
+    return Pack(codec, grouping, encoded, decoders, ended.record)
