@@ -281,7 +281,7 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> N
     pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
     assert pixel is not None
     assert renderer is not None
-    assert (pixel.x, pixel.y) == (x, y)
+    assert (pixel.place.x, pixel.place.y) == (x, y)
     for slot, patch in ((app.session.view.slot_a, pixel.a), (app.session.view.slot_b, pixel.b)):
         whole = renderer.albedo(slot)
         assert patch is not None
@@ -309,7 +309,7 @@ def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:
     app.settle()
     pixel = app.frontend.facts().pixel
     assert pixel is not None
-    assert pixel.inside == (7, 7, 15, 15)
+    assert pixel.place.inside == (7, 7, 15, 15)
     assert pixel.material_name is None
     run_line(app.context, "pixel.let-go")
     run_line(app.context, "compare.mode side-by-side")

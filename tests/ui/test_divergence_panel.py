@@ -91,7 +91,7 @@ def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
         mapped.settle()
         block = mapped.frontend.facts().block
         assert block is not None
-        assert (block.column, block.row) == (x // 8, row)
+        assert (block.place.column, block.place.row) == (x // 8, row)
         found.append(block.decoder_count("clustered"))
     assert max(found) == 2
     seen = mapped.frontend.facts().divergence["clustered"]
@@ -109,7 +109,7 @@ def test_a_click_keeps_the_block_and_lets_it_go(mapped: HeadlessApp) -> None:
     block = mapped.frontend.facts().block
     assert block is not None
     # It is the place that is kept: panels leave less room to the picture, which has other blocks.
-    assert block.column == int(kept[0] * mapped.session.window.picture_size[0]) // 8
+    assert block.place.column == int(kept[0] * mapped.session.window.picture_size[0]) // 8
     assert f"block texture {block.textures[0].texture_id}" in labels(mapped)
     mapped.click("let go")
     assert mapped.session.inspection.block is None

@@ -12,12 +12,19 @@ from viewer.scene.model import Scene
 from viewer.state.view_state import BLOCKS, REFERENCE, ViewState
 
 
+def pixel_at(share: tuple[float, float], picture: tuple[int, int]) -> tuple[int, int]:
+    """(x, y) of the pixel at a place given as shares of a picture of `picture` (width, height) pixels; the nearest one inside."""
+    x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
+    return x, y
+
+
 @dataclass(frozen=True)
 class BlockPlace:
     """Where a block is in a picture of `picture` (width, height) pixels."""
 
     column: int
     row: int
+    """Counted from the upper left corner of the picture, from 0."""
     block: tuple[int, int]
     """(width, height) in pixels."""
     picture: tuple[int, int]
@@ -25,7 +32,7 @@ class BlockPlace:
     @classmethod
     def at(cls, share: tuple[float, float], block: tuple[int, int], picture: tuple[int, int]) -> "BlockPlace":
         """The block in which a place lies, given as shares of the picture from its upper left corner."""
-        x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
+        x, y = pixel_at(share, picture)
         return cls(x // block[0], y // block[1], block, picture)
 
     @property
@@ -49,7 +56,7 @@ class BlockTexture:
     texture_id: int
     name: str
     pixels: int
-    """Pixels of the block in which it is seen."""
+    """Pixels of the block that show it."""
     decoders: Mapping[str, int]
     """Decoder of the texture by the source's name; -1 where nothing is decoded."""
 
@@ -58,11 +65,7 @@ class BlockTexture:
 class BlockContent:
     """One block."""
 
-    column: int
-    row: int
-    """Counted from the upper left corner of the picture, from 0."""
-    rectangle: tuple[float, float, float, float]
-    """Left, top, right, bottom as shares of the picture."""
+    place: BlockPlace
     textures: tuple[BlockTexture, ...]
     """Most pixels first."""
 
@@ -92,7 +95,7 @@ def block_content(
         for texture_id, pixels in zip(found.tolist(), counts.tolist(), strict=True)
     ]
     in_order = tuple(sorted(textures, key=lambda texture: (-texture.pixels, texture.texture_id)))
-    return BlockContent(place.column, place.row, place.rectangle, in_order)
+    return BlockContent(place, in_order)
 
 
 class BlockReader:

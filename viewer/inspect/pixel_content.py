@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
-from viewer.inspect.block_content import BlockPlace, block_content
+from viewer.inspect.block_content import BlockPlace, block_content, pixel_at
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import materials_of, texture_ids_of
 from viewer.state.view_state import BLOCKS, REFERENCE, Slot, ViewState
@@ -37,59 +37,19 @@ class PixelPatch:
         return tuple(self.linear[REACH, REACH].tolist()), tuple(self.srgb8[REACH, REACH].tolist())
 
 
-@dataclass(frozen=True, eq=False)
-class PixelContent:
-    """One pixel."""
-
-    x: int
-    y: int
-    """Counted from the upper left corner of the picture, from 0."""
-    picture: tuple[int, int]
-    """(width, height) in pixels."""
-    a: PixelPatch | None
-    """None while the slot has not been drawn."""
-    b: PixelPatch | None
-    inside: tuple[int, int, int, int]
-    """Left, top, right, bottom of the part of the patches that lies inside the picture."""
-    material_name: str | None
-    """None for the background."""
-    texture_id: int
-    """-1 for none."""
-    texture_name: str
-    uv: tuple[float, float]
-    """Not wrapped."""
-    lod: float | None
-    """Level of detail that the surface asks for, from 0 for the largest mip; None without a texture."""
-    decoders: Mapping[str, int]
-    """Decoder of the texture by the source's name; -1 where nothing is decoded."""
-    block_decoders: Mapping[str, int]
-    """D of the pixel's block by the source's name."""
-
-    @property
-    def rectangle(self) -> tuple[float, float, float, float]:
-        """Left, top, right, bottom of the patch as shares of the picture."""
-        width, height = self.picture
-        return (
-            (self.x - REACH) / width,
-            (self.y - REACH) / height,
-            (self.x + REACH + 1) / width,
-            (self.y + REACH + 1) / height,
-        )
-
-
 @dataclass(frozen=True)
 class PatchPlace:
     """Which pixels are read back for a patch around (x, y) of a picture of `picture` (width, height) pixels."""
 
     x: int
     y: int
+    """Counted from the upper left corner of the picture, from 0."""
     picture: tuple[int, int]
 
     @classmethod
     def at(cls, share: tuple[float, float], picture: tuple[int, int]) -> "PatchPlace":
         """Around a place given as shares of the picture from its upper left corner."""
-        x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
-        return cls(x, y, picture)
+        return cls(*pixel_at(share, picture), picture)
 
     @property
     def pixels(self) -> tuple[int, int, int, int]:
@@ -104,10 +64,21 @@ class PatchPlace:
 
     @property
     def inside(self) -> tuple[int, int, int, int]:
-        """The same, counted from the patch's own upper left corner."""
+        """Left, top, right, bottom of these pixels, counted from the patch's own upper left corner."""
         left, top, right, bottom = self.pixels
         x, y = self.x - REACH, self.y - REACH
         return left - x, top - y, right - x, bottom - y
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """Left, top, right, bottom of the patch as shares of the picture."""
+        width, height = self.picture
+        return (
+            (self.x - REACH) / width,
+            (self.y - REACH) / height,
+            (self.x + REACH + 1) / width,
+            (self.y + REACH + 1) / height,
+        )
 
     def patch(self, read: NDArray[np.float32]) -> PixelPatch:
         """The patch whose part inside the picture is `read` [h, w, 3]."""
@@ -116,6 +87,29 @@ class PatchPlace:
         left, top, right, bottom = self.inside
         linear[top:bottom, left:right] = read
         return PixelPatch(linear)
+
+
+@dataclass(frozen=True, eq=False)
+class PixelContent:
+    """One pixel."""
+
+    place: PatchPlace
+    a: PixelPatch | None
+    """None while the slot has not been drawn."""
+    b: PixelPatch | None
+    material_name: str | None
+    """None for the background."""
+    texture_id: int
+    """-1 for none."""
+    texture_name: str
+    uv: tuple[float, float]
+    """Not wrapped."""
+    lod: float | None
+    """Level of detail that the surface asks for, from 0 for the largest mip; None without a texture."""
+    decoders: Mapping[str, int]
+    """Decoder of the texture by the source's name; -1 where nothing is decoded."""
+    block_decoders: Mapping[str, int]
+    """D of the pixel's block by the source's name."""
 
 
 class PixelReader:
@@ -155,12 +149,9 @@ class PixelReader:
             return place.patch(read) if read is not None else None
 
         return PixelContent(
-            x=place.x,
-            y=place.y,
-            picture=view.size,
+            place=place,
             a=patch(view.slot_a),
             b=patch(view.slot_b),
-            inside=place.inside,
             material_name=scene.materials[material].name if material >= 0 else None,
             texture_id=texture_id,
             texture_name=texture.name if texture is not None else "",

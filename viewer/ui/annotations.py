@@ -110,7 +110,7 @@ def _frames(session: Session, part: tuple[float, float, float, float], area: Are
 def draw_pixel(session: Session, facts: FrameFacts, area: Area) -> None:
     """A frame around what the panel Pixel enlarges."""
     if facts.pixel is not None:
-        _frames(session, facts.pixel.rectangle, area)
+        _frames(session, facts.pixel.place.rectangle, area)
 
 
 def draw_block(session: Session, facts: FrameFacts, area: Area) -> None:
@@ -118,7 +118,7 @@ def draw_block(session: Session, facts: FrameFacts, area: Area) -> None:
     block = facts.block
     if block is None:
         return
-    left, top, right, bottom = block.rectangle
+    left, top, right, bottom = block.place.rectangle
     _frames(session, (left, top, right, bottom), area)
     if session.inspection.hovered is not None and session.inspection.block is None and block.textures:
         slots = (("A", session.view.slot_a), ("B", session.view.slot_b))

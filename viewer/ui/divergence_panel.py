@@ -123,7 +123,7 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRect
 
 def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
     kept = session.inspection.block is not None
-    imgui.text(f"block {block.column}, {block.row}")
+    imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
     if kept:
         if imgui.small_button("let go"):

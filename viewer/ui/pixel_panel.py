@@ -109,7 +109,8 @@ def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: Wid
     if pixel is None:
         imgui.text_disabled("point at the picture")
         return
-    imgui.text(f"{pixel.x}, {pixel.y} of {pixel.picture[0]} x {pixel.picture[1]}")
+    place = pixel.place
+    imgui.text(f"{place.x}, {place.y} of {place.picture[0]} x {place.picture[1]}")
     imgui.same_line()
     if session.inspection.pixel is not None:
         if imgui.small_button("let go"):
@@ -119,10 +120,10 @@ def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: Wid
         imgui.text_disabled("click keeps it")
     cell = min(LARGEST_CELL, (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
-    _patch(pixel.a, pixel.inside, cell)
+    _patch(pixel.a, place.inside, cell)
     items.note("pixels of A")
     imgui.same_line()
-    _patch(pixel.b, pixel.inside, cell)
+    _patch(pixel.b, place.inside, cell)
     items.note("pixels of B")
     _values(pixel)
     _facts(pixel, session)
