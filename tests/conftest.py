@@ -1,16 +1,33 @@
-"""Fixtures shared by all tests."""
+"""Fixtures and markers shared by all tests."""
 
 import os
 from pathlib import Path
 
 import pytest
 
+# Before numpy and torch are imported: tests run side by side, and threads of one that wait for another's core spin.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+TESTS = Path(__file__).parent
+DRAWING = ("gl", "golden", "ui")
+"""Folders whose tests all draw with OpenGL."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what folders have in common."""
+    for item in items:
+        folder = item.path.relative_to(TESTS).parts[0]
+        if folder in DRAWING:
+            item.add_marker(pytest.mark.gl)
+        if folder == "end_to_end":
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Folder of real scenes and textures for development; tests that need it skip where it is absent."""
     given = os.environ.get("NTC_VIEWER_DATA")
-    folder = Path(given) if given else Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(given) if given else TESTS.resolve().parents[1] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"no development data at {folder}; set NTC_VIEWER_DATA to a folder with scenes/ and textures/")
     return folder

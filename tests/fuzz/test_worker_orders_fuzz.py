@@ -38,6 +38,8 @@ from tests.support.worker_sessions import (
     starts,
 )
 
+pytestmark = pytest.mark.process
+
 QUICK = settings(deadline=1000, max_examples=150)
 
 

@@ -23,6 +23,8 @@ from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

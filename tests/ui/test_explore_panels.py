@@ -19,8 +19,6 @@ from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
-from viewer.ui.panels import make_panels
-from viewer.ui.user_interface import UserInterface
 
 Opener = Callable[..., HeadlessApp]
 
@@ -105,9 +103,11 @@ def test_thumbnails_are_made_for_rows_in_sight_only(opener: Opener) -> None:
     made = app.frontend.facts().thumbnails_made
     assert made < 120
     assert app.frontend.facts().thumbnails_skipped == 2000 - made
-    before = time.thread_time()
-    app.frame(10)
-    assert (time.thread_time() - before) / 10 < 0.1
+    widgets = len(labels(app))
+    few = opener(shown=many_textures(100))
+    few.show_panel("Textures")
+    run(few, "texture.select", "60")
+    assert len(labels(few)) == pytest.approx(widgets, abs=3), "a frame costs what is in sight"
 
 
 def test_a_double_click_shows_a_texture_flat(app: HeadlessApp) -> None:
@@ -285,11 +285,20 @@ def test_settings_that_make_no_sense_are_refused(tmp_path: Path, content: dict[s
     assert problem is not None
 
 
-def test_titles_are_unique_and_known_to_the_session(app: HeadlessApp) -> None:
-    interface = UserInterface()
-    titles = [panel.title for panel in make_panels(interface.background)]
-    assert len(set(titles)) == len(titles)
-    assert app.session.window.panel_titles == tuple(titles)
+def test_a_panel_is_hidden_and_shown_by_its_title_and_no_other_with_it(app: HeadlessApp) -> None:
+    run(app, "overlay.kind", "divergence")
+    titles = app.session.window.panel_titles
+
+    def open_panels() -> list[str]:
+        windows = {title: imgui.internal.find_window_by_name(title) for title in titles}
+        return [title for title, window in windows.items() if window is not None and window.was_active]
+
+    assert open_panels() == list(titles)
+    for title in titles:
+        run(app, "window.panel", title, "off")
+        assert open_panels() == [other for other in titles if other != title]
+        run(app, "window.panel", title, "on")
+    assert open_panels() == list(titles)
 
 
 def test_the_row_of_a_texture_is_plain_data() -> None:

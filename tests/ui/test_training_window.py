@@ -22,6 +22,8 @@ from viewer.scene.load import load_scene
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
 
+pytestmark = pytest.mark.process
+
 SIZE = (900, 640)
 PATIENCE = 140.0
 """Seconds that anything may take on a busy machine."""
@@ -155,6 +157,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     assert "nothing is to be trained" in messages(app)
 
 
+@pytest.mark.timing
 def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     session = app.session
     run_line(app.context, "training.encode single auto 32 600s")

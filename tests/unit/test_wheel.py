@@ -6,6 +6,10 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.process
+
 PROGRAM = "import sys, viewer, viewer.cli; print(viewer.__file__); sys.exit(viewer.cli.main())"
 REPOSITORY = Path(__file__).resolve().parents[2]
 

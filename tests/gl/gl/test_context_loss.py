@@ -121,6 +121,7 @@ def test_a_renderer_returns_nothing_that_a_lost_context_drew(graphics: GraphicsC
     renderer.release()
 
 
+@pytest.mark.timing
 def test_asking_costs_next_to_nothing(graphics: GraphicsContext) -> None:
     rounds = 2000
     began = time.perf_counter()

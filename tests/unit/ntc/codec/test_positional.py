@@ -12,14 +12,14 @@ def test_wave_has_period_1_and_known_values() -> None:
 
 
 def test_order_is_axis_octave_phase() -> None:
-    x, y = 0.7, 5.3
-    expected = []
-    for coordinate in (x, y):
-        for period in (2.0, 4.0, 8.0):
-            for phase in (0.0, 0.25):
-                turn = coordinate / period + phase
-                expected.append(4.0 * abs(turn - np.floor(turn) - 0.5) - 1.0)
-    np.testing.assert_allclose(positional_encoding(np.array([[x, y]]), 3)[0], expected)
+    # At x = 1: half a turn of period 2, a quarter of period 4, an eighth of period 8; each again a quarter turn on.
+    at_x = [-1.0, 0.0, 0.0, -1.0, 0.5, -0.5]
+    at_y = [-1.0, 0.0, 0.0, 1.0, -0.5, -0.5]
+    at_zero = [1.0, 0.0] * 3
+    texels = np.array([[1.0, 0.0], [0.0, 3.0], [1.0, 3.0]])
+    np.testing.assert_allclose(
+        positional_encoding(texels, 3), [[*at_x, *at_zero], [*at_zero, *at_y], [*at_x, *at_y]], atol=1e-12
+    )
 
 
 def test_values_stay_in_range_and_repeat_with_the_longest_period() -> None:

@@ -70,6 +70,7 @@ def test_the_search_finds_the_best_of_all_groups() -> None:
     assert costs.min() == pytest.approx(best, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_limit_on_spread_is_kept() -> None:
     seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
     features = np.random.default_rng(5).normal(size=(TEXTURES, 3))
@@ -82,6 +83,7 @@ def test_a_limit_on_spread_is_kept() -> None:
         covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_limit=1e-6))
 
 
+@pytest.mark.slow
 def test_hundreds_of_textures_keep_the_bound() -> None:
     seen = seen_blocks([neighbours(seed, 400, (720, 1280)) for seed in range(2)], 400)
     config = CovisibleConfig(clusters=40, chains=6, iterations=600)
@@ -114,6 +116,7 @@ def test_it_beats_chance_and_keeps_the_bound() -> None:
     assert grouping.parameters["baseline_excess"] == seen.excess(np.arange(TEXTURES))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_groups() -> None:
     seen = seen_blocks([neighbours(4)], TEXTURES)
     features = np.zeros((TEXTURES, 2))
@@ -129,6 +132,7 @@ def test_few_textures(textures: int, clusters: int) -> None:
     assert grouping.group_count <= min(clusters, textures)
 
 
+@pytest.mark.slow
 def test_weight_on_spread_trades_divergence_for_likeness() -> None:
     seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
     features = np.random.default_rng(5).normal(size=(TEXTURES, 3))

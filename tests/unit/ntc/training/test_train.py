@@ -83,6 +83,7 @@ def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.
     return all(np.array_equal(x, y) for x, y in zip(before, after, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("training", [SHORT, replace(SHORT, texels_per_group=64, freezing=FreezingConfig())])
 def test_the_seed_decides_every_bit(training: TrainingConfig) -> None:
     textures = [texture(16, 16), texture(12, 8, seed=1), texture(7, 5, seed=2)]
@@ -101,6 +102,7 @@ def smooth_texture(side: int) -> SourceTexture:
     return SourceTexture("smooth", pixels, hash_pixels(pixels))
 
 
+@pytest.mark.slow
 def test_a_smooth_texture_is_learnt_well() -> None:
     source = smooth_texture(64)
     training = TrainingConfig(steps=900, texels_per_texture=512, decoder_rate=1e-2, device="cpu")
@@ -361,6 +363,7 @@ def test_odd_textures_train_together(levels: int | None) -> None:
             assert np.abs(decoded.astype(int) - source.pixels).mean() < 60
 
 
+@pytest.mark.slow
 def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
     flat, waves = np.full((16, 16, 3), 128, np.uint8), texture(16, 16, seed=4)
     sources = [SourceTexture("flat", flat, hash_pixels(flat)), waves]

@@ -17,6 +17,8 @@ from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
+pytestmark = pytest.mark.slow
+
 SHORT = TrainingConfig(steps=120, texels_per_texture=32, device="cpu")
 CONFIG = CodecConfig(hidden_width=16, adapters=True)
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1)]

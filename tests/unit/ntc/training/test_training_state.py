@@ -16,6 +16,8 @@ from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from tests.unit.ntc.training.test_train import same, texture
 
+pytestmark = pytest.mark.slow
+
 SHORT = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
 FULL = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1), texture(9, 5, seed=2)]

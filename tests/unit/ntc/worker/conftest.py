@@ -8,20 +8,31 @@ import pytest
 from ntc.pack.model import Pack
 from ntc.training.encode import train
 from ntc.worker.client import TrainingWorker
+from ntc.worker.protocol import Failed, Finished
 from tests.support.training_workers import (
     CODEC,
     GROUPS,
     SHORT,
     TEXTURES,
     threads,
+    until,
 )
 
 
 @pytest.fixture(scope="session")
-def shared() -> Iterator[TrainingWorker]:
+def process() -> Iterator[TrainingWorker]:
     """One process for all tests that do not kill it: importing torch takes seconds."""
     with TrainingWorker() as worker:
         yield worker
+
+
+@pytest.fixture
+def shared(process: TrainingWorker) -> Iterator[TrainingWorker]:
+    """`process`, free again afterwards, also where a test has failed."""
+    yield process
+    if process.busy:
+        process.cancel()
+        until(process, (Finished, Failed))
 
 
 @pytest.fixture(scope="session")

@@ -35,6 +35,8 @@ from tests.support.training_workers import (
 )
 from tests.unit.ntc.training.test_train import same
 
+pytestmark = pytest.mark.process
+
 
 def digest(pack: Pack, texture_index: int) -> str:
     """Over everything that decodes a texture."""
@@ -166,6 +168,7 @@ def test_regrouped_with_another_count(shared: TrainingWorker, trained: Pack) -> 
         np.testing.assert_array_equal(decode_image(shown, index), decode_image(pack, index))
 
 
+@pytest.mark.timing
 def test_a_budget_of_seconds_ends_in_time_with_rounded_latents(shared: TrainingWorker) -> None:
     end, reports = finished(shared, replace(FROM_NOTHING, training=ENDLESS, budget=TimeBudget(3.0)))
     last = [report for report in reports if isinstance(report, TrainingProgress)][-1]

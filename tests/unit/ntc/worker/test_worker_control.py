@@ -34,7 +34,10 @@ from tests.support.training_workers import (
 )
 from tests.unit.ntc.training.test_train import texture
 
+pytestmark = pytest.mark.process
 
+
+@pytest.mark.timing
 def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_property: Any) -> None:
     large = tuple(texture(256, 256, seed=seed) for seed in range(6))
     request = TrainingRequest(large, Grouping("random", (0, 1) * 3), CODEC, replace(ENDLESS, texels_per_texture=8192))
@@ -185,6 +188,7 @@ def test_killed_twenty_times_it_says_so_and_leaves_nothing(tmp_path: Path, train
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.timing
 def test_cancelled_while_it_starts_and_closed_while_it_trains() -> None:
     worker = TrainingWorker()
     worker.start(FROM_NOTHING)
@@ -202,6 +206,7 @@ def test_cancelled_while_it_starts_and_closed_while_it_trains() -> None:
     assert worker.poll() == []
 
 
+@pytest.mark.timing
 def test_a_process_that_does_not_obey_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     with TrainingWorker() as worker:
         worker.start(replace(FROM_NOTHING, training=ENDLESS))

@@ -9,6 +9,8 @@ import pytest
 
 from tests.support.training_workers import blocks, lives
 
+pytestmark = pytest.mark.process
+
 
 def test_the_handle_needs_no_torch() -> None:
     code = "import sys, ntc.worker.client; sys.exit(int('torch' in sys.modules))"

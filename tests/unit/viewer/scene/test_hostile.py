@@ -114,6 +114,7 @@ def test_cycles_and_shared_children() -> None:
         refused(builder, "is reached twice|entries for")
 
 
+@pytest.mark.slow
 def test_nodes_nested_too_deep_and_very_deep() -> None:
     for depth, words in ((16384, None), (16400, "nested more than 16384 deep")):
         builder = GltfBuilder()
@@ -126,6 +127,7 @@ def test_nodes_nested_too_deep_and_very_deep() -> None:
             assert len(built(builder).instances.primitive) == 1
 
 
+@pytest.mark.slow
 def test_tens_of_thousands_of_nodes_load_quickly() -> None:
     builder = GltfBuilder()
     mesh = builder.mesh(builder.triangle())

@@ -89,6 +89,7 @@ def test_obj_texture_stands_upright(tmp_path: Path) -> None:
     assert scene.geometry.uvs[highest, 1] == pytest.approx(0.0)
 
 
+@pytest.mark.process
 def test_trimesh_and_draco_are_not_imported_for_gltf(tmp_path: Path) -> None:
     path = simple().write(tmp_path / "a.glb")
     code = (
@@ -98,6 +99,7 @@ def test_trimesh_and_draco_are_not_imported_for_gltf(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", code, str(path)], check=True)
 
 
+@pytest.mark.timing
 def test_bistro(data_folder: Path) -> None:
     path = data_folder / "scenes/bistro/bistro.gltf"
     started = time.perf_counter()
