@@ -51,6 +51,7 @@ def overlaps(triangle: NDArray[np.float64], others: NDArray[np.float64]) -> NDAr
     return ~apart
 
 
+@pytest.mark.slow
 def test_triangles_are_neither_empty_nor_in_one_plane_with_others(scene: Scene) -> None:
     triangles = world_triangles(scene)
     assert 10_000 <= len(triangles) <= 60_000
@@ -75,6 +76,7 @@ def test_triangles_are_neither_empty_nor_in_one_plane_with_others(scene: Scene) 
     assert not clashes, [tuple(np.round(np.concatenate(pair), 2)) for pair in clashes[:10]]
 
 
+@pytest.mark.slow
 def test_textures_repeat_without_a_seam(scene: Scene) -> None:
     for texture in scene.textures:
         if texture.name in CLAMPED:
@@ -92,6 +94,7 @@ def test_names_of_cameras_and_textures_are_those_of_the_scripts(scene: Scene) ->
     assert {texture.name: texture.category for texture in scene.textures} == {r.name: r.category for r in recipes()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["brick_red", "metal_lattice", "wood_sign"])
 def test_textures_are_those_of_the_scripts(scene: Scene, name: str) -> None:
     number = [recipe.name for recipe in recipes()].index(name)
