@@ -99,7 +99,7 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
         "textures": len(textures),
         "cameras": len(cameras),
     }
-    node_names = tuple(file.label(node, f"node {i}") for i, node in enumerate(file.entries_checked("nodes")))
+    node_names = tuple(file.label(node, f"node {i}") for i, node in enumerate(file.entries("nodes")))
     return Scene(
         name=name,
         path=path,

@@ -4,29 +4,22 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
-from msgspec.structs import asdict
 
 from ntc.errors import InputError
 from viewer.scene.cameras_file import Viewpoint
 from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera
-from viewer.state.palettes import PaletteName
-from viewer.state.settings import GAIN_RANGE, Anisotropy
+from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
     REFERENCE,
-    BlockName,
     CompareMode,
     Difference,
-    DifferenceKind,
     Overlay,
-    OverlayKind,
-    PathChoice,
-    Precision,
     Slot,
     ViewState,
 )
@@ -90,19 +83,11 @@ def view_json(saved: SavedView) -> str:
         "version": VERSION,
         "scene": saved.scene,
         "camera": _camera_fields(view.camera),
-        "slots": {
-            side: {"source": slot.source, "path": slot.path, "precision": slot.precision}
-            for side, slot in (("a", view.slot_a), ("b", view.slot_b))
-        },
+        "slots": {"a": asdict(view.slot_a), "b": asdict(view.slot_b)},
         "compare": view.compare,
         "divider": view.wipe_position,
-        "difference": {"kind": view.difference.kind, "gain": view.difference.gain},
-        "overlay": {
-            "kind": view.overlay.kind,
-            "opacity": view.overlay.opacity,
-            "palette": view.overlay.palette,
-            "block": view.overlay.block,
-        },
+        "difference": asdict(view.difference),
+        "overlay": asdict(view.overlay),
         "zoom": {"factor": view.zoom.factor, "x": view.zoom.centre[0], "y": view.zoom.centre[1]},
         "anisotropy": view.anisotropy,
         "resolution": saved.resolution,
@@ -131,30 +116,12 @@ class _Camera(Viewpoint):
         )
 
 
-class _Slot(msgspec.Struct):
-    source: str
-    path: PathChoice
-    precision: Precision
+class _Slots(msgspec.Struct):
+    a: Slot
+    b: Slot
 
     def __post_init__(self) -> None:
-        self.source = nonempty_line(self.source)
-
-
-class _Slots(msgspec.Struct):
-    a: _Slot
-    b: _Slot
-
-
-class _Difference(msgspec.Struct):
-    kind: DifferenceKind
-    gain: Annotated[float, Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
-
-
-class _Overlay(msgspec.Struct):
-    kind: OverlayKind
-    opacity: Share
-    palette: PaletteName
-    block: BlockName
+        self.a, self.b = (replace(slot, source=nonempty_line(slot.source)) for slot in (self.a, self.b))
 
 
 class _Zoom(msgspec.Struct):
@@ -169,8 +136,8 @@ class _ViewFile(msgspec.Struct):
     slots: _Slots
     compare: CompareMode
     divider: Share
-    difference: _Difference
-    overlay: _Overlay
+    difference: Difference
+    overlay: Overlay
     zoom: _Zoom
     anisotropy: Anisotropy
     resolution: Annotated[float, Meta(ge=SMALLEST_RESOLUTION, le=1.0)]
@@ -218,12 +185,12 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
         replace(
             view,
             camera=view.camera if saved.camera is None else saved.camera.camera(),
-            slot_a=Slot(**asdict(saved.slots.a)),
-            slot_b=Slot(**asdict(saved.slots.b)),
+            slot_a=saved.slots.a,
+            slot_b=saved.slots.b,
             compare=saved.compare,
             wipe_position=saved.divider,
-            difference=Difference(**asdict(saved.difference)),
-            overlay=Overlay(**asdict(saved.overlay)),
+            difference=saved.difference,
+            overlay=saved.overlay,
             zoom=Zoom(saved.zoom.factor, (saved.zoom.x, saved.zoom.y)),
             anisotropy=saved.anisotropy,
         ),

@@ -1,11 +1,15 @@
 """What the user looks at, as immutable values: read by the renderer, the UI, scripts and `render`; changed by commands."""
 
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
+
+from msgspec import Meta
 
 from ntc.codec.precision import Precision as Precision
+from viewer.scene.json_text import Share
 from viewer.scene.model import Camera
 from viewer.state.palettes import PaletteName
+from viewer.state.settings import GAIN_RANGE
 from viewer.state.zoom import WHOLE, Zoom
 
 Side = Literal["a", "b"]
@@ -21,6 +25,9 @@ BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4),
 
 REFERENCE: Final = "reference"
 """The slot source that shows the original images instead of a pack."""
+
+
+Gain = Annotated[float, Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
 
 
 @dataclass(frozen=True)
@@ -41,8 +48,7 @@ class Overlay:
 
     kind: OverlayKind = "none"
     """Nothing, the map of decoders per block, or the error of each texture or decoder between A and B."""
-    opacity: float = 0.6
-    """0 to 1."""
+    opacity: Share = 0.6
     palette: PaletteName = "green-red"
     block: BlockName = "8x8"
 
@@ -53,8 +59,7 @@ class Difference:
 
     kind: DifferenceKind = "amplified"
     """|A - B| of sRGB values as it is, or `gain` times it; |A - B| / max(A, 0.01) of linear light; the FLIP map."""
-    gain: float = 8.0
-    """Above 0."""
+    gain: Gain = 8.0
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ class Accessors:
         return normalize(values) if normalized else values.astype(np.float32)
 
     def _entry(self, index: object, where: str) -> tuple[dict[str, Any], str]:
-        accessors = self._file.entries_checked("accessors")
+        accessors = self._file.entries("accessors")
         number = self._file.index(index, len(accessors), where)
         return accessors[number], f"accessors[{number}]"
 

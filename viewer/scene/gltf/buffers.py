@@ -1,7 +1,6 @@
 """Bytes of a glTF file: buffers, buffer views, data URIs and external files."""
 
 import base64
-import binascii
 from pathlib import Path, PureWindowsPath
 from urllib.parse import unquote, unquote_to_bytes, urlsplit
 
@@ -11,19 +10,6 @@ from numpy.typing import NDArray
 from ntc.io import read_file
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene.gltf.container import GltfFile
-
-
-def decode_data_uri(file: GltfFile, uri: str, where: str) -> bytes:
-    """The bytes of a `data:` URI. Raises InputError."""
-    header, comma, payload = uri.partition(",")
-    if not comma:
-        raise file.fail(where, "a data URI without data")
-    if not header.endswith(";base64"):
-        return unquote_to_bytes(payload)
-    try:
-        return base64.b64decode(unquote(payload), validate=True)
-    except (binascii.Error, ValueError) as error:
-        raise file.fail(where, f"the data URI is not valid base64 ({error})") from error
 
 
 def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
@@ -62,29 +48,32 @@ def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
     return path
 
 
-def read_external(file: GltfFile, path: Path, uri: str, where: str) -> bytes:
-    """The bytes of the file at `path`, named by `uri`. Raises InputError where it is missing or no plain file."""
+def is_data_uri(uri: str) -> bool:
+    """Whether `uri` holds its bytes itself."""
+    return uri[:5].lower() == "data:"
+
+
+def read_uri(file: GltfFile, uri: str, where: str) -> bytes:
+    """The bytes of a data URI or of an external file. Raises InputError where it is missing, broken or not allowed."""
+    if is_data_uri(uri):
+        header, comma, payload = uri.partition(",")
+        if not comma:
+            raise file.fail(where, "a data URI without data")
+        if not header.endswith(";base64"):
+            return unquote_to_bytes(payload)
+        try:
+            return base64.b64decode(unquote(payload), validate=True)
+        except ValueError as error:
+            raise file.fail(where, f"the data URI is not valid base64 ({error})") from error
+    path = resolve_uri(file, uri, where)
+    if path is None:
+        raise file.fail(where, f"{uri[:60]!r}: external file of a scene that is not a file itself")
     try:
         return read_file(path)
     except OSError as error:
         raise file.fail(where, f"{uri[:120]}: cannot be read ({error.strerror}); put it beside the scene") from error
     except ValueError as error:
         raise file.fail(where, f"{uri[:60]!r}: not a file name") from error
-
-
-def read_uri(file: GltfFile, uri: str, where: str) -> bytes:
-    """The bytes of a data URI or of an external file. Raises InputError where it is missing or not allowed."""
-    if is_data_uri(uri):
-        return decode_data_uri(file, uri, where)
-    path = resolve_uri(file, uri, where)
-    if path is None:
-        raise file.fail(where, f"{uri[:60]!r}: external file of a scene that is not a file itself")
-    return read_external(file, path, uri, where)
-
-
-def is_data_uri(uri: str) -> bool:
-    """Whether `uri` holds its bytes itself."""
-    return uri[:5].lower() == "data:"
 
 
 class Buffers:
@@ -123,24 +112,20 @@ class Buffers:
         return np.frombuffer(data, np.uint8, length)
 
     def _source(self, uri: str, where: str) -> bytes:
-        path = None if is_data_uri(uri) else resolve_uri(self._file, uri, where)
-        key: str | Path = uri if path is None else path
+        key = uri if is_data_uri(uri) else resolve_uri(self._file, uri, where) or uri
         if key not in self._sources:
-            if path is None:
-                self._sources[key] = read_uri(self._file, uri, where)
-            else:
-                self._sources[key] = read_external(self._file, path, uri, where)
+            self._sources[key] = read_uri(self._file, uri, where)
             self._byte_count += len(self._sources[key])
         return self._sources[key]
 
     def view(self, index: object, where: str) -> tuple[NDArray[np.uint8], int]:
         """(bytes, byte stride or 0) of the buffer view `index`, named by the field `where`. Raises InputError."""
         file = self._file
-        views = file.entries_checked("bufferViews")
+        views = file.entries("bufferViews")
         number = file.index(index, len(views), where)
         view = views[number]
         name = f"bufferViews[{number}]"
-        buffer_index = file.index(view.get("buffer"), len(file.entries_checked("buffers")), f"{name}.buffer")
+        buffer_index = file.index(view.get("buffer"), len(file.entries("buffers")), f"{name}.buffer")
         data = self.buffer(buffer_index)
         offset = file.integer(view, "byteOffset", name, 0)
         length = file.integer(view, "byteLength", name)

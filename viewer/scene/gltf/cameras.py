@@ -30,7 +30,7 @@ def _camera(
     file: GltfFile, placement: NodePlacements, index: int, name: str, center: NDArray[np.float64]
 ) -> Camera | None:
     """The camera on the node `placement`; None when the node's transform leaves it no direction."""
-    entry = file.entries_checked("cameras")[index]
+    entry = file.entries("cameras")[index]
     where = f"cameras[{index}]"
     eye = placement.world[:3, 3]
     forward, up = _unit(-placement.world[:3, 2]), _unit(placement.world[:3, 1])
@@ -72,7 +72,7 @@ def read_cameras(
 
     `center` [3] is the middle of the scene; targets are put at its depth. Raises InputError.
     """
-    nodes, entries = file.entries_checked("nodes"), file.entries_checked("cameras")
+    nodes, entries = file.entries("nodes"), file.entries("cameras")
     taken: set[str] = set()
     cameras: list[Camera] = []
     for placement in placements:

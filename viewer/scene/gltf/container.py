@@ -82,25 +82,24 @@ class GltfFile:
             raise self.fail(f"{where}.{key}", "must be an array")
         return value
 
-    def entries(self, key: str) -> list[dict[str, Any]]:
-        """A top-level array of objects, e.g. "meshes"; empty when absent."""
+    def check_entries(self, key: str) -> None:
+        """Refuse the top-level array `key` unless it is an array of objects, of a number that is read."""
         value = self.array(self.json, key, "file")
         if len(value) > MAX_ENTRIES:
             raise self.fail(key, f"has {len(value)} entries; at most {MAX_ENTRIES} are read")
         for index, entry in enumerate(value):
             if not isinstance(entry, dict):
                 raise self.fail(f"{key}[{index}]", "must be an object")
+
+    def entries(self, key: str) -> list[dict[str, Any]]:
+        """A top-level array of objects, e.g. "meshes", checked when the file was parsed; empty when absent."""
+        value: list[dict[str, Any]] = self.json.get(key, [])
         return value
 
     def entry(self, key: str, index: Any, where: str) -> dict[str, Any]:
         """Entry `index` of the top-level array `key`, named by the field `where`."""
-        entries = self.entries_checked(key)
+        entries = self.entries(key)
         return entries[self.index(index, len(entries), where)]
-
-    def entries_checked(self, key: str) -> list[dict[str, Any]]:
-        """The top-level array `key`, which `entries` has already checked as a whole."""
-        value: list[dict[str, Any]] = self.json.get(key, [])
-        return value
 
     def index(self, value: Any, count: int, where: str) -> int:
         """`value` as an index below `count`."""
@@ -219,9 +218,9 @@ def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, .
     if file.text(asset, "minVersion", "asset", "2.0") != "2.0":
         raise file.fail("asset.minVersion", f"{describe(asset['minVersion'])} is not supported; only glTF 2.0 is read")
     for key in ("nodes", "meshes", "materials", "accessors", "bufferViews", "buffers"):
-        file.entries(key)
+        file.check_entries(key)
     for key in ("scenes", "images", "textures", "samplers", "cameras"):
-        file.entries(key)
+        file.check_entries(key)
     return file
 
 

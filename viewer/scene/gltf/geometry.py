@@ -82,7 +82,7 @@ class GeometryReader:
 
     def read_mesh(self, index: int) -> tuple[Primitive, ...]:
         """The triangle primitives of mesh `index`. Raises InputError."""
-        mesh = self._file.entries_checked("meshes")[index]
+        mesh = self._file.entries("meshes")[index]
         where = f"meshes[{index}]"
         name = self._file.label(mesh, f"mesh {index}")
         primitives: list[Primitive] = []

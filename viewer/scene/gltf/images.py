@@ -41,7 +41,7 @@ class _DecodedImage:
 
 
 def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
-    entry = file.entries_checked("images")[index]
+    entry = file.entries("images")[index]
     where = f"images[{index}]"
     if "uri" in entry:
         return read_uri(file, file.text(entry, "uri", where), f"{where}.uri")
@@ -52,7 +52,7 @@ def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
 
 def _source(file: GltfFile, index: int) -> tuple[str, Any]:
     """What image `index` is read from: images with the same source are decoded once."""
-    entry = file.entries_checked("images")[index]
+    entry = file.entries("images")[index]
     for key in ("uri", "bufferView"):
         if key in entry:
             return key, entry[key] if isinstance(entry[key], str | int) else index
@@ -87,7 +87,7 @@ class _TooManyPixelsError(Exception):
 
 def _names(file: GltfFile, index: int) -> tuple[str, str]:
     """(name, origin) of image `index`."""
-    entry = file.entries_checked("images")[index]
+    entry = file.entries("images")[index]
     uri = entry.get("uri")
     external = isinstance(uri, str) and uri[:5].lower() != "data:"
     path = file.label({"name": unquote(uri)}, "") if external and isinstance(uri, str) else ""
@@ -202,7 +202,7 @@ def read_images(
         if image.failure:
             reason = image.failure.removeprefix(f"{file.name}: ")
             notes.missing(f"{reason} [the factor is used]")
-    for index in range(len(file.entries_checked("images"))):
+    for index in range(len(file.entries("images"))):
         if index not in images:
             _note_absent(file, index, notes)
     notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
@@ -219,7 +219,7 @@ def read_images(
 
 def _note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
     """Report a file that the scene names but nothing here needs (a normal map, say) when it is not there."""
-    entry = file.entries_checked("images")[index]
+    entry = file.entries("images")[index]
     uri = entry.get("uri")
     if not isinstance(uri, str) or uri[:5].lower() == "data:":
         return
@@ -233,7 +233,7 @@ def _note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
 
 
 def _touch_buffer(file: GltfFile, buffers: Buffers, image: int) -> None:
-    view = file.entries_checked("images")[image].get("bufferView")
+    view = file.entries("images")[image].get("bufferView")
     if view is not None:
         try:
             buffers.view(view, f"images[{image}].bufferView")

@@ -100,7 +100,7 @@ def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportN
 
 def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
     """Image of a texture: a WebP or DDS extension's, else the plain one."""
-    count = len(file.entries_checked("images"))
+    count = len(file.entries("images"))
     for name in ("EXT_texture_webp", "MSFT_texture_dds"):
         extension = file.extension(texture, name, where)
         if extension is not None and "source" in extension:
@@ -142,7 +142,7 @@ def _note_unused(entry: dict[str, Any], pbr: dict[str, Any], notes: ReportNotes)
 
 
 def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
-    entry = file.entries_checked("materials")[index]
+    entry = file.entries("materials")[index]
     where = f"materials[{index}]"
     pbr = file.object(entry, "pbrMetallicRoughness", where)
     _note_unused(entry, pbr, notes)
@@ -171,7 +171,7 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
     if texture_key in owner:
         info = file.object(owner, texture_key, owner_name)
         info_name = f"{owner_name}.{texture_key}"
-        textures = file.entries_checked("textures")
+        textures = file.entries("textures")
         number = file.index(info.get("index"), len(textures), f"{info_name}.index")
         image = _image_index(file, textures[number], f"textures[{number}]", notes)
         sampler = _sampler(file, textures[number], f"textures[{number}]", notes)
@@ -181,7 +181,7 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
         notes.honoured("second and further UV sets: materials", int(uv_set > 0))
         category = _category(file, textures[number]) or category
         if image is not None:
-            category = _category(file, file.entries_checked("images")[image]) or category
+            category = _category(file, file.entries("images")[image]) or category
     material = Material(
         name=file.label(entry, f"material {index}"),
         texture_id=-1,
@@ -197,5 +197,5 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
 
 def read_materials(file: GltfFile, notes: ReportNotes) -> tuple[MaterialSource, ...]:
     """All materials of the file, and at the end the one for primitives that name none. Raises InputError."""
-    count = len(file.entries_checked("materials"))
+    count = len(file.entries("materials"))
     return (*(_material(file, index, notes) for index in range(count)), DEFAULT_MATERIAL)

@@ -57,7 +57,7 @@ def compose(
 
 def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64]:
     """[N, 4, 4] node-to-parent matrices of the nodes `indices`. Raises InputError."""
-    nodes = file.entries_checked("nodes")
+    nodes = file.entries("nodes")
     count = len(indices)
     translations, scales = np.zeros((count, 3)), np.ones((count, 3))
     rotations = np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))
@@ -85,8 +85,8 @@ def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64
 
 def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
     """The root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
-    nodes = file.entries_checked("nodes")
-    scenes = file.entries_checked("scenes")
+    nodes = file.entries("nodes")
+    scenes = file.entries("scenes")
     if not scenes:
         children = {
             child
@@ -134,7 +134,7 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
 
     Raises InputError where a node has two parents or is its own ancestor (that would never end).
     """
-    nodes = file.entries_checked("nodes")
+    nodes = file.entries("nodes")
     seen = bytearray(len(nodes))
     order: list[int] = []
     parents: list[int] = []
@@ -187,8 +187,8 @@ def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tupl
 
     Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
     """
-    nodes = file.entries_checked("nodes")
-    mesh_count, camera_count = len(file.entries_checked("meshes")), len(file.entries_checked("cameras"))
+    nodes = file.entries("nodes")
+    mesh_count, camera_count = len(file.entries("meshes")), len(file.entries("cameras"))
     order, parents, depths = _tree(file, notes)
     worlds = _world_matrices(file, order, parents, depths)
     placements: list[NodePlacements] = []
