@@ -86,7 +86,7 @@ def picture_at_rest(app: HeadlessApp) -> np.ndarray:
     return shot
 
 
-def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
+def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
     session = app.session
     before = picture_at_rest(app)
@@ -133,7 +133,19 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path) -> None:
     app.click("tab Retrain")
     app.click("group 1")
     assert "Retrain" in app.widgets.labels()
+    uploads, renderer = [], app.frontend.picture.renderer
+    assert renderer is not None
+    update_pack = renderer.update_pack
+
+    def record(name: str, pack: Pack, changed_groups: frozenset[int] | None = None) -> None:
+        uploads.append((name, changed_groups))
+        update_pack(name, pack, changed_groups)
+
+    monkeypatch.setattr(renderer, "update_pack", record)
     run(app, "training.retrain 1 30steps")
+    assert uploads[0] == ("run 2", {0, 1})
+    assert {name for name, _ in uploads} == {"run 2"}
+    assert all(groups is not None and groups <= {1} for _, groups in uploads[1:])
     old, new = session.packs["run 1"], session.packs["run 2"]
     assert fingerprint(old, 0) == fingerprint(new, 0)
     assert new.textures[0] is old.textures[0]
@@ -206,7 +218,7 @@ def test_cancel_while_preparing(app: HeadlessApp) -> None:
     run_line(app.context, "training.cancel")
     training = wait(app, lambda t: t.active is None)
     assert training.log.runs[-1].outcome == "cancelled"
-    assert "nothing came of it" in messages(app)
+    assert "it made no pack" in messages(app)
 
 
 def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:

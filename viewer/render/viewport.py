@@ -22,7 +22,7 @@ from viewer.render.frame_times import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Scene
-from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
+from viewer.state.events import EmitEvent, Notification, PackChangesTaken, Reverted, ViewChanged
 from viewer.state.message_log import details_of
 from viewer.state.session import PictureRequest, Session
 from viewer.state.view_state import REFERENCE, DecodePath, ViewState
@@ -200,6 +200,10 @@ class Viewport:
             self._times.clear()
             self._background.forget()
         if self._packs is not session.packs:
+            for name, change in session.requests.pack_changes.items():
+                if session.packs.get(name) is change.pack:
+                    self.renderer.update_pack(name, change.pack, change.groups)
+            self._emit(PackChangesTaken())
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self.renderer.set_packs(session.packs)
             self._packs = session.packs

@@ -6,7 +6,7 @@ from functools import singledispatch
 from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
-from viewer.state.session import PreviousView, Session, Toast
+from viewer.state.session import PackChange, PreviousView, Session, Toast
 from viewer.state.view_state import REFERENCE
 
 TOAST_SECONDS = 6.0
@@ -39,8 +39,20 @@ def _notification(event: events.Notification, session: Session) -> None:
 
 @_apply.register
 def _pack_updated(event: events.PackUpdated, session: Session) -> None:
-    if session.packs.get(event.name) is not event.pack:
-        session.packs = {**session.packs, event.name: event.pack}
+    before, changes = session.packs.get(event.name), session.requests.pack_changes
+    if before is event.pack:
+        return
+    groups = event.changed_groups if before is event.replaces else None
+    if event.name in changes and groups is not None:
+        earlier = changes[event.name].groups
+        groups = None if earlier is None else groups | earlier
+    session.packs = {**session.packs, event.name: event.pack}
+    session.requests.pack_changes = {**changes, event.name: PackChange(event.pack, groups)}
+
+
+@_apply.register
+def _pack_changes_taken(_event: events.PackChangesTaken, session: Session) -> None:
+    session.requests.pack_changes = {}
 
 
 @_apply.register

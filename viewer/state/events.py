@@ -33,7 +33,13 @@ class PackUpdated:
     name: str
     pack: Pack
     changed_groups: frozenset[int] | None = None
-    """Groups whose latents, decoders or adapters differ from the pack that it replaces; None where that is not known."""
+    """Groups of `pack` whose latents, decoders or adapters differ from those of `replaces`; None where that is not known."""
+    replaces: Pack | None = None
+
+
+@dataclass(frozen=True)
+class PackChangesTaken:
+    """The renderer has been given the packs that events have replaced."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,7 @@ class CameraPathWritten:
 Event = (
     Notification
     | PackUpdated
+    | PackChangesTaken
     | PackClosed
     | RunStarted
     | PrecisionFound

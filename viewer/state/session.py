@@ -144,14 +144,25 @@ class WindowState:
     """(width, height) in pixels that panels leave to the picture."""
 
 
+@dataclass(frozen=True, eq=False)
+class PackChange:
+    """What the renderer has to know of a pack that replaces another of its name."""
+
+    pack: Pack
+    groups: frozenset[int] | None
+    """Groups that differ from what was drawn last; None where that is not known."""
+
+
 @dataclass
 class Requests:
-    """What commands ask of the next frames."""
+    """What commands and events ask of the next frames."""
 
     measure: bool = False
     pictures: tuple[PictureRequest, ...] = ()
     camera_path: tuple[Camera, ...] | None = None
     """A recorded path that is to be written as a file."""
+    pack_changes: Mapping[str, PackChange] = field(default_factory=dict)
+    """Packs that events have replaced and that are to be uploaded, by their names."""
     precision: frozenset[Side] = frozenset()
     """Slots that are to get the cheapest precision that does not show."""
     raised_panel: str | None = None

@@ -245,10 +245,10 @@ class LiveTraining:
             self._publish(run, run.pack)
 
     def _publish(self, run: ActiveRun, pack: Pack) -> None:
-        is_first, changed = run.published is None, changed_groups(run.published, pack)
+        before = run.published
         run.published, run.published_at = pack, time.monotonic()
-        self._emit(PackUpdated(run.name, pack, changed))
-        if is_first:
+        self._emit(PackUpdated(run.name, pack, changed_groups(before, pack), before))
+        if before is None:
             run.first_picture_seconds = run.published_at - run.began
             self._emit(RunStarted(run.name, run.base_name))
 
@@ -293,7 +293,7 @@ class LiveTraining:
             if self.log.undecided == run.number:
                 self.log.undecided = None
             if saving.scene is scene:
-                self._emit(PackUpdated(run.name, pack, frozenset()))
+                self._emit(PackUpdated(run.name, pack, frozenset(), run.pack))
             self._emit(Notification(f"wrote {pack.path}"))
 
     def _stop_for(self, scene: Scene) -> None:

@@ -1,0 +1,66 @@
+"""Packs that events open, replace and close: what the session then has, and what the renderer is told of it."""
+
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.pack.model import Pack
+from tests.support.picture_scenes import Part, scene_of, texture
+from viewer.scene.model import Material
+from viewer.state.event_handlers import apply_event
+from viewer.state.events import PackChangesTaken, PackClosed, PackUpdated, RunStarted
+from viewer.state.open_files import InitialView, new_session
+from viewer.state.session import Session
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import REFERENCE
+
+
+def pack(seed: int) -> Pack:
+    return random_pack(((16, 16), (16, 16)), (0, 1), seed=seed)
+
+
+@pytest.fixture
+def session() -> Session:
+    scene = scene_of([Part(material=0)], [Material("m", 0, (1.0, 1.0, 1.0, 1.0))], [texture(16, 16)])
+    return new_session(scene, {}, ViewerSettings(), InitialView())
+
+
+def test_changed_groups_add_up_until_the_renderer_takes_them(session: Session) -> None:
+    first, second, third = pack(1), pack(2), pack(3)
+    apply_event(session, PackUpdated("run 1", first, frozenset((0, 1))))
+    apply_event(session, PackChangesTaken())
+    assert session.requests.pack_changes == {}
+    apply_event(session, PackUpdated("run 1", second, frozenset((0,)), first))
+    apply_event(session, PackUpdated("run 1", third, frozenset((1,)), second))
+    change = session.requests.pack_changes["run 1"]
+    assert change.pack is session.packs["run 1"] is third
+    assert change.groups == {0, 1}
+
+
+def test_groups_are_unknown_where_another_pack_is_replaced(session: Session) -> None:
+    first, second, third = pack(1), pack(2), pack(3)
+    apply_event(session, PackUpdated("run 1", first))
+    apply_event(session, PackChangesTaken())
+    apply_event(session, PackUpdated("run 1", third, frozenset((1,)), second))
+    assert session.requests.pack_changes["run 1"].groups is None
+    apply_event(session, PackUpdated("run 1", second, frozenset((0,)), third))
+    assert session.requests.pack_changes["run 1"].groups is None, "not known since the last picture"
+
+
+def test_the_same_pack_again_changes_nothing(session: Session) -> None:
+    first = pack(1)
+    apply_event(session, PackUpdated("run 1", first))
+    apply_event(session, PackChangesTaken())
+    packs = session.packs
+    apply_event(session, PackUpdated("run 1", first))
+    assert session.packs is packs
+    assert session.requests.pack_changes == {}
+
+
+def test_closing_a_run_shows_what_was_shown_before(session: Session) -> None:
+    before = session.view
+    apply_event(session, PackUpdated("run 1", pack(1)))
+    apply_event(session, RunStarted("run 1", None))
+    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 1", REFERENCE)
+    apply_event(session, PackClosed("run 1"))
+    assert session.view == before
+    assert session.packs == {}
