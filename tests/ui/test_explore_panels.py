@@ -136,7 +136,7 @@ def test_the_flat_view_shows_the_original_pixels(opener: Opener) -> None:
     wait_for_background(app)
     app.click("flat A")
     app.click("flat A: reference")
-    places = app.frontend.interface.items
+    places = app.frontend.interface.rects
     x, y = places.centre("flat picture")
     original = app.session.scene.textures[0].pixels
     shot = app.screenshot()
@@ -211,7 +211,7 @@ def test_messages_stay_in_the_log_with_details(app: HeadlessApp) -> None:
 
 def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     app = opener((1280, 720))
-    places = app.frontend.interface.items
+    places = app.frontend.interface.rects
     first = {title: places.centre(title) for title in app.session.window.panel_titles if title in labels(app)}
     assert {"Compare", "Scene", "Log"} <= set(first)
     run(app, "window.panel", "Log", "off")
@@ -256,7 +256,7 @@ def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, i
 
 
 def test_theme_and_scale_are_applied_and_kept(app: HeadlessApp, tmp_path: Path) -> None:
-    dark, places = app.screenshot(), app.frontend.interface.items
+    dark, places = app.screenshot(), app.frontend.interface.rects
     lower = places.centre("B source")[1]
     run(app, "window.theme", "light")
     assert app.screenshot()[:, :200].mean() > dark[:, :200].mean() + 80

@@ -20,7 +20,7 @@ from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.inspect.visible_part import visible_part
 from viewer.jobs.job import JobReport
-from viewer.render.frame_history import FRAMES, FrameHistory
+from viewer.render.frame_times import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
 from viewer.state.pack_files import match_scene
@@ -165,7 +165,7 @@ def test_the_log_keeps_the_last_thousand() -> None:
         log.add(f"message {number}", "message")
     assert len(log) == LONGEST_LOG
     assert log[0].text == "message 5"
-    assert log.said == LONGEST_LOG + 5
+    assert log.count == LONGEST_LOG + 5
     log.add(f"message {LONGEST_LOG + 4}", "message")
     assert len(log) == LONGEST_LOG
     assert log[-1].repeats == 2

@@ -39,7 +39,7 @@ class App:
     @property
     def widgets(self) -> WidgetRects:
         """The labelled widgets of the last frame."""
-        return self.frontend.interface.items
+        return self.frontend.interface.rects
 
     def resize(self, size: tuple[int, int]) -> None:
         """Give the content this size (width, height) in pixels, from the next frame on."""

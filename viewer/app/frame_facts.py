@@ -97,7 +97,7 @@ class FactsReader:
         return imgui.ImTextureRef(self._images.get(name, pixels).glo)
 
     def _pixel(self) -> PixelContent | None:
-        """The pixel to speak of, while its panel is open."""
+        """The pixel that the panel Pixel shows, while it is open."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.pixel or session.inspection.hovered
         if (
@@ -110,7 +110,7 @@ class FactsReader:
         return self.pixels.read(renderer, view, at)
 
     def _block(self) -> BlockContent | None:
-        """The block to speak of, while the map is shown."""
+        """The block that the panel Divergence shows, while the map is shown."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.block or session.inspection.hovered
         if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:

@@ -30,7 +30,7 @@ from viewer.state.events import (
     PanelsMade,
     TimePassed,
 )
-from viewer.ui.facts import FrameFacts
+from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.user_interface import UserInterface
 
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
@@ -92,12 +92,13 @@ class Frontend:
         if now - self._recorded_at >= RECORDING_SECONDS:
             self._recorded_at = now
             self._report(CameraSampled())
-        # After the picture: messages are seen from now on, however long it took.
+        # After the picture: a message is on screen from now on, however long drawing took.
         self._report(TimePassed(time.monotonic()))
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         emit = partial(run_or_notify, self._context)
-        self.interface.draw(session, self._context.training, self.facts(), picture, emit)
+        frame = UiFrame(session, self._context.training, self.facts(), emit, self.interface.rects)
+        self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
             self._report(Notification(problem, "error"))
         imgui.render()
@@ -119,7 +120,7 @@ class Frontend:
         return self.picture.prepare_next()
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
-        """Whether the picture is out of date, a message is about to end, or a wish is open."""
+        """Whether the picture is out of date, a message is about to end, or a request is open."""
         session = self.session
         waiting = session.requests.camera_path is not None or self._context.training.is_due
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.window.toasts)
@@ -204,10 +205,10 @@ class Frontend:
             self._report(FlickerTurned(int(turns) % 2 == 1))
 
     def _frame_is_due(self, size: tuple[int, int]) -> bool:
-        """Whether the next frame shows something else, because of a wish, of what was opened, or of what was found meanwhile."""
+        """Whether the next frame shows something else, because of a request, an opened file, or a result of a background job."""
         session, room = self.session, self._picture_size(size)
         found = self.interface.background.take_news() or self.interface.is_settling(session)
         if room is None:
             return True
-        wishes = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
-        return found or self.picture.is_due(room) or (wishes and not self.picture.is_undrawable(room))
+        requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
+        return found or self.picture.is_due(room) or (requested and not self.picture.is_undrawable(room))

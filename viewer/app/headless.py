@@ -97,7 +97,7 @@ class HeadlessApp(App):
         self.frame()
 
     def button(self, down: bool, button: int = 0) -> None:
-        """Press or let go of a mouse button (0 left, 1 right, 2 middle)."""
+        """Press or release a mouse button (0 left, 1 right, 2 middle)."""
         imgui.get_io().add_mouse_button_event(button, down)
         self.frame()
 
@@ -134,12 +134,12 @@ class HeadlessApp(App):
         self.settle()
 
     def key(self, key: imgui.Key, down: bool) -> None:
-        """Press or let go of a key."""
+        """Press or release a key."""
         imgui.get_io().add_key_event(key, down)
         self.frame()
 
     def press(self, key: imgui.Key) -> None:
-        """Press a key and let it go."""
+        """Press and release a key."""
         self.key(key, True)
         self.key(key, False)
         self.settle()

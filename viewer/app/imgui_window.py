@@ -22,7 +22,7 @@ TITLE = "ntc-viewer"
 
 
 def _open(size: tuple[int, int], robust: bool) -> Window:
-    """A window whose context says when it is lost, if `robust`. Raises what moderngl-window, moderngl and glfw raise."""
+    """A window, with a context that reports its loss if `robust`. Raises what moderngl-window, moderngl and glfw raise."""
     version = (REQUIRED_VERSION // 100, REQUIRED_VERSION // 10 % 10)
     # moderngl-window neither resets hints nor gives one for this, and to initialise glfw twice changes nothing.
     if robust and glfw.init():
@@ -41,7 +41,6 @@ def _open_robust_if_possible(size: tuple[int, int]) -> Window:
             warnings.simplefilter("ignore", glfw.GLFWError)
             return _open(size, robust=True)
     except Exception:
-        # Some drivers refuse the wish instead of ignoring it; for all else the second attempt says why.
         pass
     try:
         return _open(size, robust=False)
@@ -103,11 +102,11 @@ class ImguiWindow:
 
     @property
     def is_robust(self) -> bool:
-        """Whether the driver promised to say when the context is lost."""
+        """Whether the driver reports the loss of the context."""
         return bool(glfw.get_window_attrib(self.handle, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
 
     def _place(self, placement: Placement) -> None:
-        # Wayland lets nobody place windows, and says so as a warning.
+        # Under Wayland programs cannot place windows: glfw warns.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", glfw.GLFWError)
             if placement.position is not None:

@@ -16,14 +16,7 @@ from ntc.pack.model import Pack
 from viewer.app.app import App
 from viewer.app.frontend import Frontend
 from viewer.app.imgui_window import ImguiWindow, Placement
-from viewer.app.loss_recovery import (
-    MOST_LOSSES,
-    RECOVERED,
-    RESET_SECONDS,
-    LossHistory,
-    context_lost_error,
-    open_again,
-)
+from viewer.app.loss_recovery import MOST_LOSSES, RECOVERED, RESET_SECONDS, LossHistory, context_lost_error, open_again
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene
@@ -209,7 +202,7 @@ class WindowApp(App):
             raise context_lost_error(self.session, lost, str(error)) from error
         earlier, self.frontend = self.frontend, Frontend(window.context, self.context)
         self._appearance = Appearance()
-        self.frontend.interface.take_over(earlier.interface)
+        self.frontend.interface.bring_to_front(earlier.interface.panels_in_front)
         notify(self.session, RECOVERED, details=str(lost))
         self._wake()
 

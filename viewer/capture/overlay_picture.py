@@ -15,7 +15,7 @@ MOST_TICKS = 16
 
 
 def with_color_bar(picture: NDArray[np.uint8], palette: PaletteName, most: int) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8: `picture` with a bar at its lower left that says which colour is how many decoders.
+    """[H, W, 3] uint8: `picture` with a colour bar at its lower left: which colour stands for how many decoders.
 
     A picture too small for it stays as it is.
     """

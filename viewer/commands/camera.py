@@ -1,4 +1,4 @@
-"""Commands: where the picture is seen from."""
+"""Commands: the position and mode of the camera."""
 
 from dataclasses import replace
 from typing import Annotated

@@ -22,10 +22,7 @@ class Context:
     """What commands change, and what they use for it."""
 
     def __init__(
-        self,
-        session: Session,
-        read_clipboard: Callable[[], str] = str,
-        write_clipboard: Callable[[str], object] = len,
+        self, session: Session, read_clipboard: Callable[[], str] = str, write_clipboard: Callable[[str], object] = len
     ) -> None:
         """Without a clipboard, an empty one is read and what is written is lost."""
         self.session, self.training = session, LiveTraining(partial(apply_event, session))

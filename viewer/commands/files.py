@@ -14,8 +14,7 @@ from viewer.state.zoom import LARGEST, Zoom
 
 PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
 Picture = Annotated[
-    PictureAlone,
-    Arg("the picture alone: as shown, side a, side b, both with the divider, or without overlay"),
+    PictureAlone, Arg("the picture alone: as shown, side a, side b, both with the divider, or without overlay")
 ]
 
 

@@ -40,7 +40,7 @@ class Chord:
 
 
 def parse_chord(text: str) -> Chord:
-    """The chord that `text` names; `?` stands for `Shift+/`. Raises InputError for a key that there is not."""
+    """The chord that `text` names; `?` stands for `Shift+/`. Raises InputError for an unknown key."""
     *held, key = ("Shift+/" if text.strip() == "?" else text).split("+")
     modifiers = [part.strip().capitalize() for part in held]
     named = _BY_LOWER.get(key.strip().lower())
@@ -101,7 +101,7 @@ def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list
 def _conflict(
     commands: Sequence[Command], wanted: Mapping[str, tuple[Chord, ...]]
 ) -> tuple[dict[str, tuple[Chord, ...]], tuple[str, str, Chord] | None]:
-    """All chords with the wanted ones in place, and the first that two commands have: (refused id, its owner, chord)."""
+    """All chords with the `wanted` ones in place, and the first conflict: (id that is refused, id that keeps the chord, chord)."""
     chords: dict[str, tuple[Chord, ...]] = {}
     owners: dict[Chord, str] = {}
     # Those that the user did not change first: they keep what is theirs.

@@ -120,10 +120,7 @@ def move(
 
 
 @command(
-    "training.regroup",
-    "Regroup",
-    "find groups anew, and train those that have changed from the shown pack on",
-    "Train",
+    "training.regroup", "Regroup", "find groups anew, and train those that have changed from the shown pack on", "Train"
 )
 def regroup(
     context: Context,

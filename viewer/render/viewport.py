@@ -57,7 +57,7 @@ class Viewport:
         """What `last` shows; None where that is out of date."""
         self._camera: Camera | None = None
         self._moved_at = -math.inf
-        self._told_of_memory: frozenset[str] = frozenset()
+        self._memory_problems: frozenset[str] = frozenset()
         self._is_drawn = False
         """Whether the renderer has drawn anything yet."""
         self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
@@ -99,7 +99,7 @@ class Viewport:
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
     def draw(self, size: tuple[int, int]) -> None:
-        """Draw what is out of date. Raises InputError and ShaderError; what the GPU has no memory for is said."""
+        """Draw what is out of date. Raises InputError and ShaderError; a lack of GPU memory is notified."""
         self._note_movement()
         if self.is_undrawable(size):
             return
@@ -123,7 +123,7 @@ class Viewport:
             self._leave_half_arithmetic()
             return
         self.last_view, self._is_drawn, self._undrawable = view, True, None
-        self._tell_of_memory(self.last)
+        self._notify_memory_problems(self.last)
         self._drawable = (self._session.scene, self._session.packs, self._session.view)
         self.frames_drawn += 1
         if not coarse:
@@ -164,7 +164,7 @@ class Viewport:
                     if renderer.prepare(replace(slot, path=path)):
                         return True
                 except (InputError, ShaderError, moderngl.Error, MemoryError):
-                    # It is said when the user asks for it.
+                    # The error is shown when the user asks for this path.
                     continue
         return False
 
@@ -253,8 +253,8 @@ class Viewport:
         # The last picture stays, at whatever size.
         self._undrawable = self._wanted(size)
 
-    def _tell_of_memory(self, frame: FrameResult) -> None:
-        """Say what is shown coarser than it should be, once."""
+    def _notify_memory_problems(self, frame: FrameResult) -> None:
+        """Notify, once, of what is shown coarser than it should be."""
         short: set[str] = set()
         if any(counts.out_of_memory for counts in frame.tiles.values()):
             short.add(
@@ -263,6 +263,6 @@ class Viewport:
             )
         if frame.short_latents:
             short.add("the GPU has no memory for all latents: coarser mips are shown in their place; close packs")
-        for line in sorted(short - self._told_of_memory):
+        for line in sorted(short - self._memory_problems):
             self._emit(Notification(line, "error"))
-        self._told_of_memory = frozenset(short)
+        self._memory_problems = frozenset(short)

@@ -1,4 +1,4 @@
-"""Stage directions: what a script can say besides commands. Each is read before the script starts."""
+"""Stage directions: lines of a script besides commands. Each is parsed before the script starts."""
 
 import math
 import time
@@ -20,7 +20,7 @@ LONGEST_WAIT = 3600.0
 SETTLING_SECONDS = 300.0
 """A picture that is not whole by then never will be."""
 RESIZING_SECONDS = 5.0
-"""A window that has not the wanted size by then never will."""
+"""A window that does not have the requested size by then never will."""
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192
 BUTTONS = {"left": 0, "right": 1, "middle": 2}
 

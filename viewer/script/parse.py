@@ -28,7 +28,7 @@ class Step:
 
     @property
     def expects_message(self) -> bool:
-        """Whether the line looks at messages: one that tells of an error is then no surprise."""
+        """Whether the line checks messages, so that an error message before it is expected."""
         return self.words[:2] == ("expect", "toast")
 
 

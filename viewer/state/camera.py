@@ -76,4 +76,5 @@ def view_projection(camera: Camera, size: tuple[int, int], bounds: NDArray[np.fl
 def frustum_planes(matrix: Matrix) -> Matrix:
     """[6, 4] planes of a world-to-clip matrix: a point p is inside where plane . (p, 1) >= 0; normals have length 1."""
     planes = np.stack([matrix[3] + sign * matrix[axis] for axis in range(3) for sign in (1.0, -1.0)])
-    return planes / np.maximum(np.linalg.norm(planes[:, :3], axis=1, keepdims=True), 1e-30)
+    normalized: Matrix = planes / np.maximum(np.linalg.norm(planes[:, :3], axis=1, keepdims=True), 1e-30)
+    return normalized

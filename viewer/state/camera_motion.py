@@ -40,7 +40,7 @@ class Playback:
     elapsed: float = 0.0
     """Seconds since the first one."""
 
-    def advance(self, camera: Camera, bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
+    def advance(self, _camera: Camera, _bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
         """The camera `seconds` later, and what goes on moving it: nothing after the last one."""
         elapsed = self.elapsed + seconds
         position = elapsed / PATH_SECONDS

@@ -1,4 +1,4 @@
-"""Everything that the window has said, with its time; the oldest lines go."""
+"""The log of messages with their times; the oldest are dropped."""
 
 import time
 from collections import deque
@@ -17,7 +17,7 @@ class LogEntry:
     """One message."""
 
     number: int
-    """Counts from 0 over all messages, those that are gone included."""
+    """Counts from 0 over all messages, including those that were dropped."""
     seconds: float
     """Time of day, in seconds since the epoch."""
     text: str
@@ -25,7 +25,7 @@ class LogEntry:
     details: str = ""
     """More of it than one line: the causes of an error."""
     repeats: int = 1
-    """How often it was said in a row."""
+    """How often it came in a row."""
 
     @property
     def clock(self) -> str:
@@ -43,14 +43,14 @@ class LogEntry:
 
 
 def details_of(error: BaseException) -> str:
-    """What led to an error, one cause a line; "" where there is nothing beside the error's own single line."""
+    """The causes of an error, one a line; "" where there is nothing beside the error's own single line."""
     lines = [str(error)] if "\n" in str(error).strip() else []
     cause = error.__cause__ or error.__context__
     # Chains are short; a ring of causes must not hang the window.
     for _ in range(10):
         if cause is None:
             break
-        # What the message already says is no detail.
+        # Causes whose text is in the message add nothing.
         if str(cause) not in str(error):
             lines.append(f"{type(cause).__name__}: {cause}")
         cause = cause.__cause__ or cause.__context__
@@ -62,8 +62,8 @@ class MessageLog:
 
     def __init__(self) -> None:
         self._entries: deque[LogEntry] = deque(maxlen=LONGEST_LOG)
-        self.said = 0
-        """Messages so far, those that are gone included."""
+        self.count = 0
+        """Messages so far, including those that were dropped."""
 
     def add(self, text: str, kind: MessageKind, details: str = "") -> None:
         """Remember a message; one that repeats the last is counted."""
@@ -71,8 +71,8 @@ class MessageLog:
         if last is not None and (last.text, last.kind, last.details) == (text, kind, details):
             self._entries[-1] = replace(last, seconds=time.time(), repeats=last.repeats + 1)
             return
-        self._entries.append(LogEntry(self.said, time.time(), text, kind, details[:LONGEST_DETAILS]))
-        self.said += 1
+        self._entries.append(LogEntry(self.count, time.time(), text, kind, details[:LONGEST_DETAILS]))
+        self.count += 1
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -84,5 +84,5 @@ class MessageLog:
         return self._entries[index]
 
     def text(self) -> str:
-        """All of it."""
+        """All messages with their details."""
         return "\n".join(entry.whole() for entry in self._entries)

@@ -174,7 +174,7 @@ class Requests:
 
 @dataclass(eq=False)
 class Session:
-    """What is open, how it is looked at, and what the window says about it."""
+    """What is open, the view of it, and the state of the window around it."""
 
     scene: Scene
     packs: Mapping[str, Pack]
@@ -215,7 +215,7 @@ class Session:
 
     @property
     def scene_key(self) -> str:
-        """What tells this scene from others: its path, else its name."""
+        """Identifies the scene among those that were open: its path, else its name."""
         return str(self.scene.path or self.scene.name)
 
     @property

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
-from viewer.state.session import Session, Toast
+from viewer.state.session import Toast
 from viewer.state.view_state import REFERENCE, Slot, ViewState
-from viewer.ui.facts import FrameFacts
-from viewer.ui.widgets import Area, WidgetRects, counted
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import Area, counted
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
@@ -57,10 +57,10 @@ def _difference_label(view: ViewState) -> str:
     return texts[view.difference.kind]
 
 
-def draw_labels(session: Session, area: Area, items: WidgetRects) -> None:
+def draw_labels(ui: UiFrame, area: Area) -> None:
     """Names of what is shown where in the picture in `area`: on either side of the line where there is one."""
     draw = imgui.get_background_draw_list()
-    view = session.shown_view
+    view = ui.session.shown_view
     top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
 
     def plate(left: float, top: float, text: str) -> None:
@@ -81,7 +81,7 @@ def draw_labels(session: Session, area: Area, items: WidgetRects) -> None:
         draw.add_circle_filled(ImVec2(middle.x, y), 7.0, _color(WHITE))
         for text, text_top in ((names[0], y - MARGIN - imgui.get_text_line_height()), (names[1], y + MARGIN)):
             plate(middle.x - imgui.calc_text_size(text).x / 2, text_top, text)
-        items.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
+        ui.rects.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
     else:
         x = area.at(split.position, 0.0)[0]
         _line(ImVec2(x, area.top), ImVec2(x, area.bottom))
@@ -89,12 +89,12 @@ def draw_labels(session: Session, area: Area, items: WidgetRects) -> None:
         plate(x + MARGIN, top, names[1])
         if view.compare in WIPES:
             draw.add_circle_filled(ImVec2(x, middle.y), 7.0, _color(WHITE))
-            items.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
+            ui.rects.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
 
 
-def _frames(session: Session, part: tuple[float, float, float, float], area: Area) -> None:
+def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) -> None:
     """A frame around a part of the picture, wherever it is shown."""
-    view, draw = session.shown_view, imgui.get_background_draw_list()
+    view, draw = ui.session.shown_view, imgui.get_background_draw_list()
     left, top, right, bottom = part
     extent = ((right - left) * view.zoom.factor * area.width, (bottom - top) * view.zoom.factor * area.height)
     draw.push_clip_rect(ImVec2(area.left, area.top), ImVec2(area.right, area.bottom))
@@ -107,21 +107,21 @@ def _frames(session: Session, part: tuple[float, float, float, float], area: Are
     draw.pop_clip_rect()
 
 
-def draw_pixel(session: Session, facts: FrameFacts, area: Area) -> None:
+def draw_pixel(ui: UiFrame, area: Area) -> None:
     """A frame around what the panel Pixel enlarges."""
-    if facts.pixel is not None:
-        _frames(session, facts.pixel.place.rectangle, area)
+    if ui.facts.pixel is not None:
+        _frames(ui, ui.facts.pixel.place.rectangle, area)
 
 
-def draw_block(session: Session, facts: FrameFacts, area: Area) -> None:
-    """A frame around the block that is spoken of, and beside the mouse how many decoders it has."""
-    block = facts.block
+def draw_block(ui: UiFrame, area: Area) -> None:
+    """A frame around the block of the panel Divergence, and beside the mouse how many decoders it has."""
+    block = ui.facts.block
     if block is None:
         return
     left, top, right, bottom = block.place.rectangle
-    _frames(session, (left, top, right, bottom), area)
-    if session.inspection.hovered is not None and session.inspection.block is None and block.textures:
-        slots = (("A", session.view.slot_a), ("B", session.view.slot_b))
+    _frames(ui, (left, top, right, bottom), area)
+    if ui.session.inspection.hovered is not None and ui.session.inspection.block is None and block.textures:
+        slots = (("A", ui.session.view.slot_a), ("B", ui.session.view.slot_b))
         texts = [
             f"{side}: {counted(block.decoder_count(slot.source), 'decoder')}"
             for side, slot in slots
@@ -149,10 +149,10 @@ def _centred(area: Area, width: float) -> float:
     return max(MARGIN, min((area.left + area.right - width) / 2.0, right - width))
 
 
-def draw_hints(session: Session, area: Area) -> None:
+def draw_hints(ui: UiFrame, area: Area) -> None:
     """One line at the lower edge of `area`, as much as there is room for."""
     keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
-    text = f"{session.settings.camera_mode} camera   {keys}"
+    text = f"{ui.session.settings.camera_mode} camera   {keys}"
     parts = text.split("   ")
     while len(parts) > 1 and imgui.calc_text_size("   ".join(parts)).x > area.width - 2.0 * MARGIN:
         parts.pop()

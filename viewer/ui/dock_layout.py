@@ -1,4 +1,4 @@
-"""Where panels stand: docked around the picture, in a layout that fits the window's size and can be brought back."""
+"""The docked layout of panels around the picture: fits the window's size, and can be reset."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -57,11 +57,11 @@ class DockLayout:
         """Whether a frame has passed: only then the viewport knows what a menu bar leaves of it."""
         self._placed = False
         self._pause = 0
-        """Frames until the next one may come, or until the last one is seen there."""
+        """Frames until the next panel may be focused, or until the last one is visible."""
 
     @property
     def is_placed(self) -> bool:
-        """Whether panels stand where they are to be, if not all in front yet: what they leave to the picture is then known."""
+        """Whether panels have their places, so that the area of the picture is known; some may still come to the front."""
         return self._placed
 
     @property

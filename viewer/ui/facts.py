@@ -13,9 +13,12 @@ from ntc.pack.match import PackMatch
 from viewer.inspect.block_content import BlockContent
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.pixel_content import PixelContent
-from viewer.render.frame_history import FrameHistory
+from viewer.render.frame_times import FrameHistory
 from viewer.render.tile_cache.budget import TileCounts
+from viewer.state.session import Session
 from viewer.state.view_state import PathChoice, Slot
+from viewer.training.live_training import LiveTraining
+from viewer.ui.widgets import WidgetRects
 
 
 class Emit(Protocol):
@@ -72,3 +75,14 @@ class FrameFacts:
     thumbnails_made: int = 0
     thumbnails_skipped: int = 0
     """Textures of the scene that no panel has shown a thumbnail of."""
+
+
+@dataclass(frozen=True, eq=False)
+class UiFrame:
+    """What the user interface of one frame is drawn from, and how it runs commands."""
+
+    session: Session
+    training: LiveTraining
+    facts: FrameFacts
+    emit: Emit
+    rects: WidgetRects

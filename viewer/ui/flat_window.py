@@ -12,10 +12,9 @@ from viewer.inspect.flat_texture import FlatTexture, decode_flat, original_flat
 from viewer.inspect.visible_part import VisiblePart, visible_part
 from viewer.jobs.background import Background
 from viewer.jobs.job import Job, JobReport
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.widgets import SLOT_COLORS, WidgetRects, combo, packed
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import SLOT_COLORS, combo, packed
 
 Arrangement = Literal["side by side", "wipe"]
 ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
@@ -52,15 +51,15 @@ class FlatWindow:
         self._divider = 0.5
         self._dragging = False
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The window, while a texture is to be shown."""
-        number = session.inspection.flat_texture
-        if number is None or facts.image is None or number >= len(session.scene.textures):
+        number = ui.session.inspection.flat_texture
+        if number is None or ui.facts.image is None or number >= len(ui.session.scene.textures):
             self._forget()
             return
-        texture = session.scene.textures[number]
+        texture = ui.session.scene.textures[number]
         if texture is not self._texture:
-            self._begin(session, number)
+            self._begin(ui, number)
         size = imgui.get_main_viewport().work_size
         centre = imgui.get_main_viewport().get_work_center()
         imgui.set_next_window_size(ImVec2(0.7 * size.x, 0.8 * size.y), imgui.Cond_.appearing)
@@ -71,20 +70,20 @@ class FlatWindow:
             imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse
         )
         opened, stays = imgui.begin(f"{texture.name}###flat", True, flags)
-        items.note("flat texture")
+        ui.rects.note("flat texture")
         if opened:
             height, width = texture.pixels.shape[:2]
-            self._controls(session, items)
-            sides = {side: self._side(session, facts, number, side) for side in self._sources}
+            self._controls(ui)
+            sides = {side: self._side(ui, number, side) for side in self._sources}
             for side, shown in sides.items():
                 imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
                 imgui.same_line()
                 imgui.text(shown.caption)
-                items.note(f"flat caption {side}")
-            self._picture(sides, (width, height), facts, items)
+                ui.rects.note(f"flat caption {side}")
+            self._picture(sides, (width, height), ui)
         imgui.end()
         if not stays:
-            emit("texture.close-flat")
+            ui.emit("texture.close-flat")
 
     def _forget(self) -> None:
         if self._texture is not None:
@@ -97,41 +96,41 @@ class FlatWindow:
             self._background.cancel(key)
         self._asked.clear()
 
-    def _begin(self, session: Session, number: int) -> None:
+    def _begin(self, ui: UiFrame, number: int) -> None:
         self._cancel()
-        self._texture = session.scene.textures[number]
+        self._texture = ui.session.scene.textures[number]
         self._parts.clear()
         self._zoom, self._centre, self._divider = 1.0, (0.5, 0.5), 0.5
-        first, second = session.view.slot_a.source, session.view.slot_b.source
+        first, second = ui.session.view.slot_a.source, ui.session.view.slot_b.source
         self._sources = {"a": first, "b": second if second != first else REFERENCE}
 
-    def _controls(self, session: Session, items: WidgetRects) -> None:
+    def _controls(self, ui: UiFrame) -> None:
         width = 9.0 * imgui.get_font_size()
         for side in self._sources:
             # Packs may have been closed since.
-            if self._sources[side] not in session.sources:
+            if self._sources[side] not in ui.session.sources:
                 self._sources[side] = REFERENCE
             imgui.set_next_item_width(width)
-            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], session.sources, items)
+            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], ui.session.sources, ui.rects)
             imgui.same_line()
         for arrangement in ARRANGEMENTS:
             if imgui.radio_button(arrangement, self._arrangement == arrangement):
                 self._arrangement = arrangement
-            items.note(f"flat {arrangement}")
+            ui.rects.note(f"flat {arrangement}")
             imgui.same_line()
         if imgui.small_button("fit"):
             self._zoom, self._centre = 1.0, (0.5, 0.5)
-        items.note("flat fit")
+        ui.rects.note("flat fit")
         imgui.same_line()
         imgui.text_disabled(f"{self._zoom:.2f} x, wheel and drag")
 
-    def _side(self, session: Session, facts: FrameFacts, number: int, side: str) -> _Side:
-        texture, source = session.scene.textures[number], self._sources[side]
+    def _side(self, ui: UiFrame, number: int, side: str) -> _Side:
+        texture, source = ui.session.scene.textures[number], self._sources[side]
         height, width = texture.pixels.shape[:2]
         if source == REFERENCE:
             answer = self._ask(side, (texture, source), partial(original_flat, texture))
             return self._shown(answer, source, f"original, {width} x {height}")
-        pack, match = session.packs.get(source), facts.matches.get(source)
+        pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:
             return _Side(None, f"{source}: does not hold this texture")
@@ -164,12 +163,12 @@ class FlatWindow:
         against = " against the original made as small" if flat.reduced else ""
         return _Side(flat, f"{about}, {quality}{against}")
 
-    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], facts: FrameFacts, items: WidgetRects) -> None:
+    def _picture(self, sides: dict[str, _Side], size: tuple[int, int], ui: UiFrame) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         if room.x < 8.0 or room.y < 8.0:
             return
         imgui.invisible_button("flat picture", room)
-        items.note("flat picture")
+        ui.rects.note("flat picture")
         wipes = self._arrangement == "wipe"
         gap = 0.0 if wipes else 4.0
         width = room.x if wipes else (room.x - gap) / 2.0
@@ -188,7 +187,7 @@ class FlatWindow:
             draw.push_clip_rect(low, high, True)
             corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
             if shown.flat is not None:
-                self._image(side, shown.flat, (*corner, size[0] * texel, size[1] * texel), (low, high), facts)
+                self._image(side, shown.flat, (*corner, size[0] * texel, size[1] * texel), (low, high), ui)
             draw.add_text(ImVec2(low.x + 4.0, low.y + 2.0), packed(SLOT_COLORS[side]), side.upper())
             draw.pop_clip_rect()
         if wipes:
@@ -200,7 +199,7 @@ class FlatWindow:
         flat: FlatTexture,
         whole: tuple[float, float, float, float],
         place: tuple[ImVec2, ImVec2],
-        facts: FrameFacts,
+        ui: UiFrame,
     ) -> None:
         """Draw what is in sight. `whole` is (left, top, width, height) of the whole texture in window units."""
         left, top, width, height = whole
@@ -208,13 +207,13 @@ class FlatWindow:
         seen = ((low.x - left) / width, (low.y - top) / height, (high.x - left) / width, (high.y - top) / height)
         pixels = width * imgui.get_io().display_framebuffer_scale.x
         part = visible_part(flat.mips, seen, pixels, self._parts.get(side))
-        if part is None or facts.image is None:
+        if part is None or ui.facts.image is None:
             return
         self._parts[side] = part
         first, above, last, below = part.rectangle
         corner = ImVec2(left + first * width, top + above * height)
         end = ImVec2(left + last * width, top + below * height)
-        imgui.get_window_draw_list().add_image(facts.image(f"flat {side}", part.pixels), corner, end)
+        imgui.get_window_draw_list().add_image(ui.facts.image(f"flat {side}", part.pixels), corner, end)
 
     def _input(self, at: ImVec2, room: ImVec2, stride: float, extent: tuple[float, float]) -> None:
         """Zoom towards the mouse, drag the texture or the divider. `extent` is of the whole texture in window units."""

@@ -3,9 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings, key_table
-from viewer.state.session import Session
-from viewer.ui.facts import Emit
-from viewer.ui.widgets import WidgetRects
+from viewer.ui.facts import UiFrame
 
 WIDTH = 640.0
 
@@ -18,16 +16,16 @@ class KeySheet:
         self._was_open = False
         self._typing = False
 
-    def draw(self, session: Session, size: tuple[float, float], top: float, emit: Emit, items: WidgetRects) -> None:
-        """The sheet, where the session says that it is open; below `top` in window units."""
-        opening = session.window.show_help and not self._was_open
-        self._was_open = session.window.show_help
-        if not session.window.show_help:
+    def draw(self, ui: UiFrame, size: tuple[float, float], top: float) -> None:
+        """The sheet, while the session has it open; below `top` in window units."""
+        opening = ui.session.window.show_help and not self._was_open
+        self._was_open = ui.session.window.show_help
+        if not ui.session.window.show_help:
             self._typing = False
             return
         rows = [
             (key, description)
-            for key, description in key_table(bindings(session.settings.keys))
+            for key, description in key_table(bindings(ui.session.settings.keys))
             if self._text.lower() in f"{key} {description}".lower()
         ]
         scale = imgui.get_font_size() / 13.0
@@ -43,7 +41,7 @@ class KeySheet:
             "Keys and mouse", True, flags.no_collapse | flags.no_saved_settings | flags.no_docking | flags.no_resize
         )
         if opened:
-            self._search(opening, items)
+            self._search(opening, ui)
             if imgui.begin_table("keys", 2, imgui.TableFlags_.scroll_y | imgui.TableFlags_.row_bg):
                 imgui.table_setup_column("key", imgui.TableColumnFlags_.width_fixed)
                 imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
@@ -54,18 +52,18 @@ class KeySheet:
                     imgui.table_next_column()
                     imgui.text_wrapped(description)
                 imgui.end_table()
-            items.note("help")
+            ui.rects.note("help")
         imgui.end()
         # The field owns the key in the frame in which it ends the typing.
         if not stays or (self._typing and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
-            emit("help.close")
+            ui.emit("help.close")
 
-    def _search(self, opening: bool, items: WidgetRects) -> None:
+    def _search(self, opening: bool, ui: UiFrame) -> None:
         imgui.set_next_item_width(-170.0)
         if opening:
             imgui.set_keyboard_focus_here()
         _, self._text = imgui.input_text_with_hint("##search", "search", self._text)
         self._typing = imgui.is_item_active() or imgui.is_item_deactivated()
-        items.note("search keys")
+        ui.rects.note("search keys")
         imgui.same_line()
         imgui.text_disabled("F1 closes this")

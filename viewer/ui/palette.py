@@ -1,4 +1,4 @@
-"""The command palette: a command is found by typing, and asked what it must be told, one thing after another."""
+"""The command palette: a command is found by typing, then its arguments are asked for one by one."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,8 @@ from imgui_bundle import ImVec2, imgui
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
-from viewer.state.session import Session
-from viewer.ui.facts import Emit
+from viewer.ui.facts import UiFrame
 from viewer.ui.search import best_first, score
-from viewer.ui.widgets import WidgetRects
 
 WIDTH = 620.0
 TOP_SHARE = 0.12
@@ -52,15 +50,15 @@ class Palette:
         self._selected = 0
         self._problem = ""
         self._step = 0
-        """Makes a field of its own of every step: ImGui keeps the text of one that is being typed into."""
+        """Part of the field's id, so that every step has a field of its own: ImGui keeps the text of an active one."""
         self._focus = False
 
-    def draw(self, session: Session, size: tuple[float, float], emit: Emit, items: WidgetRects) -> None:
-        """The palette, where the session says that it is open."""
-        if session.window.palette != self._was_open:
-            self._was_open = session.window.palette
-            self._begin(find_command(session.window.palette) if session.window.palette else None)
-        if session.window.palette is None:
+    def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
+        """The palette, while the session has it open."""
+        if ui.session.window.palette != self._was_open:
+            self._was_open = ui.session.window.palette
+            self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None)
+        if ui.session.window.palette is None:
             return
         width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
         imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] * TOP_SHARE), imgui.Cond_.always, ImVec2(0.5, 0.0))
@@ -73,19 +71,19 @@ class Palette:
             None,
             flags.no_decoration | flags.no_move | flags.no_saved_settings | flags.no_docking | flags.always_auto_resize,
         )
-        rows = self._rows(session)
-        chosen = self._field(rows, items)
-        clicked = self._list(rows, size[1] * ROWS_SHARE, items)
+        rows = self._rows(ui)
+        chosen = self._field(rows, ui)
+        clicked = self._list(rows, size[1] * ROWS_SHARE, ui)
         outside = imgui.is_mouse_clicked(imgui.MouseButton_.left) and not imgui.is_window_hovered(
             imgui.HoveredFlags_.root_and_child_windows | imgui.HoveredFlags_.allow_when_blocked_by_active_item
         )
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False) or (outside and clicked is None):
-            self._close(emit)
+            self._close(ui)
             return
         answer = clicked if clicked is not None else chosen
         if answer is not None:
-            self._answer(answer, session, emit)
+            self._answer(answer, ui)
 
     def _begin(self, command: Command | None) -> None:
         self._command, self._arguments = command, ()
@@ -96,30 +94,30 @@ class Palette:
         self._step += 1
         self._focus = True
 
-    def _close(self, emit: Emit) -> None:
+    def _close(self, ui: UiFrame) -> None:
         # A command may open it anew within the same frame.
         self._was_open = None
-        emit("palette.set", None)
+        ui.emit("palette.set", None)
 
     @property
     def _parameter(self) -> Parameter | None:
         return self._command.parameters[len(self._arguments)] if self._command is not None else None
 
-    def _rows(self, session: Session) -> tuple[_Row, ...]:
+    def _rows(self, ui: UiFrame) -> tuple[_Row, ...]:
         parameter = self._parameter
         if parameter is None:
-            bound = bindings(session.settings.keys)
+            bound = bindings(ui.session.settings.keys)
             return tuple(
                 _Row(command.id, command.title, command.help, bound.text(command.id))
                 for command in best_first(self._text, COMMANDS)
             )
-        options = parameter.options(session)
+        options = parameter.options(ui.session)
         fits = [(score(self._text, option), option) for option in options]
         return tuple(
             _Row(option, option) for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0)) if fit is not None
         )
 
-    def _field(self, rows: tuple[_Row, ...], items: WidgetRects) -> str | None:
+    def _field(self, rows: tuple[_Row, ...], ui: UiFrame) -> str | None:
         """The line that is typed into; what Enter chose."""
         parameter = self._parameter
         if self._command is not None and parameter is not None:
@@ -134,7 +132,7 @@ class Palette:
         entered, text = imgui.input_text_with_hint(
             f"##field{self._step}", hint, self._text, imgui.InputTextFlags_.enter_returns_true
         )
-        items.note("palette")
+        ui.rects.note("palette")
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
         if self._problem:
@@ -158,7 +156,7 @@ class Palette:
             return None
         return self._text or parameter.default_text or ""
 
-    def _list(self, rows: tuple[_Row, ...], height: float, items: WidgetRects) -> str | None:
+    def _list(self, rows: tuple[_Row, ...], height: float, ui: UiFrame) -> str | None:
         """The list; what was clicked on."""
         if not rows:
             return None
@@ -168,7 +166,7 @@ class Palette:
         for index, row in enumerate(rows):
             if imgui.selectable(f"##{row.value}", index == self._selected)[0]:
                 clicked = row.value
-            items.note(f"{LABEL}{row.value}")
+            ui.rects.note(f"{LABEL}{row.value}")
             if index == self._selected and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
             imgui.same_line(6.0)
@@ -183,7 +181,7 @@ class Palette:
         imgui.end_child()
         return clicked
 
-    def _answer(self, answer: str, session: Session, emit: Emit) -> None:
+    def _answer(self, answer: str, ui: UiFrame) -> None:
         """Go on with a command or an argument that was chosen; run the command when it knows all."""
         if self._command is None:
             self._command = find_command(answer)
@@ -191,7 +189,7 @@ class Palette:
             parameter = self._parameter
             assert parameter is not None
             try:
-                parameter.checked(parameter.parse(answer), session)
+                parameter.checked(parameter.parse(answer), ui.session)
             except InputError as error:
                 self._problem = str(error)
                 return
@@ -200,5 +198,5 @@ class Palette:
             self._next_step()
             return
         command, arguments = self._command, self._arguments
-        self._close(emit)
-        emit(command.id, *command.parse(arguments))
+        self._close(ui)
+        ui.emit(command.id, *command.parse(arguments))

@@ -4,7 +4,7 @@ import math
 
 from imgui_bundle import imgui
 
-from viewer.commands import HOLD_KEY
+from viewer.commands.keys import HOLD_KEY
 from viewer.state import navigation
 from viewer.state.compare_layout import WIPES, window_to_image
 from viewer.state.session import Session
@@ -100,7 +100,7 @@ class PictureInput:
             emit("picture.hover", at)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        """A press without a drag keeps what is under the mouse, where a panel is open that says what that is."""
+        """A press without a drag keeps the block or pixel under the mouse in its panel, where that is open."""
         if imgui.is_mouse_clicked(imgui.MouseButton_.left):
             self._pressed_at = (io.mouse_pos.x, io.mouse_pos.y)
         if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:

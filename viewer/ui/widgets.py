@@ -68,7 +68,7 @@ class WidgetRects:
         self._rects: dict[str, tuple[float, float, float, float]] = {}
 
     def clear(self) -> None:
-        """Forget the last frame's."""
+        """Remove those of the last frame."""
         self._rects.clear()
 
     def note(self, label: str) -> None:

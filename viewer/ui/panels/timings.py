@@ -1,11 +1,11 @@
-"""Times of the last frames as areas on top of each other, one for each pass, under the line of the whole frame."""
+"""Panel "Timings": where the time of a frame goes, and what was left out."""
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from viewer.render.frame_history import FrameHistory
-from viewer.ui.widgets import WidgetRects
+from viewer.render.frame_times import FrameHistory
+from viewer.ui.facts import FrameFacts, UiFrame
 
 PLOT_LINES = 9
 """Height, in lines of text."""
@@ -42,7 +42,7 @@ class TimingsPlot:
         names = [edge[0] for edge in self._edges]
         return implot.get_colormap_color(names.index(name)) if name in names else None
 
-    def draw(self, history: FrameHistory, items: WidgetRects) -> None:
+    def draw(self, history: FrameHistory, ui: UiFrame) -> None:
         """The plot, as wide as the panel."""
         self._update(history)
         if len(self._wall) < 2:
@@ -61,4 +61,54 @@ class TimingsPlot:
             line = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=1.5)
             implot.plot_line("frame", self._frames, self._wall, line)
             implot.end_plot()
-        items.note("times")
+        ui.rects.note("times")
+
+
+def timings_text(facts: FrameFacts) -> str:
+    """All figures of the panel as text, to be copied."""
+    lines = [facts.renderer, f"medians, {facts.timer}"]
+    lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
+    lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
+    lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
+    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn"])
+
+
+def _mark(color: imgui.ImVec4, side: float) -> None:
+    at = imgui.get_cursor_screen_pos()
+    below = at.y + 0.2 * side
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(ImVec2(at.x, below), ImVec2(at.x + side, below + side), imgui.get_color_u32(color), 2.0)
+
+
+def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
+    """The content of the panel."""
+    imgui.text_wrapped(ui.facts.renderer)
+    imgui.text_disabled(f"medians, {ui.facts.timer}")
+    imgui.same_line()
+    if imgui.small_button("copy"):
+        imgui.set_clipboard_text(timings_text(ui.facts))
+    ui.rects.note("copy timings")
+    if ui.facts.history is not None:
+        plot.draw(ui.facts.history, ui)
+    if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
+        for name, milliseconds in ui.facts.timings_ms.items():
+            imgui.table_next_row()
+            imgui.table_next_column()
+            side = 0.7 * imgui.get_font_size()
+            color = plot.color(name)
+            if color is not None:
+                _mark(color, side)
+            imgui.dummy(ImVec2(side, side))
+            imgui.same_line()
+            imgui.text(name.replace("_", " "))
+            imgui.table_next_column()
+            imgui.text(f"{milliseconds:9.2f} ms")
+        imgui.end_table()
+    imgui.separator()
+    for name, count in (*ui.facts.drawn.items(), *ui.facts.skipped.items()):
+        imgui.text(f"{count:>9,} {name.replace('_', ' ')}" + ("" if name in ui.facts.drawn else " (skipped)"))
+    for slot, tiles in ui.facts.tiles.items():
+        imgui.text(f"{tiles.resident:>9,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
+        if tiles.starved:
+            imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
+    imgui.text(f"{ui.facts.frames_drawn:>9,} frames drawn")

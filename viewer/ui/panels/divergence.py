@@ -6,10 +6,9 @@ from imgui_bundle import ImVec2, imgui, implot
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.block_content import BlockContent
 from viewer.state.palettes import PALETTES
-from viewer.state.session import Session
 from viewer.state.view_state import BLOCKS, REFERENCE
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.widgets import SLOT_COLORS, WidgetRects, combo, counted, heat, packed
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import SLOT_COLORS, combo, counted, heat, packed
 
 BAR_HEIGHT = 14.0
 MOST_TICKS = 16
@@ -18,27 +17,27 @@ THUMBNAIL = 32.0
 TEXTURES_SHOWN = 12
 
 
-def _settings(session: Session, emit: Emit, items: WidgetRects) -> None:
-    overlay = session.view.overlay
+def _settings(ui: UiFrame) -> None:
+    overlay = ui.session.view.overlay
     imgui.set_next_item_width(64)
-    block = combo("block", overlay.block, tuple(BLOCKS), items)
+    block = combo("block", overlay.block, tuple(BLOCKS), ui.rects)
     imgui.same_line()
     imgui.set_next_item_width(96)
-    palette = combo("palette", overlay.palette, tuple(PALETTES), items)
+    palette = combo("palette", overlay.palette, tuple(PALETTES), ui.rects)
     imgui.same_line()
     imgui.set_next_item_width(-1)
     always_clamp = imgui.SliderFlags_.always_clamp
     moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f", always_clamp)
-    items.note("opacity")
+    ui.rects.note("opacity")
     if block != overlay.block:
-        emit("overlay.block", block)
+        ui.emit("overlay.block", block)
     if palette != overlay.palette:
-        emit("overlay.palette", palette)
+        ui.emit("overlay.palette", palette)
     if moved:
-        emit("overlay.opacity", opacity)
+        ui.emit("overlay.opacity", opacity)
 
 
-def _color_bar(session: Session, most: int, items: WidgetRects) -> None:
+def _color_bar(ui: UiFrame, most: int) -> None:
     """One field for each number of decoders, from one to the most, with integers below."""
     draw = imgui.get_window_draw_list()
     at, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -46,23 +45,25 @@ def _color_bar(session: Session, most: int, items: WidgetRects) -> None:
     every = -(-most // MOST_TICKS)
     for decoders in range(1, most + 1):
         left = at.x + (decoders - 1) * field
-        color = packed(heat(session.view.overlay.palette, decoders, most))
+        color = packed(heat(ui.session.view.overlay.palette, decoders, most))
         draw.add_rect_filled(ImVec2(left, at.y), ImVec2(left + field, at.y + BAR_HEIGHT), color)
         if (decoders - 1) % every == 0 or decoders == most:
             text = str(decoders)
             x = left + (field - imgui.calc_text_size(text).x) / 2.0
             draw.add_text(ImVec2(x, at.y + BAR_HEIGHT + 1.0), imgui.get_color_u32(imgui.Col_.text), text)
     imgui.dummy(ImVec2(width, BAR_HEIGHT + imgui.get_text_line_height() + 2.0))
-    items.note("color bar")
+    ui.rects.note("color bar")
 
 
-def _sides(session: Session, facts: FrameFacts) -> dict[str, tuple[str, DivergenceStatistics]]:
+def _sides(ui: UiFrame) -> dict[str, tuple[str, DivergenceStatistics]]:
     """(source, figures) of the sides whose pack is counted."""
-    slots = {"a": session.view.slot_a, "b": session.view.slot_b}
-    return {side: (s.source, facts.divergence[s.source]) for side, s in slots.items() if s.source in facts.divergence}
+    slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
+    return {
+        side: (s.source, ui.facts.divergence[s.source]) for side, s in slots.items() if s.source in ui.facts.divergence
+    }
 
 
-def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRects) -> None:
+def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> None:
     rows = {
         "shows": [source for source, _ in sides.values()],
         "score": [f"{figures.score:.4f}" for _, figures in sides.values()],
@@ -83,14 +84,14 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRe
                 imgui.table_next_column()
                 imgui.text(text)
         imgui.end_table()
-        items.note("divergence figures")
+        ui.rects.note("divergence figures")
     if len(sides) == 2:
         first, second = (figures.excess for _, figures in sides.values())
         cut = cut_percent(first, second)
         imgui.text("nothing to cut in B" if cut is None else f"A cuts B's excess by {cut:.1f} %")
 
 
-def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRects) -> None:
+def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> None:
     """Share of the covered blocks with D decoders, and with at most D, of both sides."""
     most = max(figures.maximum for _, figures in sides.values())
     counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
@@ -116,52 +117,52 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], items: WidgetRect
                     shift = 0.4 * (number - (len(sides) - 1) / 2.0)
                     implot.plot_bars(label, counts + shift, shares, 0.38, spec)
             implot.end_plot()
-        items.note(title)
+        ui.rects.note(title)
         if not cumulative:
             imgui.same_line()
 
 
-def _block(block: BlockContent, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
-    kept = session.inspection.block is not None
+def _block(block: BlockContent, ui: UiFrame) -> None:
+    kept = ui.session.inspection.block is not None
     imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
     if kept:
         if imgui.small_button("let go"):
-            emit("block.keep-at", None)
-        items.note("let go")
+            ui.emit("block.keep-at", None)
+        ui.rects.note("let go")
     else:
         imgui.text_disabled("click keeps it")
-    slots = {"A": session.view.slot_a.source, "B": session.view.slot_b.source}
+    slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}
     shown = {side: source for side, source in slots.items() if source != REFERENCE}
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
     imgui.text(", ".join([counted(len(block.textures), "texture"), *decoders]))
-    items.note("block")
+    ui.rects.note("block")
     for texture in block.textures[:TEXTURES_SHOWN]:
-        if facts.thumbnail is not None:
-            imgui.image(facts.thumbnail(texture.texture_id), ImVec2(THUMBNAIL, THUMBNAIL))
+        if ui.facts.thumbnail is not None:
+            imgui.image(ui.facts.thumbnail(texture.texture_id), ImVec2(THUMBNAIL, THUMBNAIL))
             imgui.same_line()
         of_texture = [f"{side} decoder {texture.decoders[source]}" for side, source in shown.items()]
         imgui.begin_group()
         imgui.text(texture.name)
         imgui.text_disabled(", ".join([counted(texture.pixels, "pixel"), *of_texture]))
         imgui.end_group()
-        items.note(f"block texture {texture.texture_id}")
+        ui.rects.note(f"block texture {texture.texture_id}")
     if len(block.textures) > TEXTURES_SHOWN:
         imgui.text_disabled(f"and {len(block.textures) - TEXTURES_SHOWN} more")
 
 
-def draw_divergence_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+def draw_divergence_panel(ui: UiFrame) -> None:
     """The content of the panel."""
-    _settings(session, emit, items)
-    sides = _sides(session, facts)
+    _settings(ui)
+    sides = _sides(ui)
     if not sides:
         imgui.text_disabled("the reference decodes nothing: show a pack")
         return
-    _color_bar(session, max(2, *(figures.maximum for _, figures in sides.values()), 2), items)
-    _figures(sides, items)
-    _plots(sides, items)
+    _color_bar(ui, max(2, *(figures.maximum for _, figures in sides.values()), 2))
+    _figures(sides, ui)
+    _plots(sides, ui)
     imgui.separator()
-    if facts.block is not None:
-        _block(facts.block, session, facts, emit, items)
+    if ui.facts.block is not None:
+        _block(ui.facts.block, ui)
     else:
         imgui.text_disabled("point at a block of the picture")

@@ -3,10 +3,8 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.widgets import WidgetRects
+from viewer.ui.facts import UiFrame
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail, in lines of text."""
@@ -50,12 +48,12 @@ class TexturesPanel:
         """Names of the rows in their order, for scripts."""
         return tuple(row.name for row, _ in self._rows)
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        source = session.view.slot_a.source
+        source = ui.session.view.slot_a.source
         imgui.set_next_item_width(-1)
         _, self._filter = imgui.input_text_with_hint("##filter", "filter: name, category, group:3", self._filter)
-        items.note("texture filter")
+        ui.rects.note("texture filter")
         flags = (
             imgui.TableFlags_.sortable
             | imgui.TableFlags_.hideable
@@ -69,11 +67,11 @@ class TexturesPanel:
         below = imgui.get_text_line_height_with_spacing()
         if imgui.begin_table("textures", 1 + len(COLUMNS), flags, ImVec2(0, -below)):
             self._headings()
-            self._update(session, facts, source)
-            self._body(session, facts, emit, items)
+            self._update(ui, source)
+            self._body(ui)
             imgui.end_table()
         pack = "the reference has no groups" if source == REFERENCE else f"A: {source}"
-        not_made = f", {facts.thumbnails_skipped:,} thumbnails skipped" if facts.thumbnails_skipped else ""
+        not_made = f", {ui.facts.thumbnails_skipped:,} thumbnails skipped" if ui.facts.thumbnails_skipped else ""
         imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}{not_made}")
 
     def _headings(self) -> None:
@@ -91,16 +89,16 @@ class TexturesPanel:
             imgui.table_setup_column(column, flags, WIDTHS[column] * size, number)
         imgui.table_headers_row()
 
-    def _update(self, session: Session, facts: FrameFacts, source: str) -> None:
+    def _update(self, ui: UiFrame, source: str) -> None:
         """Have the rows that are to be shown, anew only where something has changed."""
-        pack, match = session.packs.get(source), facts.matches.get(source)
+        pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         # The objects themselves: an id may be given again to another one.
-        latents = facts.latent_bytes.tobytes() if facts.latent_bytes is not None else b""
-        key = (session.scene, pack, match, latents)
+        latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""
+        key = (ui.session.scene, pack, match, latents)
         fresh = self._key != key
         if fresh:
-            sizes = facts.latent_bytes.tolist() if facts.latent_bytes is not None else None
-            self._all = texture_rows(session.scene, pack, match, sizes)
+            sizes = ui.facts.latent_bytes.tolist() if ui.facts.latent_bytes is not None else None
+            self._all = texture_rows(ui.session.scene, pack, match, sizes)
             self._key = key
         specs = imgui.table_get_sort_specs()
         column: TextureColumn | None = None
@@ -116,9 +114,9 @@ class TexturesPanel:
             self._rows = [(row, _texts(row)) for row in rows]
             self._order = order
 
-    def _body(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+    def _body(self, ui: UiFrame) -> None:
         side = THUMBNAIL_LINES * imgui.get_font_size()
-        selected = session.inspection.selected_texture
+        selected = ui.session.inspection.selected_texture
         height = side + 2.0 * imgui.get_style().cell_padding.y
         if selected != self._scrolled_to:
             # Something else has selected it, or a row here that is in sight anyway.
@@ -129,7 +127,7 @@ class TexturesPanel:
         while clipper.step():
             for index in range(clipper.display_start, clipper.display_end):
                 row, texts = self._rows[index]
-                self._row(row, texts, side, row.texture_id == selected, facts, emit, items)
+                self._row(row, texts, side, row.texture_id == selected, ui)
 
     def _scroll_to(self, selected: int | None, height: float) -> None:
         place = next((n for n, (row, _) in enumerate(self._rows) if row.texture_id == selected), None)
@@ -139,29 +137,20 @@ class TexturesPanel:
         if not top <= place * height <= top + seen:
             imgui.set_scroll_y(max(0.0, place * height - 0.5 * seen))
 
-    def _row(
-        self,
-        row: TextureRow,
-        texts: tuple[str, ...],
-        side: float,
-        is_selected: bool,
-        facts: FrameFacts,
-        emit: Emit,
-        items: WidgetRects,
-    ) -> None:
+    def _row(self, row: TextureRow, texts: tuple[str, ...], side: float, is_selected: bool, ui: UiFrame) -> None:
         imgui.table_next_row()
         imgui.table_next_column()
         flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click
         at = imgui.get_cursor_pos()
         clicked = imgui.selectable(f"##{row.texture_id}", is_selected, flags, ImVec2(0, side))[0]
-        items.note(f"texture {row.texture_id}")
+        ui.rects.note(f"texture {row.texture_id}")
         if clicked:
             doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            emit("texture.flat" if doubly else "texture.select", str(row.texture_id))
+            ui.emit("texture.flat" if doubly else "texture.select", str(row.texture_id))
             self._scrolled_to = row.texture_id
         imgui.set_cursor_pos(at)
-        if facts.thumbnail is not None:
-            imgui.image(facts.thumbnail(row.texture_id), ImVec2(side, side))
+        if ui.facts.thumbnail is not None:
+            imgui.image(ui.facts.thumbnail(row.texture_id), ImVec2(side, side))
         for text in texts:
             if imgui.table_next_column():
                 imgui.text(text)

@@ -3,10 +3,9 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, Slot
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.widgets import SLOT_COLORS, WidgetRects
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import SLOT_COLORS
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 12.0
@@ -32,9 +31,7 @@ def _patch(patch: PixelPatch | None, inside: tuple[int, int, int, int], cell: fl
     low = ImVec2(at.x + REACH * cell, at.y + REACH * cell)
     for distance, color in zip((1.0, 0.0), FRAME_COLORS, strict=True):
         draw.add_rect(
-            ImVec2(low.x - distance, low.y - distance),
-            ImVec2(low.x + cell + distance, low.y + cell + distance),
-            color,
+            ImVec2(low.x - distance, low.y - distance), ImVec2(low.x + cell + distance, low.y + cell + distance), color
         )
 
 
@@ -74,8 +71,8 @@ def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
     return ", ".join(texts) or "-"
 
 
-def _facts(pixel: PixelContent, session: Session) -> None:
-    slots = (session.view.slot_a, session.view.slot_b)
+def _facts(pixel: PixelContent, ui: UiFrame) -> None:
+    slots = (ui.session.view.slot_a, ui.session.view.slot_b)
     if pixel.material_name is None:
         imgui.text_disabled("background")
         return
@@ -89,7 +86,7 @@ def _facts(pixel: PixelContent, session: Session) -> None:
         if any(slot.source != REFERENCE for slot in slots):
             rows += [
                 ("decoder", _sources(slots, dict(pixel.decoders))),
-                (f"D of {session.view.overlay.block}", _sources(slots, dict(pixel.block_decoders))),
+                (f"D of {ui.session.view.overlay.block}", _sources(slots, dict(pixel.block_decoders))),
             ]
     else:
         rows.append(("texture", "none"))
@@ -103,28 +100,28 @@ def _facts(pixel: PixelContent, session: Session) -> None:
         imgui.end_table()
 
 
-def draw_pixel_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+def draw_pixel_panel(ui: UiFrame) -> None:
     """The content of the panel."""
-    pixel = facts.pixel
+    pixel = ui.facts.pixel
     if pixel is None:
         imgui.text_disabled("point at the picture")
         return
     place = pixel.place
     imgui.text(f"{place.x}, {place.y} of {place.picture[0]} x {place.picture[1]}")
     imgui.same_line()
-    if session.inspection.pixel is not None:
+    if ui.session.inspection.pixel is not None:
         if imgui.small_button("let go"):
-            emit("pixel.let-go")
-        items.note("let the pixel go")
+            ui.emit("pixel.let-go")
+        ui.rects.note("let the pixel go")
     else:
         imgui.text_disabled("click keeps it")
     cell = min(LARGEST_CELL, (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)
-    items.note("pixels of A")
+    ui.rects.note("pixels of A")
     imgui.same_line()
     _patch(pixel.b, place.inside, cell)
-    items.note("pixels of B")
+    ui.rects.note("pixels of B")
     _values(pixel)
-    _facts(pixel, session)
-    items.note("pixel")
+    _facts(pixel, ui)
+    ui.rects.note("pixel")

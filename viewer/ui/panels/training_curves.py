@@ -6,7 +6,8 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from viewer.training.run_log import Curves
-from viewer.ui.widgets import WidgetRects, combo
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import combo
 
 PLOT_HEIGHT = 120.0
 MOST_NAMED = 6
@@ -23,7 +24,7 @@ class TrainingCurves:
         self._texture: int | None = None
         """None: the one that is worst now."""
 
-    def draw(self, curves: Curves, names: Sequence[str], items: WidgetRects) -> None:
+    def draw(self, curves: Curves, names: Sequence[str], ui: UiFrame) -> None:
         """The plots, each as wide as the panel; `names` of all textures of the pack."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")
@@ -41,7 +42,7 @@ class TrainingCurves:
             for group, curve in sorted(curves.losses.items()):
                 implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
             implot.end_plot()
-        items.note("loss by group")
+        ui.rects.note("loss by group")
         texture = self._chosen(curves)
         if implot.begin_plot("PSNR, dB##psnr", size, flags):
             implot.setup_axes("", "", fit, fit)
@@ -54,8 +55,8 @@ class TrainingCurves:
                 spec = implot.Spec(line_color=blue, line_weight=1.5)
                 implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
             implot.end_plot()
-        items.note("PSNR curve")
-        self._choose(curves, names, items)
+        ui.rects.note("PSNR curve")
+        self._choose(curves, names, ui)
 
     def _chosen(self, curves: Curves) -> int | None:
         if self._texture in curves.psnr_db:
@@ -63,11 +64,11 @@ class TrainingCurves:
         now = {texture: curve[-1] for texture, curve in curves.psnr_db.items() if curve[-1] == curve[-1]}
         return min(now, key=lambda texture: now[texture]) if now else None
 
-    def _choose(self, curves: Curves, names: Sequence[str], items: WidgetRects) -> None:
+    def _choose(self, curves: Curves, names: Sequence[str], ui: UiFrame) -> None:
         choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
         current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
         imgui.set_next_item_width(-70)
-        self._texture = choices[combo("curve of", current, tuple(choices), items)]
+        self._texture = choices[combo("curve of", current, tuple(choices), ui.rects)]
         imgui.same_line()
         imgui.text("in blue")
 

@@ -3,10 +3,9 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, Slot
-from viewer.ui.facts import FrameFacts
-from viewer.ui.widgets import SLOT_COLORS, WidgetRects, packed
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import SLOT_COLORS, packed
 
 SCENE_COLOR = (0.55, 0.57, 0.6, 1.0)
 
@@ -23,16 +22,16 @@ class MemoryPanel:
         self._key: object = None
         self._parts: list[tuple[str, tuple[float, float, float, float], tuple[MemoryRow, ...]]] = []
 
-    def _update(self, session: Session, facts: FrameFacts) -> None:
-        slots = {"a": session.view.slot_a, "b": session.view.slot_b}
-        packs = [session.packs.get(slot.source) for slot in slots.values()]
-        key = (session.scene, slots, packs, {slot: dict(parts) for slot, parts in facts.gpu_parts.items()})
+    def _update(self, ui: UiFrame) -> None:
+        slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
+        packs = [ui.session.packs.get(slot.source) for slot in slots.values()]
+        key = (ui.session.scene, slots, packs, {slot: dict(parts) for slot, parts in ui.facts.gpu_parts.items()})
         if key == self._key:
             return
         self._key = key
-        self._parts = [("scene", SCENE_COLOR, scene_memory(session.scene))]
+        self._parts = [("scene", SCENE_COLOR, scene_memory(ui.session.scene))]
         for side, slot in slots.items():
-            rows = _slot_rows(session, facts, slot)
+            rows = _slot_rows(ui, slot)
             if rows:
                 self._parts.append((f"{side.upper()}: {slot.source}, {slot.precision}", SLOT_COLORS[side], rows))
 
@@ -44,15 +43,15 @@ class MemoryPanel:
             lines += [f"  {row.name:36} {row.bytes:>15,} bytes  {ratio(row)}" for row in rows]
         return "\n".join(lines)
 
-    def draw(self, session: Session, facts: FrameFacts, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        self._update(session, facts)
+        self._update(ui)
         if imgui.small_button("copy"):
             imgui.set_clipboard_text(self.text())
-        items.note("copy memory")
+        ui.rects.note("copy memory")
         imgui.same_line()
         imgui.text_disabled("ratio to RGBA8 with mips")
-        self._bars(items)
+        self._bars(ui)
         if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
             return
         imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
@@ -74,7 +73,7 @@ class MemoryPanel:
                     write(text)
         imgui.end_table()
 
-    def _bars(self, items: WidgetRects) -> None:
+    def _bars(self, ui: UiFrame) -> None:
         """The totals as bars; the longest is the original."""
         totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
         scene = [(row.name, SCENE_COLOR, row) for row in self._parts[0][2]]
@@ -87,12 +86,12 @@ class MemoryPanel:
             draw.add_rect_filled(at, end, packed((*color[:3], 0.55)), 2.0)
             name = row.name if title == row.name else f"{title.split(':')[0]} {row.name}"
             imgui.text(f"{name}  {megabytes(row.bytes)}")
-        items.note("memory bars")
+        ui.rects.note("memory bars")
         imgui.separator()
 
 
-def _slot_rows(session: Session, facts: FrameFacts, slot: Slot) -> tuple[MemoryRow, ...]:
-    pack, match = session.packs.get(slot.source), facts.matches.get(slot.source)
+def _slot_rows(ui: UiFrame, slot: Slot) -> tuple[MemoryRow, ...]:
+    pack, match = ui.session.packs.get(slot.source), ui.facts.matches.get(slot.source)
     if slot.source == REFERENCE or pack is None or match is None:
         return ()
-    return pack_memory(session.scene, pack, match, facts.gpu_parts.get(slot))
+    return pack_memory(ui.session.scene, pack, match, ui.facts.gpu_parts.get(slot))

@@ -3,17 +3,15 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.pack_files import base_pack_name
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 from viewer.training.active_run import ActiveRun
-from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
 from viewer.training.run_log import Run
 from viewer.training.settings import TrainingSettings
-from viewer.ui.facts import Emit
-from viewer.ui.training_curves import TrainingCurves
-from viewer.ui.training_forms import TrainingForms
-from viewer.ui.widgets import SLOT_COLORS, Area, WidgetRects
+from viewer.ui.facts import UiFrame
+from viewer.ui.panels.training_curves import TrainingCurves
+from viewer.ui.panels.training_forms import TrainingForms
+from viewer.ui.widgets import SLOT_COLORS, Area
 
 STATES = {
     "preparing": "preparing textures and groups",
@@ -32,32 +30,32 @@ class TrainingPanel:
         self._curves = TrainingCurves()
         self._path = ""
 
-    def draw(self, session: Session, training: LiveTraining, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        run = training.active
+        run = ui.training.active
         if run is not None:
-            self._under_way(run, emit, items)
+            self._under_way(run, ui)
             names = [texture.name for texture in run.request.textures] if run.request is not None else []
-            self._curves.draw(run.curves, names, items)
+            self._curves.draw(run.curves, names, ui)
         else:
-            if training.log.undecided is not None:
-                self._decision(training, training.log.undecided_run(), emit, items)
+            if ui.training.log.undecided is not None:
+                self._decision(ui, ui.training.log.undecided_run())
                 imgui.separator()
-            name = base_pack_name(session.view, session.packs)
-            self._forms.draw(session.packs[name] if name is not None else None, name or "", emit, items)
-            if training.curves is not None and len(training.curves.seconds) > 1:
+            name = base_pack_name(ui.session.view, ui.session.packs)
+            self._forms.draw(ui.session.packs[name] if name is not None else None, name or "", ui)
+            if ui.training.curves is not None and len(ui.training.curves.seconds) > 1:
                 opened = imgui.tree_node("curves of the last run")
-                items.note("curves of the last run")
+                ui.rects.note("curves of the last run")
                 if opened:
-                    last = training.log.runs[-1] if training.log.runs else None
+                    last = ui.training.log.runs[-1] if ui.training.log.runs else None
                     names = [t.name for t in last.pack.textures] if last is not None and last.pack is not None else []
-                    self._curves.draw(training.curves, names, items)
+                    self._curves.draw(ui.training.curves, names, ui)
                     imgui.tree_pop()
-        if training.log.runs:
+        if ui.training.log.runs:
             imgui.separator()
-            _log(session, training, emit, items)
+            _log(ui)
 
-    def _under_way(self, run: ActiveRun, emit: Emit, items: WidgetRects) -> None:
+    def _under_way(self, run: ActiveRun, ui: UiFrame) -> None:
         progress = run.progress
         imgui.text_wrapped(f"{run.name}: {job_title(run.job)}")
         state = STATES[run.state]
@@ -66,7 +64,7 @@ class TrainingPanel:
         # The text stands below: over the bar it would be hard to read.
         imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
         imgui.pop_style_color()
-        items.note("progress")
+        ui.rects.note("progress")
         if progress is None:
             imgui.text(state or "starting")
         else:
@@ -77,14 +75,14 @@ class TrainingPanel:
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
         imgui.begin_disabled(run.state in ("preparing", "cancelling"))
         if imgui.button("Resume" if waits else "Pause", ImVec2(third, 0)):
-            emit("training.resume" if waits else "training.pause")
-        items.note("Resume" if waits else "Pause")
+            ui.emit("training.resume" if waits else "training.pause")
+        ui.rects.note("Resume" if waits else "Pause")
         imgui.end_disabled()
         imgui.same_line()
         imgui.begin_disabled(run.state == "cancelling")
         if imgui.button("Cancel", ImVec2(-1, 0)):
-            emit("training.cancel")
-        items.note("Cancel")
+            ui.emit("training.cancel")
+        ui.rects.note("Cancel")
         imgui.end_disabled()
         if progress is not None:
             mean = f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "-"
@@ -94,21 +92,21 @@ class TrainingPanel:
         if run.notes:
             imgui.text_wrapped(run.notes[-1])
 
-    def _decision(self, training: LiveTraining, run: Run, emit: Emit, items: WidgetRects) -> None:
+    def _decision(self, ui: UiFrame, run: Run) -> None:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         imgui.text_wrapped(f"{run.name}: {run.outcome}{quality}. Keep it?")
         imgui.set_next_item_width(-1)
         self._path = imgui.input_text_with_hint("##file", "file; without one beside the scene", self._path)[1]
-        items.note("file")
+        ui.rects.note("file")
         half = (imgui.get_content_region_avail().x - 8.0) / 2.0
-        imgui.begin_disabled(training.saving)
-        if imgui.button("writing ..." if training.saving else "Accept", ImVec2(half, 0)):
-            emit("training.accept", self._path.strip())
-        items.note("Accept")
+        imgui.begin_disabled(ui.training.saving)
+        if imgui.button("writing ..." if ui.training.saving else "Accept", ImVec2(half, 0)):
+            ui.emit("training.accept", self._path.strip())
+        ui.rects.note("Accept")
         imgui.same_line()
         if imgui.button("Discard", ImVec2(-1, 0)):
-            emit("training.discard")
-        items.note("Discard")
+            ui.emit("training.discard")
+        ui.rects.note("Discard")
         imgui.end_disabled()
 
 
@@ -118,7 +116,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def _log(session: Session, training: LiveTraining, emit: Emit, items: WidgetRects) -> None:
+def _log(ui: UiFrame) -> None:
     """All runs, newest first."""
     imgui.text_disabled("runs")
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
@@ -130,8 +128,8 @@ def _log(session: Session, training: LiveTraining, emit: Emit, items: WidgetRect
     imgui.table_setup_column("time")
     imgui.table_setup_column("into")
     imgui.table_headers_row()
-    shown = {"a": session.view.slot_a.source, "b": session.view.slot_b.source}
-    for run in reversed(training.log.runs):
+    shown = {"a": ui.session.view.slot_a.source, "b": ui.session.view.slot_b.source}
+    for run in reversed(ui.training.log.runs):
         imgui.table_next_row()
         imgui.table_next_column()
         imgui.text(str(run.number))
@@ -149,8 +147,8 @@ def _log(session: Session, training: LiveTraining, emit: Emit, items: WidgetRect
         for side in ("a", "b"):
             imgui.begin_disabled(run.pack is None or shown[side] == run.name)
             if imgui.small_button(f"{side.upper()}##{run.number}"):
-                emit("training.show", run.number, side)
-            items.note(f"run {run.number} into {side.upper()}")
+                ui.emit("training.show", run.number, side)
+            ui.rects.note(f"run {run.number} into {side.upper()}")
             imgui.end_disabled()
             if side == "a":
                 imgui.same_line()
@@ -163,13 +161,18 @@ class EncodeOffer:
     def __init__(self) -> None:
         self._answered_for: object = None
 
-    def draw(self, session: Session, training: LiveTraining, area: Area, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame, area: Area) -> None:
         """The question, if it is to be asked, at the upper edge of `area`."""
-        if training.state != "idle":
-            self._answered_for = session.scene
-        if session.packs or training.log.runs or session.scene is self._answered_for or not session.scene.textures:
+        if ui.training.state != "idle":
+            self._answered_for = ui.session.scene
+        if (
+            ui.session.packs
+            or ui.training.log.runs
+            or ui.session.scene is self._answered_for
+            or not ui.session.scene.textures
+        ):
             return
-        if {session.view.slot_a.source, session.view.slot_b.source} != {REFERENCE}:
+        if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
             return
         imgui.set_next_window_pos(
             ImVec2((area.left + area.right) / 2.0, area.top + 40.0), imgui.Cond_.always, ImVec2(0.5, 0.0)
@@ -187,10 +190,10 @@ class EncodeOffer:
             imgui.text("This scene has no pack.")
             imgui.text_disabled(f"{settings.texture_size} texels, 30 s; more in the panel Training")
             if imgui.button("Encode it now"):
-                emit("training.encode")
-            items.note("Encode it now")
+                ui.emit("training.encode")
+            ui.rects.note("Encode it now")
             imgui.same_line()
             if imgui.button("Not now"):
-                self._answered_for = session.scene
-            items.note("Not now")
+                self._answered_for = ui.session.scene
+            ui.rects.note("Not now")
         imgui.end()

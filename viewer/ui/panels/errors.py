@@ -9,9 +9,8 @@ from viewer.commands.errors import LARGEST_IS_WORST
 from viewer.inspect.comparison import ErrorRow
 from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.live_figures_section import decibels, figures_state
-from viewer.ui.widgets import WidgetRects
+from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.panels.compare import decibels, figures_state
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
@@ -59,24 +58,24 @@ def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
     return sorted(rows, key=lambda named: _value(named, table.column), reverse=table.descending)
 
 
-def _choices(session: Session, emit: Emit, items: WidgetRects) -> None:
+def _choices(ui: UiFrame) -> None:
     for by in ("texture", "decoder"):
-        if imgui.radio_button(f"by {by}", session.inspection.errors.by == by):
-            emit("errors.by", by)
-        items.note(f"errors by {by}")
+        if imgui.radio_button(f"by {by}", ui.session.inspection.errors.by == by):
+            ui.emit("errors.by", by)
+        ui.rects.note(f"errors by {by}")
         imgui.same_line()
-    overlay = session.view.overlay
-    kind: OverlayKind = "error-texture" if session.inspection.errors.by == "texture" else "error-decoder"
+    overlay = ui.session.view.overlay
+    kind: OverlayKind = "error-texture" if ui.session.inspection.errors.by == "texture" else "error-decoder"
     changed, shown = imgui.checkbox("in the picture", overlay.kind in ("error-texture", "error-decoder"))
-    items.note("errors in the picture")
+    ui.rects.note("errors in the picture")
     if changed:
-        emit("overlay.kind", kind if shown else "none")
+        ui.emit("overlay.kind", kind if shown else "none")
     elif overlay.kind in ("error-texture", "error-decoder") and overlay.kind != kind:
-        emit("overlay.kind", kind)
+        ui.emit("overlay.kind", kind)
 
 
-def _headings(session: Session, emit: Emit, items: WidgetRects) -> None:
-    table = session.inspection.errors
+def _headings(ui: UiFrame) -> None:
+    table = ui.session.inspection.errors
     imgui.table_next_row(imgui.TableRowFlags_.headers)
     for column, text in HEADINGS:
         imgui.table_next_column()
@@ -85,20 +84,20 @@ def _headings(session: Session, emit: Emit, items: WidgetRects) -> None:
         title = "decoder" if column == "name" and table.by == "decoder" else text
         if imgui.selectable(f"{title}{arrow}##{column}", False)[0]:
             worst_first = table.descending == (column in LARGEST_IS_WORST)
-            emit("errors.sort", column, "best" if is_key and worst_first else "worst")
-        items.note(f"sort by {column}")
+            ui.emit("errors.sort", column, "best" if is_key and worst_first else "worst")
+        ui.rects.note(f"sort by {column}")
 
 
-def _row(named: NamedRow, session: Session, emit: Emit, items: WidgetRects) -> None:
-    row, by = named.row, session.inspection.errors.by
-    decoder = session.inspection.errors.highlighted_decoder
-    lit = decoder == row.number if by == "decoder" else decoder is None and session.view.highlight == (row.number,)
+def _row(named: NamedRow, ui: UiFrame) -> None:
+    row, by = named.row, ui.session.inspection.errors.by
+    decoder = ui.session.inspection.errors.highlighted_decoder
+    lit = decoder == row.number if by == "decoder" else decoder is None and ui.session.view.highlight == (row.number,)
     imgui.table_next_row()
     imgui.table_next_column()
     flags = imgui.SelectableFlags_.span_all_columns
     if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
-        emit("errors.highlight", by, row.number)
-    items.note(f"error {by} {row.number}")
+        ui.emit("errors.highlight", by, row.number)
+    ui.rects.note(f"error {by} {row.number}")
     texts = (
         str(row.decoder) if row.decoder >= 0 else "-",
         f"{row.pixels:,}",
@@ -111,16 +110,16 @@ def _row(named: NamedRow, session: Session, emit: Emit, items: WidgetRects) -> N
         imgui.text(text)
 
 
-def draw_errors_panel(session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+def draw_errors_panel(ui: UiFrame) -> None:
     """The content of the panel."""
-    _choices(session, emit, items)
-    imgui.text_disabled(figures_state(facts.live, session, facts.is_training))
-    if session.view.highlight:
+    _choices(ui)
+    imgui.text_disabled(figures_state(ui))
+    if ui.session.view.highlight:
         imgui.same_line()
         if imgui.small_button("end highlight"):
-            emit("errors.clear")
-        items.note("end highlight")
-    rows = sorted_rows(session, facts)
+            ui.emit("errors.clear")
+        ui.rects.note("end highlight")
+    rows = sorted_rows(ui.session, ui.facts)
     if not rows:
         return
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.scroll_y | imgui.TableFlags_.borders_inner_v
@@ -128,12 +127,12 @@ def draw_errors_panel(session: Session, facts: FrameFacts, emit: Emit, items: Wi
         imgui.table_setup_scroll_freeze(0, 1)
         for column, text in HEADINGS:
             imgui.table_setup_column(text, imgui.TableColumnFlags_.width_stretch, 2.4 if column == "name" else 1.0)
-        _headings(session, emit, items)
+        _headings(ui)
         for named in rows[:ROWS_SHOWN]:
-            _row(named, session, emit, items)
+            _row(named, ui)
         if len(rows) > ROWS_SHOWN:
             imgui.table_next_row()
             imgui.table_next_column()
             imgui.text_disabled(f"and {len(rows) - ROWS_SHOWN} more")
         imgui.end_table()
-    items.note("errors table")
+    ui.rects.note("errors table")

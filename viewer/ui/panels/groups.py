@@ -7,10 +7,9 @@ from imgui_bundle import ImVec2, imgui
 from ntc.pack.model import Pack
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
-from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
-from viewer.ui.facts import Emit, FrameFacts
-from viewer.ui.widgets import WidgetRects, counted
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import counted
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
@@ -34,19 +33,19 @@ class GroupsPanel:
         self._chosen = 0
         self._followed: int | None = None
 
-    def draw(self, session: Session, facts: FrameFacts, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        source = session.view.slot_a.source
-        pack, match = session.packs.get(source), facts.matches.get(source)
+        source = ui.session.view.slot_a.source
+        pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         if source == REFERENCE or pack is None or match is None:
             imgui.text_wrapped("slot A shows the reference: choose a pack in it to see its groups")
             return
-        if self._key != (session.scene, pack, match):
-            self._key, self._order = (session.scene, pack, match), None
+        if self._key != (ui.session.scene, pack, match):
+            self._key, self._order = (ui.session.scene, pack, match), None
             self._rows = group_rows(pack, match)
             self._followed = None
         decoders = match.decoders(pack)
-        self._follow_selection(session.inspection.selected_texture, decoders)
+        self._follow_selection(ui.session.inspection.selected_texture, decoders)
         if not self._rows:
             imgui.text_disabled("the pack has no groups")
             return
@@ -54,8 +53,8 @@ class GroupsPanel:
         imgui.text_wrapped(f"{source}: grouping {pack.grouping.name}, {counted(len(self._rows), 'group')}")
         if parameters:
             imgui.text_disabled(parameters[:200])
-        self._list(items)
-        self._group(session, pack, decoders, facts, emit, items)
+        self._list(ui)
+        self._group(ui, pack, decoders)
 
     def _follow_selection(self, selected: int | None, decoders: tuple[int, ...]) -> None:
         """Show the group of a texture that has been selected elsewhere."""
@@ -65,7 +64,7 @@ class GroupsPanel:
                 self._chosen = decoders[selected]
         self._chosen = min(self._chosen, max(len(self._rows) - 1, 0))
 
-    def _list(self, items: WidgetRects) -> None:
+    def _list(self, ui: UiFrame) -> None:
         flags = (
             imgui.TableFlags_.sortable
             | imgui.TableFlags_.row_bg
@@ -91,7 +90,7 @@ class GroupsPanel:
                 span = imgui.SelectableFlags_.span_all_columns
                 if imgui.selectable(str(row.group), row.group == self._chosen, span)[0]:
                     self._chosen = row.group
-                items.note(f"group {row.group}")
+                ui.rects.note(f"group {row.group}")
                 absent = f" + {row.absent} not here" if row.absent else ""
                 for text in (f"{len(row.members)}{absent}", _decibels(row.mean_db), _decibels(row.worst_db)):
                     imgui.table_next_column()
@@ -117,20 +116,12 @@ class GroupsPanel:
         )
         self._shown = sorted(self._rows, key=keys[spec.column_user_id], reverse=descending)
 
-    def _group(
-        self,
-        session: Session,
-        pack: Pack,
-        decoders: tuple[int, ...],
-        facts: FrameFacts,
-        emit: Emit,
-        items: WidgetRects,
-    ) -> None:
+    def _group(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> None:
         row = self._rows[self._chosen]
         if imgui.button(f"Train group {row.group}"):
-            emit("training.retrain", str(row.group))
-        items.note("Train group")
-        distances = self._distances(session, pack, decoders)
+            ui.emit("training.retrain", str(row.group))
+        ui.rects.note("Train group")
+        distances = self._distances(ui, pack, decoders)
         members = list(row.members)
         if isinstance(distances, GroupDistances):
             by_texture = distances.by_texture
@@ -152,48 +143,38 @@ class GroupsPanel:
         while clipper.step():
             for index in range(clipper.display_start, clipper.display_end):
                 distance = distances.by_texture.get(members[index]) if isinstance(distances, GroupDistances) else None
-                self._member(session, members[index], distance, far, side, facts, emit, items)
+                self._member(ui, members[index], distance, far, side)
         imgui.end_child()
 
-    def _member(
-        self,
-        session: Session,
-        texture: int,
-        distance: float | None,
-        far: float,
-        side: float,
-        facts: FrameFacts,
-        emit: Emit,
-        items: WidgetRects,
-    ) -> None:
+    def _member(self, ui: UiFrame, texture: int, distance: float | None, far: float, side: float) -> None:
         at = imgui.get_cursor_pos()
         flags = imgui.SelectableFlags_.allow_double_click
         if imgui.selectable(
-            f"##member {texture}", texture == session.inspection.selected_texture, flags, ImVec2(0, side)
+            f"##member {texture}", texture == ui.session.inspection.selected_texture, flags, ImVec2(0, side)
         )[0]:
             doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            emit("texture.flat" if doubly else "texture.select", str(texture))
+            ui.emit("texture.flat" if doubly else "texture.select", str(texture))
             self._followed = texture
-        items.note(f"member {texture}")
+        ui.rects.note(f"member {texture}")
         imgui.set_cursor_pos(at)
-        if facts.thumbnail is not None:
-            imgui.image(facts.thumbnail(texture), ImVec2(side, side))
+        if ui.facts.thumbnail is not None:
+            imgui.image(ui.facts.thumbnail(texture), ImVec2(side, side))
             imgui.same_line()
         if distance is not None:
             share = distance / far if far > 0.0 else 0.0
             imgui.progress_bar(share, ImVec2(4.5 * imgui.get_font_size(), 0), f"{distance:.2f}")
             imgui.same_line()
-        imgui.text(session.scene.textures[texture].name)
+        imgui.text(ui.session.scene.textures[texture].name)
 
-    def _distances(self, session: Session, pack: Pack, decoders: tuple[int, ...]) -> GroupDistances | str:
-        """The distances, or what to say in their place."""
+    def _distances(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> GroupDistances | str:
+        """The distances, or a text to show in their place."""
         asked = grouping_features(pack)
         if asked is None:
             return "no distances: the pack does not say that features grouped it"
         features, stands_in_for = asked
         # Every grouping has its own centroids, over features that are kept on disk.
-        key = (session.scene, decoders, features)
-        job = self._background.ask(key, partial(group_distances, session.scene, decoders, features, stands_in_for))
+        key = (ui.session.scene, decoders, features)
+        job = self._background.ask(key, partial(group_distances, ui.session.scene, decoders, features, stands_in_for))
         if not job.done:
             return f"{features} features {job.report.share:.0%}"
         return f"no distances: {job.problem}" if job.problem else job.result()

@@ -5,8 +5,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.inspect.comparison import Comparison
-from viewer.ui.facts import FrameFacts
-from viewer.ui.widgets import WidgetRects
+from viewer.ui.facts import UiFrame
 
 CHANNELS = (("red", (0.95, 0.35, 0.3, 1.0)), ("green", (0.4, 0.85, 0.4, 1.0)), ("blue", (0.4, 0.6, 1.0, 1.0)))
 
@@ -28,9 +27,9 @@ class HistogramPanel:
         self._last = max(8, int(occurring[-1]) + 1) if len(occurring) else 8
         self._of = comparison
 
-    def draw(self, facts: FrameFacts, items: WidgetRects) -> None:
+    def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        comparison = facts.live.comparison
+        comparison = ui.facts.live.comparison
         if comparison is None or comparison.pixels == 0:
             imgui.text_disabled("when the picture rests, and A and B differ")
             return
@@ -47,4 +46,4 @@ class HistogramPanel:
                 spec = implot.Spec(line_color=imgui.ImVec4(*color), line_weight=1.5)
                 implot.plot_stairs(name, steps - 0.5, counts, spec)
             implot.end_plot()
-        items.note("histogram")
+        ui.rects.note("histogram")

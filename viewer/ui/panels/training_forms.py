@@ -9,8 +9,8 @@ from ntc.errors import InputError
 from ntc.pack.model import Pack
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
-from viewer.ui.facts import Emit
-from viewer.ui.widgets import WidgetRects, combo, counted
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import combo, counted
 
 SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
@@ -20,10 +20,10 @@ LABEL_PLACE = 84.0
 """Where fields begin."""
 
 
-def _field(label: str, text: str, width: float, items: WidgetRects) -> str:
+def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
     imgui.set_next_item_width(width)
     changed = imgui.input_text(f"##{label}", text)[1]
-    items.note(label)
+    ui.rects.note(label)
     return changed
 
 
@@ -49,11 +49,11 @@ class TrainingForms:
         self._pack: Pack | None = None
         """What groups and texture belong to."""
 
-    def draw(self, pack: Pack | None, name: str, emit: Emit, items: WidgetRects) -> None:
+    def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
         """The forms; `pack` is what a training would go on from, open as `name`, None without one."""
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it, and watch the picture sharpen:")
-            self._encode(emit, items)
+            self._encode(ui)
             return
         if pack is not self._pack:
             same = self._pack is not None and self._pack.grouping.groups == pack.grouping.groups
@@ -67,28 +67,28 @@ class TrainingForms:
                 ("Encode", self._encode_anew),
             ):
                 shown = imgui.begin_tab_item(label)[0]
-                items.note(f"tab {label}")
+                ui.rects.note(f"tab {label}")
                 if shown:
                     if label != "Encode":
                         imgui.text_disabled(f"goes on from {name}: {counted(pack.grouping.group_count, 'group')}")
-                    form(pack, emit, items)
+                    form(pack, ui)
                     imgui.end_tab_item()
             imgui.end_tab_bar()
 
-    def _length(self, items: WidgetRects) -> str | None:
+    def _length(self, ui: UiFrame) -> str | None:
         """Recipe and budget; the budget as a command takes it, None where it is not right."""
         _labelled("budget")
-        self._value = _field("budget", self._value, 70, items)
+        self._value = _field("budget", self._value, 70, ui)
         imgui.same_line()
         imgui.set_next_item_width(90)
         names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS)
-        chosen = combo("budget unit", UNIT_NAMES[self._unit], names, items)
+        chosen = combo("budget unit", UNIT_NAMES[self._unit], names, ui.rects)
         unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
         if unit != self._unit:
             self._unit, self._value = unit, USUAL_VALUES[unit]
         imgui.same_line()
         imgui.set_next_item_width(70)
-        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), items)
+        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
         try:
             make_budget(float(self._value), unit)
         except (InputError, ValueError):
@@ -96,96 +96,96 @@ class TrainingForms:
             return None
         return f"{self._value.strip()}{unit}"
 
-    def _grouping(self, items: WidgetRects) -> None:
+    def _grouping(self, ui: UiFrame) -> None:
         _labelled("grouping")
         imgui.set_next_item_width(110)
-        self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), items)
+        self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), ui.rects)
         if self._strategy in ("clustered", "random", "covisible"):
             imgui.same_line()
             imgui.text("k")
             imgui.same_line()
-            self._clusters = _field("k", self._clusters, 60, items)
+            self._clusters = _field("k", self._clusters, 60, ui)
 
-    def _button(self, label: str, command: tuple[str, ...] | None, emit: Emit, items: WidgetRects) -> None:
+    def _button(self, label: str, command: tuple[str, ...] | None, ui: UiFrame) -> None:
         """A button that runs a command with its values; grey where `command` is None."""
         imgui.begin_disabled(command is None)
         clicked = imgui.button(label, ImVec2(-1, 0))
         imgui.end_disabled()
-        items.note(label)
+        ui.rects.note(label)
         if clicked and command is not None:
-            emit(*command)
+            ui.emit(*command)
 
     @property
     def _k(self) -> str:
         return self._clusters.strip() or AUTO
 
-    def _encode(self, emit: Emit, items: WidgetRects) -> None:
-        self._grouping(items)
+    def _encode(self, ui: UiFrame) -> None:
+        self._grouping(ui)
         _labelled("textures")
         imgui.set_next_item_width(70)
-        self._size = combo("size", self._size, SIZES, items)
+        self._size = combo("size", self._size, SIZES, ui.rects)
         imgui.same_line()
         imgui.text("texels at most")
-        budget = self._length(items)
+        budget = self._length(ui)
         command = None
         if budget is not None:
             command = ("training.encode", self._strategy, self._k, self._size, budget, self._recipe)
-        self._button("Encode this scene", command, emit, items)
+        self._button("Encode this scene", command, ui)
 
-    def _encode_anew(self, _pack: Pack, emit: Emit, items: WidgetRects) -> None:
+    def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
         imgui.text_disabled("from nothing, as a pack of its own")
-        self._encode(emit, items)
+        self._encode(ui)
 
-    def _retrain(self, pack: Pack, emit: Emit, items: WidgetRects) -> None:
+    def _retrain(self, pack: Pack, ui: UiFrame) -> None:
         if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
             for group, line in enumerate(_group_lines(pack)):
                 changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
-                items.note(f"group {group}")
+                ui.rects.note(f"group {group}")
                 if changed:
                     self._groups ^= {group} if chosen != (group in self._groups) else set()
         imgui.end_child()
         if imgui.small_button("all"):
             self._groups = set(range(pack.grouping.group_count))
-        items.note("all groups")
+        ui.rects.note("all groups")
         imgui.same_line()
         if imgui.small_button("none"):
             self._groups = set()
-        items.note("no groups")
-        budget = self._length(items)
+        ui.rects.note("no groups")
+        budget = self._length(ui)
         command = None
         if budget is not None and self._groups:
             groups = ",".join(map(str, sorted(self._groups)))
             command = ("training.retrain", groups, budget, self._recipe)
         label = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
-        self._button(label, command, emit, items)
-        items.note("Retrain")
+        self._button(label, command, ui)
+        ui.rects.note("Retrain")
 
-    def _move(self, pack: Pack, emit: Emit, items: WidgetRects) -> None:
+    def _move(self, pack: Pack, ui: UiFrame) -> None:
         self._texture = min(self._texture, len(pack.textures) - 1)
         labels = tuple(f"{index} {t.name} (group {t.group})" for index, t in enumerate(pack.textures))
         _labelled("texture")
         imgui.set_next_item_width(-1)
-        self._texture = labels.index(combo("texture", labels[self._texture], labels, items))
+        self._texture = labels.index(combo("texture", labels[self._texture], labels, ui.rects))
         own = pack.textures[self._texture].group
         targets = (*(str(group) for group in range(pack.grouping.group_count) if group != own), "new")
         if self._group not in targets:
             self._group = targets[0]
         _labelled("to group")
         imgui.set_next_item_width(90)
-        self._group = combo("to group", self._group, targets, items)
-        budget = self._length(items)
+        self._group = combo("to group", self._group, targets, ui.rects)
+        budget = self._length(ui)
         command = None
         if budget is not None:
             command = ("training.move", str(self._texture), self._group, budget, self._recipe)
-        self._button("Move and train both groups", command, emit, items)
+        self._button("Move and train both groups", command, ui)
 
-    def _regroup(self, _pack: Pack, emit: Emit, items: WidgetRects) -> None:
-        self._grouping(items)
-        budget = self._length(items)
+    def _regroup(self, _pack: Pack, ui: UiFrame) -> None:
+        self._grouping(ui)
+        budget = self._length(ui)
         command = None
         if budget is not None:
             command = ("training.regroup", self._strategy, self._k, budget, self._recipe)
-        self._button("Regroup and train", command, emit, items)
+        self._button("Regroup and train", command, ui)
 
 
 def _group_lines(pack: Pack) -> list[str]:

@@ -1,0 +1,260 @@
+"""Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
+
+import math
+from typing import get_args
+
+from imgui_bundle import imgui
+
+from ntc.codec.precision import PrecisionChoice
+from ntc.metrics.divergence import cut_percent
+from viewer.commands.window import OPENED_ON_REQUEST
+from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
+from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side, Slot
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import combo
+
+GAINS = (1.0, 64.0)
+"""Ends of the slider."""
+
+
+def decibels(value: float | None) -> str:
+    """A PSNR as text."""
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if math.isfinite(value) else "equal"
+
+
+def figures_state(ui: UiFrame) -> str:
+    """Which picture the figures are of, or why there are none."""
+    live = ui.facts.live
+    if ui.session.view.slot_a == ui.session.view.slot_b:
+        return "A and B show the same"
+    if not ui.session.settings.live_figures:
+        return "switched off"
+    if live.computing:
+        return "computing"
+    if ui.facts.is_training:
+        return "not while training"
+    if live.comparison is None:
+        return live.problem or "when the picture rests"
+    return "of this view" if live.is_current else "of an earlier view"
+
+
+def draw_flicker(ui: UiFrame) -> None:
+    """A and B in turns, and how often."""
+    if imgui.checkbox("flicker", ui.session.window.flickers)[0]:
+        ui.emit("compare.toggle-flicker")
+    ui.rects.note("flicker")
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    low, high = FLICKER_RANGE
+    rate = ui.session.settings.flicker_hz
+    flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+    moved, rate = imgui.slider_float("##rate", rate, low, high, "%.1f Hz", flags)
+    ui.rects.note("flicker rate")
+    if moved:
+        ui.emit("compare.flicker", round(rate, 3))
+
+
+def draw_difference(ui: UiFrame) -> None:
+    """Which difference, and how much of it."""
+    difference = ui.session.view.difference
+    imgui.set_next_item_width(110)
+    kind = combo("difference", difference.kind, get_args(DifferenceKind), ui.rects)
+    if kind != difference.kind:
+        ui.emit("compare.difference", kind)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    if difference.kind == "amplified":
+        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+        moved, gain = imgui.slider_float("##gain", difference.gain, *GAINS, "x %.1f", flags)
+        ui.rects.note("gain")
+        if moved:
+            ui.emit("compare.gain", round(gain, 3))
+        return
+    texts = {"raw": "|A - B|, sRGB", "relative": "|A - B| / A, linear", "flip": "dark 0, bright 1"}
+    imgui.text_disabled(texts[difference.kind])
+
+
+def draw_live_figures(ui: UiFrame) -> None:
+    """PSNR, SSIM and FLIP of A against B."""
+    changed, live_figures = imgui.checkbox("A against B", ui.session.settings.live_figures)
+    ui.rects.note("live figures")
+    if changed:
+        ui.emit("compare.live", live_figures)
+    imgui.same_line()
+    imgui.text_disabled(figures_state(ui))
+    ui.rects.note("figures state")
+    live = ui.facts.live
+    found = live.comparison
+    texts = (
+        ("PSNR", f"{decibels(found.psnr_db)} dB" if found and found.psnr_db is not None else "-"),
+        ("SSIM", f"{found.ssim:.4f}" if found and found.ssim is not None else "-"),
+        ("FLIP", f"{found.flip:.4f}" if found and found.flip is not None else "-"),
+    )
+    if imgui.begin_table("live figures", 2 * len(texts)):
+        imgui.table_next_row()
+        for name, text in texts:
+            imgui.table_next_column()
+            imgui.text_disabled(name)
+            imgui.table_next_column()
+            if live.is_current:
+                imgui.text(text)
+            else:
+                imgui.text_disabled(text)
+        imgui.end_table()
+    ui.rects.note("live table")
+    if found is not None and found.problem:
+        imgui.text_wrapped(found.problem)
+
+
+MODES: tuple[tuple[CompareMode, str], ...] = (
+    ("a", "A"),
+    ("b", "B"),
+    ("wipe", "Wipe"),
+    ("wipe-horizontal", "Wipe across"),
+    ("side-by-side", "Side by side"),
+    ("difference", "Difference"),
+)
+MODES_A_ROW = 4
+RESOLUTIONS = (1.0, 0.5, 0.25)
+
+
+def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
+    letter = side.upper()
+    imgui.align_text_to_frame_padding()
+    imgui.text(letter)
+    imgui.same_line()
+    # Three lists in one row, in a narrow panel narrower.
+    room = imgui.get_content_region_avail().x - 2.0 * imgui.get_style().item_spacing.x
+    imgui.set_next_item_width(0.46 * room)
+    source = combo(f"{letter} source", slot.source, ui.session.sources, ui.rects)
+    if source != slot.source:
+        ui.emit("slot.source", side, source)
+    if slot.source != REFERENCE:
+        imgui.same_line()
+        imgui.set_next_item_width(0.3 * room)
+        path = combo(f"{letter} path", slot.path, get_args(PathChoice), ui.rects)
+        imgui.same_line()
+        imgui.set_next_item_width(0.24 * room)
+        shown = "auto" if side in ui.session.requests.precision else slot.precision
+        precision = combo(f"{letter} precision", shown, get_args(PrecisionChoice), ui.rects)
+        if precision != shown:
+            ui.emit("slot.precision", side, precision)
+        if path != slot.path:
+            ui.emit("slot.path", side, path)
+
+
+def _modes(ui: UiFrame) -> None:
+    for number, (mode, label) in enumerate(MODES):
+        if number % MODES_A_ROW:
+            imgui.same_line()
+        if imgui.radio_button(label, ui.session.view.compare == mode):
+            ui.emit("compare.mode", mode)
+        ui.rects.note(label)
+    imgui.same_line()
+    imgui.text_disabled("Space: the other")
+    draw_flicker(ui)
+    if ui.session.view.compare == "difference":
+        draw_difference(ui)
+
+
+def _panels(ui: UiFrame) -> None:
+    """Check boxes of the panels with details."""
+    for number, title in enumerate(OPENED_ON_REQUEST):
+        name = title.lower()
+        if number:
+            imgui.same_line()
+        if imgui.checkbox(name, title in ui.session.window.open_panels)[0]:
+            ui.emit(f"{name}.panel")
+        ui.rects.note(f"show {name}")
+
+
+def _filters(ui: UiFrame) -> None:
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
+    chosen = combo("anisotropy", str(ui.session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), ui.rects)
+    if int(chosen) != ui.session.view.anisotropy:
+        ui.emit("filter.anisotropy", int(chosen))
+    imgui.same_line()
+    imgui.text("anisotropy: reference, cached")
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
+    share = combo(
+        "resolution", f"{ui.session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), ui.rects
+    )
+    if share != f"{ui.session.resolution:.0%}":
+        ui.emit("view.resolution", float(share.rstrip("%")) / 100.0)
+    imgui.same_line()
+    imgui.text("resolution")
+    imgui.same_line()
+    changed, coarse = imgui.checkbox("coarser while moving", ui.session.settings.coarse_while_moving)
+    ui.rects.note("coarser while moving")
+    if changed:
+        ui.emit("view.coarse-while-moving", coarse)
+
+
+def _overlay(ui: UiFrame) -> None:
+    if imgui.checkbox("divergence", ui.session.view.overlay.kind == "divergence")[0]:
+        ui.emit("overlay.toggle")
+    ui.rects.note("divergence")
+    excess = [
+        ui.facts.divergence[s.source].excess
+        for s in (ui.session.view.slot_a, ui.session.view.slot_b)
+        if s.source in ui.facts.divergence
+    ]
+    if len(excess) == 2:
+        cut = cut_percent(*excess)
+        imgui.same_line()
+        imgui.text_disabled("nothing to cut" if cut is None else f"A cuts B's excess by {cut:.1f} %")
+
+
+def _figures(ui: UiFrame) -> None:
+    if imgui.button("Measure"):
+        ui.emit("compare.measure")
+    ui.rects.note("Measure")
+    imgui.same_line()
+    if not ui.session.inspection.measurements:
+        imgui.text_disabled("PSNR, divergence, memory of this view")
+        return
+    imgui.text_disabled(
+        "this view" if ui.session.inspection.measured_view == ui.session.view else "an earlier view: measure again"
+    )
+    if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
+        return
+    for heading in ("", "A", "B"):
+        imgui.table_setup_column(heading)
+    imgui.table_headers_row()
+    rows: dict[str, list[str]] = {
+        name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
+    }
+    for side, slot in ui.session.view.slots.items():
+        figure = ui.session.inspection.measurements.get(side)
+        rows["shows"].append(figure.source if figure else "-")
+        rows["PSNR dB"].append(f"{figure.psnr_db:.2f}" if figure and figure.psnr_db is not None else "-")
+        divergence = figure.divergence if figure else None
+        rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
+        rows["excess"].append(str(divergence.excess) if divergence else "-")
+        rows["path"].append("-" if slot.source == REFERENCE else ui.facts.paths.get(slot, slot.path))
+        rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
+        rows["decode ms"].append(f"{ui.facts.slot_ms[slot]:.2f}" if slot in ui.facts.slot_ms else "-")
+    for name, values in rows.items():
+        imgui.table_next_row()
+        for text in (name, *values):
+            imgui.table_next_column()
+            imgui.text(text)
+    imgui.end_table()
+
+
+def draw_compare_panel(ui: UiFrame) -> None:
+    """The content of the panel."""
+    _slot("a", ui.session.view.slot_a, ui)
+    _slot("b", ui.session.view.slot_b, ui)
+    _modes(ui)
+    imgui.separator()
+    draw_live_figures(ui)
+    _panels(ui)
+    imgui.separator()
+    _filters(ui)
+    imgui.separator()
+    _overlay(ui)
+    imgui.separator()
+    _figures(ui)

@@ -1,0 +1,183 @@
+"""Panel "Scene": cameras, and what of the file is drawn, ignored or missing."""
+
+import os
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from viewer.inspect.scene_tree import SceneTree
+from viewer.scene.model import LoadReport, Material, Scene
+from viewer.scene.report import report_lines
+from viewer.ui.facts import UiFrame
+
+
+def _material_text(number: int, material: Material, scene: Scene) -> str:
+    texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
+    extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
+    extras += ["double-sided"] if material.double_sided else []
+    factor = (
+        ""
+        if all(value == 1.0 for value in material.factor)
+        else " x (" + ", ".join(f"{value:.2f}" for value in material.factor) + ")"
+    )
+    return f"{number}  {material.name or 'material'}: {texture}{factor}" + (f", {', '.join(extras)}" if extras else "")
+
+
+class SceneLists:
+    """Remembers the filter, and which nodes are folded out."""
+
+    def __init__(self) -> None:
+        self._scene: Scene | None = None
+        self._tree: SceneTree | None = None
+        self._filter = ""
+        self._materials: list[int] = []
+
+    @property
+    def tree(self) -> SceneTree | None:
+        """The rows of nodes, for scripts."""
+        return self._tree
+
+    def draw(self, ui: UiFrame) -> None:
+        """Filter, nodes and materials."""
+        scene = ui.session.scene
+        if self._tree is None or self._scene is not scene:
+            self._scene, self._tree = scene, SceneTree(scene)
+            self._find(scene, self._tree)
+        imgui.set_next_item_width(-1)
+        changed, self._filter = imgui.input_text_with_hint("##nodes", "find nodes and materials", self._filter)
+        ui.rects.note("scene filter")
+        if changed:
+            self._find(scene, self._tree)
+        opened = imgui.tree_node(f"nodes ({self._tree.node_count:,})###nodes")
+        ui.rects.note("nodes")
+        if opened:
+            self._nodes(self._tree, ui)
+            imgui.tree_pop()
+        opened = imgui.tree_node(f"materials ({len(self._materials):,})###materials")
+        ui.rects.note("materials")
+        if opened:
+            self._material_rows(ui)
+            imgui.tree_pop()
+
+    def _find(self, scene: Scene, tree: SceneTree) -> None:
+        tree.filter(self._filter)
+        words = self._filter.casefold().split()
+        self._materials = [
+            number
+            for number, material in enumerate(scene.materials)
+            if all(word in _material_text(number, material, scene).casefold() for word in words)
+        ]
+
+    def _nodes(self, tree: SceneTree, ui: UiFrame) -> None:
+        toggled: int | None = None
+        indent = imgui.get_font_size()
+        clipper = imgui.ListClipper()
+        clipper.begin(len(tree))
+        while clipper.step():
+            for index in range(clipper.display_start, clipper.display_end):
+                row = tree[index]
+                if row.instance < 0:
+                    sign = "-" if tree.is_expanded(row.node) else "+"
+                    if imgui.selectable(f"{sign} {row.label}##node {row.node}", False)[0]:
+                        toggled = row.node
+                    ui.rects.note(f"node {row.node}")
+                    continue
+                imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + indent)
+                chosen = 0 <= row.texture_id == ui.session.inspection.selected_texture
+                if imgui.selectable(f"{row.label}##instance {row.instance}", chosen)[0] and row.texture_id >= 0:
+                    ui.emit("texture.select", str(row.texture_id))
+                ui.rects.note(f"instance {row.instance}")
+        if toggled is not None:
+            # After the loop: the rows must not change under the clipper.
+            tree.toggle(toggled)
+
+    def _material_rows(self, ui: UiFrame) -> None:
+        clipper = imgui.ListClipper()
+        clipper.begin(len(self._materials))
+        flags = imgui.SelectableFlags_.allow_double_click
+        while clipper.step():
+            for index in range(clipper.display_start, clipper.display_end):
+                number = self._materials[index]
+                material = ui.session.scene.materials[number]
+                texture = material.texture_id
+                text = _material_text(number, material, ui.session.scene)
+                chosen = imgui.selectable(
+                    f"{text}##material {number}", 0 <= texture == ui.session.inspection.selected_texture, flags
+                )[0]
+                ui.rects.note(f"material {number}")
+                if chosen and texture >= 0:
+                    doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
+                    ui.emit("texture.flat" if doubly else "texture.select", str(texture))
+
+
+class OpenField:
+    """A line to type a path into."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def draw(self, ui: UiFrame) -> None:
+        """The field and its button."""
+        imgui.set_next_item_width(-60)
+        entered, self._text = imgui.input_text_with_hint(
+            "##path", "path of a .gltf, .glb or .ntc", self._text, imgui.InputTextFlags_.enter_returns_true
+        )
+        ui.rects.note("path")
+        imgui.same_line()
+        clicked = imgui.button("Open")
+        ui.rects.note("Open")
+        if (entered or clicked) and self._text.strip():
+            ui.emit("file.open", Path(os.path.expanduser(self._text.strip())))  # noqa: PTH111 - keeps what is no user
+            self._text = ""
+
+
+def _report(scene: Scene, ui: UiFrame) -> None:
+    report: LoadReport = scene.report
+    opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
+    ui.rects.note("load report")
+    if not opened:
+        return
+    if imgui.small_button("copy report"):
+        imgui.set_clipboard_text("\n".join(report_lines(scene)))
+    ui.rects.note("copy report")
+    _parts(report, ui)
+    imgui.tree_pop()
+
+
+def _parts(report: LoadReport, ui: UiFrame) -> None:
+    parts = {"honoured": report.honoured, "ignored": report.ignored, "missing": report.missing, "notes": report.notes}
+    for name, lines in parts.items():
+        if not lines:
+            continue
+        opened = imgui.tree_node_ex(
+            f"{name} ({len(lines)})", imgui.TreeNodeFlags_.default_open if name == "missing" else 0
+        )
+        ui.rects.note(name)
+        if opened:
+            for line in lines:
+                imgui.text_wrapped(line)
+            imgui.tree_pop()
+
+
+def draw_scene_panel(ui: UiFrame, field: OpenField, lists: SceneLists) -> None:
+    """The content of the panel."""
+    scene = ui.session.scene
+    imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
+    imgui.set_item_tooltip(str(scene.path or scene.name))
+    used = scene.report.used
+    imgui.text_disabled(
+        ", ".join(f"{used[key]:,} {key}" for key in ("triangles", "materials", "textures") if key in used)
+    )
+    field.draw(ui)
+    if imgui.button("Frame all"):
+        ui.emit("camera.frame-all")
+    ui.rects.note("Frame all")
+    if imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open):
+        for number, camera in enumerate(scene.cameras):
+            label = f"{number + 1}  {camera.name}"
+            if imgui.selectable(label, ui.session.view.camera == camera)[0]:
+                ui.emit("camera.set", camera)
+            ui.rects.note(f"camera {camera.name}")
+        imgui.tree_pop()
+    lists.draw(ui)
+    _report(scene, ui)
