@@ -1,4 +1,4 @@
-"""`ntc-viewer doctor`: what this machine has for drawing, training and reading."""
+"""`ntc-viewer doctor`: checks of OpenGL, display and packages on this machine."""
 
 import importlib.metadata
 import importlib.util
@@ -39,7 +39,7 @@ def _version(package: str) -> str:
 
 
 def examine() -> dict[str, Any]:
-    """Everything the doctor looks at."""
+    """Facts about this machine: Python, display, packages, OpenGL."""
     findings: dict[str, Any] = {
         "python": platform.python_version(),
         "display": has_display(),

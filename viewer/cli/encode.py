@@ -62,7 +62,7 @@ def _check(options: EncodeOptions) -> None:
 
 @dataclass(frozen=True)
 class Source:
-    """What is to be encoded."""
+    """The textures to encode."""
 
     textures: tuple[SourceTexture, ...]
     scene: Scene | None
@@ -85,13 +85,13 @@ def read_source(source: Path, texture_size: int | None) -> Source:
 
 
 def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
-    """What the grouping needs besides the textures. Raises InputError for what cannot be read or seen."""
+    """What the grouping needs besides the textures. Raises InputError for files that cannot be read."""
     labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
     features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
     if options.grouping != "covisible":
         return GroupingInputs(labels=labels, features=features)
     if source.scene is None:
-        raise InputError("--grouping covisible: a folder of images cannot be seen from anywhere; encode a scene")
+        raise InputError("--grouping covisible: a folder of images has no viewpoints; encode a scene")
     # Only this grouping needs OpenGL.
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
@@ -153,25 +153,25 @@ class _ProgressReport:
 
 
 @contextmanager
-def interrupt_as_question() -> Iterator[Callable[[], bool]]:
-    """Inside the block the first Ctrl-C makes the yielded question answer yes; a second one interrupts at once.
+def deferred_interrupt() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns whether Ctrl-C was pressed in the block; a second Ctrl-C interrupts at once.
 
-    Off the main thread, where Python delivers no signals, the answer is always no.
+    Off the main thread, where Python delivers no signals, it always returns False.
     """
-    asked = threading.Event()
+    pressed = threading.Event()
     if threading.current_thread() is not threading.main_thread():
-        yield asked.is_set
+        yield pressed.is_set
         return
     before = signal.getsignal(signal.SIGINT)
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        if asked.is_set():
+        if pressed.is_set():
             raise KeyboardInterrupt
-        asked.set()
+        pressed.set()
 
     signal.signal(signal.SIGINT, handle)
     try:
-        yield asked.is_set
+        yield pressed.is_set
     finally:
         signal.signal(signal.SIGINT, before)
 
@@ -191,10 +191,17 @@ def encode(options: EncodeOptions) -> int:
     with _ProgressReport(console) as report:
         began = time.monotonic()
         training = training_config(options)
-        with interrupt_as_question() as interrupted:
+        with deferred_interrupt() as interrupted:
             try:
                 pack = train(
-                    textures, grouping, codec, training, report, interrupted, options.state, _rescue(options.out)
+                    textures,
+                    grouping,
+                    codec,
+                    training,
+                    report,
+                    interrupted,
+                    options.state,
+                    _state_rescue_path(options.out),
                 )
             except TrainingCancelledError:
                 # What a shell expects of Ctrl-C.
@@ -207,7 +214,7 @@ def encode(options: EncodeOptions) -> int:
 
 
 def write_or_rescue(out: Path, pack: Pack) -> None:
-    """Write `pack`; where that cannot be, write it among the temporary files: it may have taken hours. Raises InputError."""
+    """Write `pack`; on failure write it to a temporary folder, as it may have taken hours. Raises InputError for both."""
     try:
         write_pack(out, pack)
     except InputError as error:
@@ -219,8 +226,8 @@ def write_or_rescue(out: Path, pack: Pack) -> None:
         raise InputError(f"{error}; the pack is in {spare} instead") from error
 
 
-def _rescue(out: Path) -> Path:
-    """Where the state of a training goes whose numbers blow up."""
+def _state_rescue_path(out: Path) -> Path:
+    """Where the state of a training is written that has diverged to NaN."""
     return out.with_name(f"{out.name}.state")
 
 

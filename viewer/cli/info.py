@@ -25,16 +25,16 @@ SAMPLED_TEXELS = 2048
 
 @dataclass(frozen=True)
 class PackBound:
-    """What is certified of a pack in one precision."""
+    """Certified error bounds of a pack at one precision, in [0, 1]."""
 
     whole: ErrorBound
-    """Of every texel there may be."""
+    """For every possible texel."""
     sampled: float
-    """Of the worst of SAMPLED_TEXELS texels, each by itself."""
+    """The largest bound among SAMPLED_TEXELS sampled texels."""
 
 
 def certified(pack: Pack) -> dict[Precision, PackBound]:
-    """Bounds by precision, computed anew from the pack: the same on every machine, and true for every pack that there is."""
+    """Error bounds by precision, computed from the pack alone: the same on every machine."""
     return {
         precision: PackBound(bound, sampled_bound(pack, precision, SAMPLED_TEXELS))
         for precision, bound in pack_bounds(pack).items()
@@ -64,7 +64,7 @@ def bounds_json(bounds: dict[Precision, PackBound]) -> dict[str, Any]:
 
 
 def bounds_lines(bounds: dict[Precision, PackBound]) -> list[str]:
-    """The same as text."""
+    """`bounds_json` as lines of text."""
     rows = [
         {
             "precision": precision,

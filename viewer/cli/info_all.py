@@ -17,14 +17,14 @@ from viewer.scene.load import load_scene
 from viewer.state.pack_files import PACK_SUFFIX
 
 KINDS = {".gltf": "glTF", ".glb": "GLB", PACK_SUFFIX: "pack"}
-"""What is looked for, by suffix."""
+"""Kind of file by suffix; other files are skipped."""
 
 Outcome = Literal["read", "refused", "crashed"]
 
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What became of one file."""
+    """Result of reading one file."""
 
     file: str
     """Path below the folder."""
@@ -60,7 +60,7 @@ def files_below(folder: Path) -> list[Path]:
 
     def refuse(error: OSError) -> None:
         if isinstance(error, FileNotFoundError) and Path(error.filename) != folder:
-            # It was there a moment ago: what is gone is not listed.
+            # Deleted since its parent was listed.
             return
         raise InputError(f"{error.filename}: cannot be listed ({error.strerror}); check the path") from error
 
@@ -76,7 +76,7 @@ def files_below(folder: Path) -> list[Path]:
 
 
 def describe_file(path: Path, name: str) -> FileInfo:
-    """Read the file at `path`, called `name` in the table; whatever happens becomes part of the answer."""
+    """Read the file at `path`, called `name` in the table; errors become part of the result."""
     kind = KINDS[path.suffix.lower()]
     name = printable(name)
     try:
@@ -106,14 +106,14 @@ def describe_file(path: Path, name: str) -> FileInfo:
 def describe_all(folder: Path) -> Iterator[FileInfo]:
     """All scenes and packs below `folder`, with progress on a terminal. Raises InputError where it cannot be listed."""
     paths = files_below(folder)
-    watched = sys.stderr.isatty()
+    on_terminal = sys.stderr.isatty()
     for number, path in enumerate(paths, 1):
         name = path.relative_to(folder).as_posix()
-        if watched:
+        if on_terminal:
             sys.stderr.write(f"\r\x1b[K{number} of {len(paths)}: {printable(name)[:60]}")
             sys.stderr.flush()
         yield describe_file(path, name)
-    if watched and paths:
+    if on_terminal and paths:
         sys.stderr.write("\r\x1b[K")
 
 

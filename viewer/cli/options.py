@@ -89,7 +89,7 @@ class ViewOptions:
     path: PathChoice = "deferred"
     """Decode path of slot A; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
-    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
     script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Play the commands of this file (docs/scripts.md); then the window stays open."""
     exec: Lines = ()
@@ -117,7 +117,7 @@ class RenderOptions:
     path: PathChoice = "deferred"
     """Decode path; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
-    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes halves where that does not show."""
+    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
     size: Size = (1280, 720)
     """Picture size in pixels."""
     cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
@@ -157,17 +157,17 @@ class EncodeOptions:
     clusters: int | None = None
     """Number of decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
     features: FeatureName = GroupingConfig.features
-    """What clustered compares textures by, and what covisible keeps alike."""
+    """Features by which clustered and covisible compare textures."""
     clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
     """Weights of --features clip: a file, or "download" to fetch them."""
     labels: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
     """CSV with the columns texture and category, for category. None: labels of the file, else guessed from names."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras, e.g. a recorded path, whose pictures covisible serves. None: the scene's own cameras."""
+    """JSON file of cameras, e.g. a recorded path, for which covisible reduces divergence. None: the scene's own cameras."""
     sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    """Viewpoints sampled in the scene that covisible uses besides. None: 24 where there are no cameras."""
     spread_weight: float = GroupingConfig.spread_weight
-    """covisible: how much it counts that textures of a group are alike, against divergence."""
+    """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
     recipe: RecipeName = "best"
@@ -185,10 +185,10 @@ class EncodeOptions:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto takes CUDA when torch has it."""
     state: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Keep the training's state here: stopped (Ctrl-C), the same command goes on where it was. Removed at the end."""
+    """Keep the state of the training in this file: after Ctrl-C the same command resumes it. Removed at the end."""
 
     def grouping_config(self) -> GroupingConfig:
-        """What the options say about groups."""
+        """The options of the grouping."""
         return GroupingConfig(
             name=self.grouping,
             clusters=self.clusters,
@@ -217,7 +217,7 @@ class DecodeOptions:
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """Say what is in a scene or pack, or in all of a folder, what of it is honoured and what is ignored."""
+    """Print what a scene, a pack or all of a folder contains, what of it is honoured and what is ignored."""
 
     file: Annotated[Path | None, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional] = None
     """The file."""

@@ -28,20 +28,20 @@ from viewer.scene.images import write_png
 from viewer.state.palettes import PaletteName
 from viewer.state.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState
 
-WARM_UP_SHARE = 16
-"""A frame this many times smaller compiles programs and uploads textures, so that `timings_ms` speaks of drawing alone."""
+WARM_UP_DIVISOR = 16
+"""A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What one rendered frame gives. Row 0 is the top of the picture."""
+    """Outputs of one rendered frame. Row 0 is the top of the picture."""
 
     color: NDArray[np.uint8]
     """[H, W, 3] uint8 sRGB albedo, background black."""
     reference: NDArray[np.uint8]
     """[H, W, 3] uint8 sRGB albedo from the original images."""
     covered: NDArray[np.bool_]
-    """[H, W] where a surface is seen."""
+    """[H, W] where a surface is visible."""
     texture_ids: NDArray[np.int32]
     """[H, W] index into the scene's textures, -1 for none."""
     decoder_ids: NDArray[np.int32]
@@ -57,7 +57,7 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     """Draw slot A of `view` and its reference. Raises ContextLostError."""
     pack = packs.get(view.slot_a.source)
     frame = renderer.render(view)
-    # Before what asks whether the context is still there.
+    # Read first: the calls below check whether the context was lost.
     shown = read_picture(frame.image)
     color = linear_to_srgb8(renderer.albedo(view.slot_a))
     reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
@@ -167,7 +167,7 @@ def render(options: RenderOptions) -> int:
             "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
         )
         view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
-        renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_SHARE), -(-view.size[1] // WARM_UP_SHARE))))
+        renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR))))
         picture = draw(renderer, chosen, view)
         if picture.frame.is_short:
             # PSNR of a coarser picture would be a wrong number.

@@ -22,16 +22,16 @@ from viewer.state.pack_files import match_scene, open_packs, packs_beside, prefe
 from viewer.state.view_state import REFERENCE
 
 MISSING_SHOWN = 3
-"""Lines about missing things that are printed before it says how many more there are."""
+"""Missing things that are listed one by one; the others are only counted."""
 
 
 def builtin_scene_path() -> Path:
-    """The scene that is opened when none is named."""
+    """Path of the scene that is opened when none is named."""
     return assets_folder() / "courtyard.glb"
 
 
 def open_scene(path: Path | None) -> Scene:
-    """Load the scene at `path`, or the built-in one, and say what it lacks. Raises InputError."""
+    """Load the scene at `path`, or the built-in one, and print notes about missing parts. Raises InputError."""
     scene = load_scene(path if path is not None else builtin_scene_path())
     missing = scene.report.missing
     for line in missing[:MISSING_SHOWN]:
@@ -98,9 +98,9 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
 
 
 def resolve_precision(choice: PrecisionChoice, pack: Pack | None, context: GraphicsContext | None) -> Precision:
-    """The precision that `choice` means for `pack`; for `auto` it is said which one was taken, and why.
+    """The precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
 
-    Without a pack nothing is decoded; without a context only what every driver can do is taken.
+    Without a context, `auto` chooses among the precisions that every driver supports.
     """
     if choice != "auto":
         return choice

@@ -14,11 +14,11 @@ class Column:
     """One column."""
 
     key: str
-    """Of the value in a row."""
+    """Key of the value in a row."""
     heading: str
     """With the unit."""
     digits: int = 2
-    """Behind the point, of floats."""
+    """Decimal places of floats."""
 
     def text(self, value: Cell) -> str:
         """A value as it is printed; `-` for none."""

@@ -16,11 +16,11 @@ from viewer.state.view_state import REFERENCE
 
 PICTURES_SIZE = (960, 540)
 WITHOUT_SCRIPT = "wait settled; screenshot window.png"
-"""What is played where nothing is given: one picture."""
+"""Script of --headless without --script and --exec: one picture."""
 
 
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
-    """What the window would show first, as files: the decoded picture, the original, divergence and error."""
+    """Write the decoded picture with its divergence, and the original picture, into `folder`."""
     common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE}
     decoded = {"grouping": options.grouping, "path": options.path, "precision": options.precision}
     render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
@@ -28,7 +28,7 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
 
 
 def script_of(options: ViewOptions) -> Script:
-    """The script that the options ask for, empty for none. Raises InputError before anything is opened."""
+    """The script of --script and --exec, empty for none. Raises InputError before anything is opened."""
     parts: Sequence[Script] = (
         *((read_script(options.script),) if options.script is not None else ()),
         *(parse_exec(text) for text in options.exec),

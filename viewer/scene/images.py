@@ -21,19 +21,19 @@ LARGEST_EXCESS = 1e-3
 """Floating-point values may lie this far above 1, by rounding."""
 _SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
 IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
-"""What `folder_textures` looks for."""
+"""Suffixes of the files that `folder_textures` reads."""
 
 MAX_SIDE = 1 << 15
 MOST_CHANNELS = 256
 LARGEST_MEGABYTES = 4096
-"""Of pixels as a file stores them; what is less is bounded by the file's own length, below."""
+"""Largest size of the pixels as a file stores them; below it the file's own length is the limit, see below."""
 FREE_VALUES = 1 << 24
 """Channel values (width x height x channels) that any file may decode to, however small it is."""
 MAX_EXPANSION = 1100
 """Decoded values for each byte of a file beyond FREE_VALUES: a little above the best that deflate reaches."""
 LARGE_VALUES = 1 << 28
 LARGE_EXPANSION = 128
-"""Beyond LARGE_VALUES (8192 x 8192 texels of four channels) only so many: that is no picture but a bomb."""
+"""Limit for each byte beyond LARGE_VALUES (8192 x 8192 texels of 4 channels): more is taken for a decompression bomb."""
 SINGLE_PRECISION = 4
 """Bytes that a value takes while floating-point images are read."""
 
@@ -90,7 +90,7 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = OpenImageIO.ImageInput.open(path, config)
     if image is None:
-        # The library's own message names a temporary file that nobody has heard of.
+        # Drop the library's own message: it names the temporary file.
         OpenImageIO.geterror()
         raise InputError(f"{name}: not an image that OpenImageIO {OpenImageIO.__version__} reads; give a PNG or JPEG")
     try:
@@ -139,7 +139,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
     """
     if not data:
         raise InputError(f"{name}: the image is empty (0 bytes); replace it")
-    # The wheel cannot read from memory, and a name of our own keeps OpenImageIO's special file names out of reach.
+    # The wheel cannot read from memory; names from the scene could have a special meaning to OpenImageIO.
     path: str | None = None
     try:
         try:
@@ -147,7 +147,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
         except OSError as error:
-            # Without a folder that can be written Python lists all that it tried: too long for one line.
+            # Without a writable folder Python lists all that it tried, which is too long for one line.
             reason = error.strerror if path is not None else "no writable folder"
             raise InputError(f"{name}: no temporary file could be written ({reason}); set TMPDIR") from error
         return _read(path, len(data), name)

@@ -26,7 +26,7 @@ def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
 
 
 def preferred_source(packs: Mapping[str, Pack]) -> str:
-    """What to show where nobody says: the clustered pack, else the first, else the reference."""
+    """The default source: the clustered pack, else the first, else the reference."""
     return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
 
 
@@ -50,12 +50,12 @@ def packs_beside(scene_path: Path) -> tuple[Path, ...]:
             )
         )
     except OSError:
-        # A folder that is gone, or may not be listed, keeps nobody from opening the scene that is in it.
+        # The scene can still be opened where its folder cannot be listed.
         return ()
 
 
 def same_place(first: Path, second: Path) -> bool:
-    """Whether both are one file, links followed as far as they lead."""
+    """Whether both are the same file once links are resolved."""
     return os.path.realpath(first) == os.path.realpath(second)
 
 

@@ -1,4 +1,4 @@
-"""Choosing among candidates by what they show: each next one adds most."""
+"""Greedy choice among candidate views: each next one adds most to the textures and pairs that are visible."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,20 +14,20 @@ from viewer.state.camera import clip_distances
 from viewer.viewpoints.candidates import Candidate
 
 Array = NDArray[np.float64]
-See = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
-"""Draws the texture ids [H, W] int32 (-1 for none, row 0 on top) that a camera sees at a size (width, height)."""
+DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
+"""(camera, (width, height)) -> texture ids [H, W] int32, -1 for none, row 0 on top."""
 
-TOO_NEAR = 0.35
-"""Nothing that fills the picture may be nearer to the eye than this many eye heights."""
-TOO_NEAR_SHARE = 0.1
-"""Share of the picture that may be."""
+CLEARANCE = 0.35
+"""Surfaces nearer to the eye than this many eye heights obstruct the view."""
+MOST_OBSTRUCTED = 0.1
+"""Largest share of the picture that such surfaces may hide."""
 TEXTURE_WEIGHT = 8.0
-"""What it counts to see a texture, against seeing a pair of textures in one block."""
+"""Weight of a visible texture, relative to a pair of textures that is visible in one block."""
 
 
 @dataclass(frozen=True)
-class Rules:
-    """What a candidate must fulfil."""
+class ViewCriteria:
+    """What a candidate view must show."""
 
     least_covered: float
     """Share of the picture that shows textures."""
@@ -36,19 +36,19 @@ class Rules:
     least_textures: int = 2
 
 
-RULES = (
-    Rules(0.4, 0.7),
-    Rules(0.25, 0.8),
-    Rules(0.1, 0.85),
-    Rules(0.15, 0.8, 1),
-    Rules(0.02, 1.0, least_textures=1),
+CRITERIA = (
+    ViewCriteria(0.4, 0.7),
+    ViewCriteria(0.25, 0.8),
+    ViewCriteria(0.1, 0.85),
+    ViewCriteria(0.15, 0.8, 1),
+    ViewCriteria(0.02, 1.0, least_textures=1),
 )
-"""Relaxed in this order; views of one texture serve only where nothing fulfils the rules before."""
+"""From strict to loose; views of a single texture are taken only where nothing meets the criteria before."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateView:
-    """A candidate and what it shows."""
+    """A candidate and the textures that are visible from it."""
 
     candidate: Candidate
     ids: NDArray[np.int32]
@@ -56,16 +56,16 @@ class CandidateView:
     covered: float
     """Share of the picture that shows textures."""
     dominant: float
-    """Share that shows the texture which is seen most."""
+    """Share of the most visible texture."""
     textures: int
     features: NDArray[np.int64]
-    """Numbers of the textures and of the pairs of textures that are seen, and..."""
+    """[F] numbers of the visible textures and of the pairs of textures that share a block."""
     amounts: Array
-    """... the blocks in which each is."""
+    """[F] number of blocks that show each."""
 
     @staticmethod
     def of(candidate: Candidate, ids: NDArray[np.int32], textures: int) -> "CandidateView":
-        """`candidate` in a scene of `textures` textures, of which it sees `ids`."""
+        """The view with the texture ids `ids` [H, W] in a scene of `textures` textures."""
         pixels = np.bincount(ids[ids >= 0], minlength=textures)
         seen = np.nonzero(pixels)[0]
         together = seen_blocks([ids], textures)
@@ -76,39 +76,39 @@ class CandidateView:
         covered, dominant = float(pixels.sum()) / ids.size, float(pixels.max(initial=0)) / ids.size
         return CandidateView(candidate, ids, covered, dominant, len(seen), features, amounts)
 
-    def fulfils(self, rules: Rules) -> bool:
-        """Whether it is good enough."""
+    def meets(self, criteria: ViewCriteria) -> bool:
+        """Whether it shows enough textures, and none too large."""
         return (
-            self.covered >= rules.least_covered
-            and self.dominant <= rules.most_of_one
-            and self.textures >= rules.least_textures
+            self.covered >= criteria.least_covered
+            and self.dominant <= criteria.most_of_one
+            and self.textures >= criteria.least_textures
         )
 
 
-class Pictures:
-    """Draws what candidates see."""
+class CandidateRenderer:
+    """Renders the texture ids of candidates."""
 
-    def __init__(self, see: See, size: tuple[int, int], scene: Scene) -> None:
-        self._see, self._size, self._bounds, self._textures = see, size, scene.bounds, len(scene.textures)
+    def __init__(self, draw_ids: DrawTextureIds, size: tuple[int, int], scene: Scene) -> None:
+        self._draw_ids, self._size, self._bounds, self._textures = draw_ids, size, scene.bounds, len(scene.textures)
 
     def views(self, candidates: Sequence[Candidate]) -> list[CandidateView]:
-        """Those of `candidates` that see a texture."""
-        seen = [CandidateView.of(one, self._see(one.camera, self._size), self._textures) for one in candidates]
+        """The views of `candidates` that show a texture."""
+        seen = [CandidateView.of(one, self._draw_ids(one.camera, self._size), self._textures) for one in candidates]
         return [view for view in seen if view.textures]
 
-    def stands_free(self, view: CandidateView) -> bool:
-        """Whether nothing right before the eye hides what is behind it: without what is near it sees much the same."""
+    def is_unobstructed(self, view: CandidateView) -> bool:
+        """Whether the picture stays much the same without the surfaces closest to the eye."""
         camera = view.candidate.camera
         near, far = clip_distances(camera, self._bounds)
-        clear = TOO_NEAR * view.candidate.scale
+        clear = CLEARANCE * view.candidate.scale
         if near >= clear:
             return True
-        cut = self._see(replace(camera, near=clear, far=max(far, 2.0 * clear)), self._size)
-        return float((cut != view.ids).mean()) <= TOO_NEAR_SHARE
+        cut = self._draw_ids(replace(camera, near=clear, far=max(far, 2.0 * clear)), self._size)
+        return float((cut != view.ids).mean()) <= MOST_OBSTRUCTED
 
 
-class _Shown:
-    """How much of each texture and pair of textures the views chosen so far show, and what others would add."""
+class _Coverage:
+    """Blocks in which the chosen views show each texture and pair, and what the other views would add."""
 
     def __init__(self, views: Sequence[CandidateView], textures: int) -> None:
         used, columns = np.unique(np.concatenate([view.features for view in views]), return_inverse=True)
@@ -116,37 +116,37 @@ class _Shown:
         amounts = np.concatenate([view.amounts for view in views])
         self._amounts = sparse.csr_array((amounts, columns, starts), shape=(len(views), len(used)))
         self._weights = np.where(used < textures, TEXTURE_WEIGHT, 1.0)
-        self._shown = np.zeros(len(used))
+        self._blocks = np.zeros(len(used))
 
     def gains(self) -> Array:
-        """[views] what each would add; of what is shown already, ever less. Every view shows something."""
+        """[views] what each would add: logarithmic in the blocks, so that repeated content counts less."""
         rows = self._amounts
-        before = self._shown[rows.indices]
+        before = self._blocks[rows.indices]
         each = (np.log1p(before + rows.data) - np.log1p(before)) * self._weights[rows.indices]
         return np.asarray(np.add.reduceat(each, rows.indptr[:-1]))
 
     def add(self, index: int) -> None:
-        """View `index` is chosen."""
+        """Count view `index` as chosen."""
         row = slice(*self._amounts.indptr[index : index + 2])
-        self._shown[self._amounts.indices[row]] += self._amounts.data[row]
+        self._blocks[self._amounts.indices[row]] += self._amounts.data[row]
 
 
-def choose(views: Sequence[CandidateView], pictures: Pictures, count: int, textures: int) -> list[Candidate]:
-    """At most `count` candidates, one after the other each that adds most; those that fulfil the strictest rules first."""
-    shown = _Shown(views, textures)
+def choose(views: Sequence[CandidateView], renderer: CandidateRenderer, count: int, textures: int) -> list[Candidate]:
+    """At most `count` candidates, greedily by what each adds; those that meet the strictest criteria come first."""
+    coverage = _Coverage(views, textures)
     chosen: list[Candidate] = []
     refused: set[int] = set()
-    for rules in RULES:
-        if rules.least_textures < 2 and chosen:
+    for criteria in CRITERIA:
+        if criteria.least_textures < 2 and chosen:
             break
         while len(chosen) < count:
-            waiting = [i for i, view in enumerate(views) if i not in refused and view.fulfils(rules)]
+            waiting = [i for i, view in enumerate(views) if i not in refused and view.meets(criteria)]
             if not waiting:
                 break
-            best = waiting[int(np.argmax(shown.gains()[waiting]))]
+            best = waiting[int(np.argmax(coverage.gains()[waiting]))]
             refused.add(best)
             candidate = views[best].candidate
-            if not any(candidate.alike(other) for other in chosen) and pictures.stands_free(views[best]):
-                shown.add(best)
+            if not any(candidate.duplicates(other) for other in chosen) and renderer.is_unobstructed(views[best]):
+                coverage.add(best)
                 chosen.append(candidate)
     return chosen

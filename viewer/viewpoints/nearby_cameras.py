@@ -1,4 +1,4 @@
-"""Places near a camera: what is seen from one point says little about the next step."""
+"""Cameras near a camera, because the texture ids of a single viewpoint do not generalise to its surroundings."""
 
 import math
 from collections.abc import Sequence
@@ -11,25 +11,25 @@ from viewer.scene.model import Camera, Scene
 
 @dataclass(frozen=True)
 class NearbyConfig:
-    """How far the places near a camera are from it."""
+    """How nearby cameras are distributed."""
 
     count: int = 8
-    """Places for each camera."""
+    """Nearby cameras for each camera."""
     yaw_degrees: float = 20.0
     """Standard deviation of the direction, to the sides."""
     pitch_slope: float = 0.1
     """Standard deviation of the direction, up and down, as a share of the distance to the target."""
     step_share: float = 0.1
-    """Standard deviation of the place as a share of the distance to the target, less up and down ..."""
+    """Standard deviation of the eye as a share of the distance to the target; 0.3 of it up and down."""
     step_of_extent: float = 0.01
-    """... but at most as this share of the scene's extent."""
+    """Upper limit of that deviation as a share of the scene's extent."""
     seed: int = 0
 
 
 def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
     """`config.count` cameras near each of `cameras`.
 
-    Without them a choice of groups fits the very pixels of a few pictures; see docs/groupings.md for what they bring.
+    Without them a grouping overfits the pixels of a few pictures; docs/groupings.md measures what they bring.
     """
     random = np.random.default_rng(config.seed)
     extent = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))

@@ -1,4 +1,4 @@
-"""The triangles of a scene in world space: points on them, and what lies around places between them."""
+"""The triangles of a scene in world space: points sampled on them, and the nearest surfaces around a place."""
 
 from dataclasses import dataclass
 
@@ -22,13 +22,13 @@ class SurfacePoints:
     points: Array
     """[N, 3]."""
     normals: Array
-    """[N, 3] of length 1, to the side that is seen."""
+    """[N, 3] unit length, towards the visible side."""
     textures: NDArray[np.int64]
     """[N] texture ids, -1 for none."""
 
 
 class Surfaces:
-    """The triangles of a scene in world space, of which points are drawn by area; never all held at once."""
+    """Samples points on the triangles of a scene by area; transforms only a chunk of them at once."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -48,7 +48,7 @@ class Surfaces:
         self._opaque = np.array([material.alpha_mode == "opaque" for material in materials], bool)[of_instance]
         area, self.up_area = self._sums()
         self.textured_area = area * (self.texture >= 0)
-        # Nobody stands on leaves or glass where there is anything else.
+        # Ground with alpha (leaves, glass) is used only where there is no opaque ground.
         if (self.up_area * self._opaque).any():
             self.up_area = self.up_area * self._opaque
 
@@ -61,16 +61,16 @@ class Surfaces:
         )
 
     def _local_areas(self, primitive: int) -> Array:
-        """[T, 3] vectors along the normals, as long as twice the areas."""
+        """[T, 3] normals of twice the triangles' areas in length."""
         corners = self._corners(primitive)
         return np.nan_to_num(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
     def _areas(self, instances: NDArray[np.int64], primitive: int) -> tuple[Array, Array]:
-        """[K, T] areas of the triangles of instances of one primitive; the same, 0 where one cannot stand."""
+        """(areas, walkable areas), both [K, T], of the triangles of K instances of one primitive."""
         vectors = np.einsum("kij,tj->kti", self._area_matrix[instances], self._local[primitive])
         areas = np.linalg.norm(vectors, axis=2)
         up = np.where(self._mirrored[instances][:, None], -vectors[:, :, 1], vectors[:, :, 1])
-        # A back is not drawn: who stands on it sees the scene from below its ground.
+        # Back faces are culled: a camera that stands on one would look from below the ground.
         up = np.where(self._double_sided[instances][:, None], np.abs(up), up)
         return areas, np.where(up > LEAST_UP * areas, areas, 0.0)
 
@@ -119,7 +119,7 @@ class Surfaces:
         return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
 
     def around(self, eyes: Array, heights: Array) -> Surroundings:
-        """What opaque surfaces are met on the lines through `eyes` [N, 3] along the axes."""
+        """The nearest opaque surfaces along the axes around `eyes` [N, 3]."""
         found = Surroundings.nothing(len(eyes))
         boxes = [self._box(index) for index in range(len(self._local))]
         for instance in np.nonzero(self._opaque)[0].tolist():

@@ -1,4 +1,4 @@
-"""What opaque surfaces are met from a place along the axes: whether it is underground, in a wall, on a roof."""
+"""The nearest opaque surfaces along the axes: whether a place is underground, in a wall or on a roof."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 HIGH_UP = 4.0
-"""Who has another ground this many eye heights below stands on a roof or the like."""
+"""A place with another ground this many eye heights below it counts as a roof."""
 
 
 def value_range(values: Array) -> tuple[Array, Array]:
-    """[T] least and greatest of each triangle, of `values` [3, T] of its corners."""
+    """[T] minimum and maximum over the corners of each triangle, of `values` [3, T]."""
     return np.minimum(np.minimum(*values[:2]), values[2]), np.maximum(np.maximum(*values[:2]), values[2])
 
 
 def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Where on an axis triangles [T, 3, 3] cross it, and whether they face along it."""
+    """(positions, facing along the axis) of the crossings of triangles [T, 3, 3] with an axis."""
     p, q = corners[:, :, (axis + 1) % 3], corners[:, :, (axis + 2) % 3]
     # Twice the areas that the origin makes with each side, seen along the axis: all of one sign inside.
     areas = p * np.roll(q, -1, axis=1) - q * np.roll(p, -1, axis=1)
@@ -34,22 +34,22 @@ class Surroundings:
     distance: Array
     """To the surface; infinite without one."""
     back: NDArray[np.bool_]
-    """Whether it turns its back."""
+    """Whether its back faces the place."""
     double_sided: NDArray[np.bool_]
-    """Whether that is drawn."""
+    """Whether its back is drawn."""
     high_up: NDArray[np.bool_]
-    """[N] whether another ground lies far below."""
+    """[N] whether another ground lies more than HIGH_UP eye heights below."""
 
     @staticmethod
     def nothing(count: int) -> "Surroundings":
-        """No surface anywhere."""
+        """`count` places without surfaces."""
         flags = np.zeros((3, 2, count), bool)
         return Surroundings(np.full((3, 2, count), np.inf), flags, flags.copy(), np.zeros(count, bool))
 
     def add(
         self, axis: int, index: int, offsets: Array, along: NDArray[np.bool_], double_sided: bool, height: float
     ) -> None:
-        """Count surfaces that are `offsets` [M] along `axis` from place `index`; `along` tells which face that way."""
+        """Add surfaces at `offsets` [M] along `axis` from place `index`; `along` [M] is whether each faces along the axis."""
         if axis == 1:
             self.high_up[index] |= bool((along & (offsets < -HIGH_UP * height)).any())
         for side, (distances, backs) in enumerate(((offsets, along), (-offsets, ~along))):
@@ -67,11 +67,11 @@ class Surroundings:
         return np.asarray(unseen | self.back[1].all(axis=0) | (above & ~below))
 
     def behind_walls(self) -> NDArray[np.bool_]:
-        """[N] whether it is behind a wall whose back is not drawn, so that one would look through it."""
+        """[N] whether it is behind a wall whose back is not drawn, so that the camera looks through it."""
         return np.asarray((self.back & ~self.double_sided)[[0, 2]].any(axis=(0, 1)))
 
     def on_top(self) -> NDArray[np.bool_]:
-        """[N] whether it is on a roof or the like: under the sky, far above another ground."""
+        """[N] whether it is on a roof: nothing above, and another ground far below."""
         return np.asarray(self.high_up & self.open_sky())
 
     def open_sky(self) -> NDArray[np.bool_]:

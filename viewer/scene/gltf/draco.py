@@ -19,7 +19,7 @@ VERSION = (2, 2)
 MESH, EDGEBREAKER, HAS_METADATA = 1, 1, 0x8000
 FREE_COUNT = 1 << 12
 COUNT_PER_BYTE = 16
-"""Vertices and triangles that Draco data may hold: so many, and so many for each byte; real meshes have about one."""
+"""Draco data may hold FREE_COUNT vertices and triangles, and this many for each byte; real meshes have about one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class DracoMesh:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """(number, place behind it). Raises IndexError at the end of the data."""
+    """(number, offset after it). Raises IndexError at the end of the data."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -44,7 +44,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def check_draco_header(data: bytes) -> str:
-    """Why `data` must not be decoded, empty if it may: the library takes the counts in its header at their word."""
+    """Why `data` is refused, else empty: DracoPy allocates what the counts in the header ask for without checking them."""
     if len(data) < HEADER.size:
         return "truncated"
     magic, major, minor, kind, method, flags = HEADER.unpack_from(data)

@@ -60,14 +60,14 @@ def _source(file: GltfFile, index: int) -> tuple[str, Any]:
 
 
 class _Budget:
-    """Counts what is decoded, in several threads, against what is in proportion to the files' bytes."""
+    """Limits decoded bytes, counted from several threads, to a proportion of the bytes of the image files."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._kept = self._decoded = self._file_bytes = 0
 
     def check(self) -> None:
-        """Raises _TooManyPixelsError where too much was decoded so far: what still waits need not be."""
+        """Raises _TooManyPixelsError where too much was decoded so far, before yet another image is."""
         allowed = LARGE_EXPANSION * self._file_bytes
         if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
             raise _TooManyPixelsError
@@ -82,7 +82,7 @@ class _Budget:
 
 
 class _TooManyPixelsError(Exception):
-    """The images of a scene are out of proportion."""
+    """The images of a scene decode to too many bytes for the size of their files."""
 
 
 def _names(file: GltfFile, index: int) -> tuple[str, str]:

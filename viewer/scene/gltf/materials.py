@@ -63,7 +63,7 @@ class MaterialSource:
 
     @property
     def reads_alpha(self) -> bool:
-        """Whether the texture's alpha counts."""
+        """Whether the material uses the texture's alpha."""
         return self.material.alpha_mode != "opaque"
 
 

@@ -18,7 +18,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
 
 @dataclass(frozen=True, eq=False)
 class NodePlacements:
-    """One node of the drawn scene and where what it carries stands."""
+    """One node of the drawn scene with the placements of its mesh."""
 
     node: int
     world: NDArray[np.float64]
