@@ -133,7 +133,8 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path, monkeypat
     app.click("tab Retrain")
     app.click("group 1")
     assert "Retrain" in app.widgets.labels()
-    uploads, renderer = [], app.frontend.picture.renderer
+    uploads: list[tuple[str, frozenset[int] | None]] = []
+    renderer = app.frontend.picture.renderer
     assert renderer is not None
     update_pack = renderer.update_pack
 
@@ -143,7 +144,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path, monkeypat
 
     monkeypatch.setattr(renderer, "update_pack", record)
     run(app, "training.retrain 1 30steps")
-    assert uploads[0] == ("run 2", {0, 1})
+    assert uploads[0] == ("run 2", frozenset((0, 1)))
     assert {name for name, _ in uploads} == {"run 2"}
     assert all(groups is not None and groups <= {1} for _, groups in uploads[1:])
     old, new = session.packs["run 1"], session.packs["run 2"]

@@ -33,7 +33,7 @@ def test_changed_groups_add_up_until_the_renderer_takes_them(session: Session) -
     apply_event(session, PackUpdated("run 1", third, frozenset((1,)), second))
     change = session.requests.pack_changes["run 1"]
     assert change.pack is session.packs["run 1"] is third
-    assert change.groups == {0, 1}
+    assert change.groups == frozenset((0, 1))
 
 
 def test_groups_are_unknown_where_another_pack_is_replaced(session: Session) -> None:
