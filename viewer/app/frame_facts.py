@@ -10,7 +10,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, BlockReader
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.measurement import SeenPicture, measure_slot
+from viewer.inspect.measurement import SlotPicture, measure_slot
 from viewer.inspect.pixel_content import PixelContent, PixelReader
 from viewer.render.frame_times import FrameTimes
 from viewer.render.viewport import Viewport
@@ -76,7 +76,7 @@ class FactsReader:
         results: dict[Side, SlotMeasurement] = {}
         for side, slot in view.slots.items():
             shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
-            seen = SeenPicture(shown, reference, covered, texture_ids)
+            seen = SlotPicture(shown, reference, covered, texture_ids)
             pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
             results[side] = measure_slot(
                 slot.source, seen, pack, match, memory.total if (memory := renderer.memory(slot)) else None

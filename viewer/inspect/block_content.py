@@ -1,4 +1,4 @@
-"""What is in one block of the picture, its textures and their decoders; read back when the block or the picture has changed."""
+"""The textures in one block of the picture with their decoders; read back when the block or the picture has changed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -65,21 +65,21 @@ class GroupDistances:
     """How far each texture is from the middle of its group."""
 
     features: FeatureName
-    stands_in_for: str
-    """The features that the pack was grouped by, where those take a network; "" where they are the same."""
+    grouped_by: str
+    """The features that the pack was grouped by, where those need a network; "" where they are the same."""
     by_texture: Mapping[int, float]
     """Euclidean, by texture id."""
 
     def caption(self) -> str:
         """What the numbers are."""
-        asked = f" (grouped by {self.stands_in_for})" if self.stands_in_for else ""
-        return f"distance to the group's centroid in {self.features} features{asked}"
+        actual = f" (grouped by {self.grouped_by})" if self.grouped_by else ""
+        return f"distance to the group's centroid in {self.features} features{actual}"
 
 
 def grouping_features(pack: Pack) -> tuple[FeatureName, str] | None:
-    """Features to measure distances in, and the name of those that they stand in for.
+    """Features to measure distances in, and the name of those that they replace; "" where they are the same.
 
-    None where the pack does not say that it was grouped by features.
+    None where the pack does not name features that grouped it.
     """
     named = pack.grouping.parameters.get("features")
     if not isinstance(named, str):
@@ -98,7 +98,7 @@ def centroid_distances(features: NDArray[np.float64], groups: NDArray[np.int64])
 
 
 def group_distances(
-    scene: Scene, decoders: tuple[int, ...], features: FeatureName, stands_in_for: str, report: JobReport
+    scene: Scene, decoders: tuple[int, ...], features: FeatureName, grouped_by: str, report: JobReport
 ) -> GroupDistances:
     """A job: distances of all textures that are decoded. `decoders` is by texture id, -1 for none."""
     held = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
@@ -106,4 +106,4 @@ def group_distances(
     options = FeatureOptions(cache=features_cache(), progress=report.progress)
     matrix = feature_matrix(features, [textures[texture] for texture in held], options)
     distances = centroid_distances(matrix, np.array([decoders[texture] for texture in held], np.int64))
-    return GroupDistances(features, stands_in_for, dict(zip(held, distances.tolist(), strict=True)))
+    return GroupDistances(features, grouped_by, dict(zip(held, distances.tolist(), strict=True)))

@@ -58,7 +58,7 @@ class LiveComparison:
         self._slots: tuple[Slot, Slot] | None = None
         """Of the figures."""
         self._request: _Request | None = None
-        """What is compared now or was compared last."""
+        """The comparison under way, or the last one."""
         self.figures = LiveFigures()
 
     def note(
@@ -93,7 +93,7 @@ class LiveComparison:
         return now - self._rested_since >= REST_SECONDS and (self._rest_key, wanted) != self._done
 
     def step(self, view: ViewState, wanted: bool, now: float) -> bool:
-        """Do the next thing, after `note`; whether the picture is to be composed again. `wanted`: figures are looked at."""
+        """Do the next thing, after `note`; returns whether the picture is to be composed again. `wanted`: figures are shown."""
         renderer = self._renderer
         if renderer is None:
             return False

@@ -1,4 +1,4 @@
-"""Quality, divergence, memory and time of what a slot shows, measured on the picture that is seen."""
+"""Quality, divergence and memory of what a slot shows, measured on the picture that is shown."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) ->
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPicture:
+class SlotPicture:
     """What the renderer drew for one slot and its reference. All arrays have row 0 on top."""
 
     albedo: NDArray[np.float32]
@@ -33,7 +33,7 @@ class SeenPicture:
 
 
 def measure_slot(
-    source: str, picture: SeenPicture, pack: Pack | None, match: PackMatch | None, gpu_bytes: int | None
+    source: str, picture: SlotPicture, pack: Pack | None, match: PackMatch | None, gpu_bytes: int | None
 ) -> SlotMeasurement:
     """Figures of a picture; without a pack it is the reference's."""
     if pack is None or match is None:

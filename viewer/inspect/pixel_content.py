@@ -1,5 +1,4 @@
-"""What is at one pixel of the picture, and around it, in both slots: a few kilobytes, read back when the place or the picture has
-changed."""
+"""One pixel of the picture and the pixels around it in both slots; read back when the place or the picture has changed."""
 
 import math
 from collections.abc import Mapping

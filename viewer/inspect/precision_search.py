@@ -27,7 +27,7 @@ class PrecisionSearch:
             if slot.source == REFERENCE or pack is None:
                 emit(PrecisionFound(side, None))
                 continue
-            job = self._background.ask(("precision", pack), partial(self._found, pack))
+            job = self._background.submit(("precision", pack), partial(self._found, pack))
             if not job.done:
                 continue
             if error := job.future.exception():

@@ -1,4 +1,4 @@
-"""The scene's nodes with what stands there, as rows of a list that may be long."""
+"""The scene's nodes with their instances, as rows of a list that may be long."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ class TreeRow:
 
 
 class SceneTree:
-    """Rows of the nodes that have instances. A row's text is made when it is asked for: there may be 10^5 of them."""
+    """Rows of the nodes that have instances. A row's text is made on access: there may be 10^5 of them."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -50,7 +50,7 @@ class SceneTree:
         if not words:
             self._places = np.arange(len(self._nodes))
         else:
-            # Names of primitives and materials repeat in many instances: each is looked at once.
+            # Names of primitives and materials repeat in many instances: each is searched once.
             described = [
                 f"{primitive.name} {self._scene.materials[primitive.material].name}".casefold()
                 for primitive in self._scene.primitives

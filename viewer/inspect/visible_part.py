@@ -1,4 +1,4 @@
-"""The part of an image that is in sight, enlarged or made smaller about as much as the screen needs."""
+"""The visible part of an image, enlarged or reduced about as much as the screen needs."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_REPEAT = 32
-"""Pixels a texel is repeated to: what is left is enlarged by the screen's own filter, which blurs edges by this little."""
+"""Most pixels along one side of a repeated texel; the screen's own filter enlarges beyond that, and blurs the edges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,21 +26,21 @@ class VisiblePart:
 
 def visible_part(
     mips: tuple[NDArray[np.uint8], ...],
-    seen: tuple[float, float, float, float],
+    visible: tuple[float, float, float, float],
     width: float,
     known: VisiblePart | None = None,
 ) -> VisiblePart | None:
-    """The part `seen` (left, top, right, bottom as shares) of an image with `mips`, which is `width` pixels wide as a whole.
+    """The part `visible` (left, top, right, bottom as shares) of an image with `mips`, which is `width` pixels wide as a whole.
 
     Of the mips the finest is taken that has no more texels than there are pixels; texels of an enlarged image stay
-    square. `known` is returned where it is the same part; None where nothing is in sight.
+    square. `known` is returned where it is the same part; None where nothing is visible.
     """
     finest = mips[0].shape[1]
     level = min(max(math.floor(math.log2(max(finest / max(width, 1.0), 1.0)) + 0.5), 0), len(mips) - 1)
     image = mips[level]
     rows, columns = image.shape[:2]
-    left, right = _range(seen[0], seen[2], columns)
-    top, bottom = _range(seen[1], seen[3], rows)
+    left, right = _range(visible[0], visible[2], columns)
+    top, bottom = _range(visible[1], visible[3], rows)
     if left >= right or top >= bottom:
         return None
     repeat = min(max(math.ceil(width / columns), 1), LARGEST_REPEAT)

@@ -17,13 +17,13 @@ class Background:
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self._jobs: OrderedDict[Hashable, Job[Any]] = OrderedDict()
-        """Those that are done in the order in which they ended, the others in that in which they were asked for."""
+        """Jobs that are done, in the order in which they ended, and the others, in the order in which they were submitted."""
         self._running: Job[Any] | None = None
         self._thread: threading.Thread | None = None
         self._news = False
         self._closing = False
 
-    def ask(self, key: Hashable, work: Callable[[JobReport], Result]) -> Job[Result]:
+    def submit(self, key: Hashable, work: Callable[[JobReport], Result]) -> Job[Result]:
         """The job under `key`; a new one, that calls `work`, where there is none."""
         with self._condition:
             if key not in self._jobs:
@@ -35,7 +35,7 @@ class Background:
             return self._jobs[key]
 
     def cancel(self, key: Hashable) -> None:
-        """Nobody waits for this any more. A result that is there stays."""
+        """Cancel the job under `key`; a job that is done keeps its result."""
         with self._condition:
             if key in self._jobs and not self._jobs[key].done:
                 self._jobs.pop(key).cancel()

@@ -65,7 +65,7 @@ class Job(Generic[Result]):
                 self.future.set_exception(error)
 
     def cancel(self) -> None:
-        """Nobody waits for the result: the job does not start, or ends at its next report."""
+        """Keep the job from starting, or end it at its next report."""
         self.report.cancelled = True
         self.future.cancel()
 

@@ -46,7 +46,7 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     scene = load_scene(job.scene)
     hashes = {texture.pixel_hash for texture in scene.textures}
     if not hashes >= {texture.pixel_hash for texture in job.textures}:
-        # Views of one scene say nothing about the textures of another.
+        # Views of one scene cannot group the textures of another.
         raise InputError(f"{job.scene}: has changed since it was opened; open it again")
     views = scene_views(scene, ViewSource(seed=job.config.seed))
     return GroupingInputs(views.all_then_release(), {}, features)

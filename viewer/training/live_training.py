@@ -99,7 +99,7 @@ class LiveTraining:
         worker = self._worker
 
         def begin(report: JobReport) -> TrainingRequest:
-            # Nobody else uses the worker until this is done.
+            # No other code uses the worker until this job is done.
             worker.warm_up()
             request = prepare(job, scene, pack, report)
             report.check()

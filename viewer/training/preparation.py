@@ -39,7 +39,7 @@ class MoveTexture:
     texture: int
     """Its index in the pack."""
     group: int
-    """The number of groups stands for a new group."""
+    """A number from 0; the number of groups means a new group."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ AUTO = "auto"
 
 
 def parse_budget(text: str) -> Budget:
-    """The budget that `500steps`, `30s` or `35dB` stands for. Raises InputError."""
+    """The budget written as `500steps`, `30s` or `35dB`. Raises InputError."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(steps|s|dB)\s*", text, re.IGNORECASE)
     if found is None:
         raise InputError(f"budget {text!r}: must be steps, seconds or a PSNR: 500steps, 30s or 35dB")

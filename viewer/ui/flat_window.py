@@ -144,7 +144,7 @@ class FlatWindow:
         self._asked[side] = key
         if before not in self._asked.values():
             self._background.cancel(before)
-        return self._background.ask(key, work)
+        return self._background.submit(key, work)
 
     @staticmethod
     def _shown(job: Job[FlatTexture], source: str, about: str) -> _Side:

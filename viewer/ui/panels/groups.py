@@ -174,7 +174,9 @@ class GroupsPanel:
         features, stands_in_for = asked
         # Every grouping has its own centroids, over features that are kept on disk.
         key = (ui.session.scene, decoders, features)
-        job = self._background.ask(key, partial(group_distances, ui.session.scene, decoders, features, stands_in_for))
+        job = self._background.submit(
+            key, partial(group_distances, ui.session.scene, decoders, features, stands_in_for)
+        )
         if not job.done:
             return f"{features} features {job.report.share:.0%}"
         return f"no distances: {job.problem}" if job.problem else job.result()

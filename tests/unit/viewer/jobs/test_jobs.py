@@ -25,7 +25,7 @@ SECONDS = 30.0
 
 def wait_for(background: Background, key: object, work: Callable[[JobReport], Result]) -> Job[Result]:
     for _ in range(500):
-        job = background.ask(key, work)
+        job = background.submit(key, work)
         if job.done:
             return job
         time.sleep(0.01)
@@ -69,7 +69,7 @@ def test_a_cancelled_job_ends() -> None:
         finally:
             ended.append(True)
 
-    background.ask("a", endless)
+    background.submit("a", endless)
     assert started.wait(5.0)
     background.cancel("a")
     assert wait_for(background, "b", lambda _report: 3).result() == 3
@@ -88,10 +88,10 @@ def test_the_latest_job_comes_first_and_the_last_results_are_kept() -> None:
     def later(number: int, _report: JobReport) -> None:
         order.append(number)
 
-    background.ask("first", first)
+    background.submit("first", first)
     assert started.wait(SECONDS)
     for number in range(RESULTS_KEPT + 1):
-        background.ask(number, partial(later, number))
+        background.submit(number, partial(later, number))
     go.set()
     began = time.monotonic()
     while background.is_busy:
