@@ -107,47 +107,50 @@ class ProgramFactory:
         self._gl = gl
         self._library = library
         self._programs: dict[object, moderngl.Program | moderngl.ComputeShader] = {}
+        self._variants: dict[object, ProgramFactory] = {}
 
     def with_generated(self, generated: Mapping[str, str]) -> "ProgramFactory":
-        """A factory for the same library with further generated files."""
-        return ProgramFactory(self._gl, self._library.with_generated(generated))
+        """The factory for the same library with further generated files: one for equal files, freed with this one."""
+        key = tuple(sorted(generated.items()))
+        if key not in self._variants:
+            self._variants[key] = ProgramFactory(self._gl, self._library.with_generated(generated))
+        return self._variants[key]
 
     def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
         """Program of a vertex and a fragment shader file. Raises ShaderError."""
-        key = (vertex, fragment, tuple(sorted((defines or {}).items())))
-        if key not in self._programs:
-            sources = [self._library.assemble(name, defines) for name in (vertex, fragment)]
-            try:
-                made = self._gl.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
-            except moderngl.Error as error:
-                log = str(error)
-                source = sources[0] if "vertex_shader" in log else sources[1]
-                raise ShaderError(f"{vertex} + {fragment}: {source.explain(log)}") from error
-            made.extra = sources[0].uniforms | sources[1].uniforms
-            self._programs[key] = made
-        found = self._programs[key]
+        found = self._find((vertex, fragment), defines)
         assert isinstance(found, moderngl.Program)
         return found
 
     def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
         """Compute program of a file. Raises ShaderError."""
-        key = (name, tuple(sorted((defines or {}).items())))
-        if key not in self._programs:
-            source = self._library.assemble(name, defines)
-            try:
-                made = self._gl.compute_shader(source.text)
-            except moderngl.Error as error:
-                raise ShaderError(f"{name}: {source.explain(str(error))}") from error
-            made.extra = source.uniforms
-            self._programs[key] = made
-        found = self._programs[key]
+        found = self._find((name,), defines)
         assert isinstance(found, moderngl.ComputeShader)
         return found
 
+    def _find(self, names: tuple[str, ...], defines: Defines | None) -> moderngl.Program | moderngl.ComputeShader:
+        key = (names, tuple(sorted((defines or {}).items())))
+        if key not in self._programs:
+            sources = [self._library.assemble(name, defines) for name in names]
+            made: moderngl.Program | moderngl.ComputeShader
+            try:
+                if len(sources) == 1:
+                    made = self._gl.compute_shader(sources[0].text)
+                else:
+                    made = self._gl.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+            except moderngl.Error as error:
+                log = str(error)
+                source = sources[0] if "vertex_shader" in log else sources[-1]
+                raise ShaderError(f"{' + '.join(names)}: {source.explain(log)}") from error
+            made.extra = frozenset().union(*(source.uniforms for source in sources))
+            self._programs[key] = made
+        return self._programs[key]
+
     def release(self) -> None:
         """Free all programs."""
-        for program in self._programs.values():
-            program.release()
+        for part in (*self._variants.values(), *self._programs.values()):
+            part.release()
+        self._variants.clear()
         self._programs.clear()
 
 
