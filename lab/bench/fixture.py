@@ -1,30 +1,33 @@
 """A picture without a scene: pixels that see textures in a given pattern, and any pack and path to decode them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.tiles import Tiling
-from ntc.codec.config import CodecConfig
+from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.passes.decode_binned import DecodeBinnedPass
-from viewer.render.passes.decode_deferred import DecodeDeferredPass
+from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.resources.albedo_target import AlbedoTarget
-from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
     GROUP_SIDE,
-    MATERIAL_RECORD,
     MATERIAL_SHIFT,
-    StorageBinding,
     scene_layout_glsl,
 )
-from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.resources.pack_buffers import codec_programs
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
+from viewer.scene.model import Geometry, Instances, LoadReport, Material, Scene
 from viewer.state.view_state import Precision
 
 FixturePath = Literal["deferred", "deferred, shared", "binned"]
@@ -34,24 +37,30 @@ TEXTURE_SIDE = 256
 PICTURE_BYTES = 16 + 4 + 16
 """Of a pixel: visibility words, depth, albedo."""
 BINNED_BYTES = 4
-"""Of a pixel besides, for each pack and precision that is decoded by `binned`."""
+"""Of a pixel besides, for each pass of path `binned`."""
 
 
-class OneMaterial:
-    """White, repeated, trilinear."""
+def white_scene() -> Scene:
+    """No geometry, and one material: white, repeated, trilinear."""
+    none = np.zeros((0, 3), np.float32)
+    return Scene(
+        name="benchmark",
+        path=None,
+        geometry=Geometry(none, none[:, :2], None, np.zeros(0, np.uint32)),
+        primitives=(),
+        instances=Instances(np.zeros(0, np.int32), np.zeros((0, 4, 4), np.float32), np.zeros(0, np.int32)),
+        materials=(Material("white", -1, (1.0, 1.0, 1.0, 1.0)),),
+        textures=(),
+        cameras=(),
+        node_names=(),
+        bounds=np.zeros((2, 3), np.float32),
+        report=LoadReport(),
+    )
 
-    def __init__(self, context: GraphicsContext) -> None:
-        record = np.zeros(1, MATERIAL_RECORD)
-        record["factor"] = 1.0
-        self._buffer = context.memory.buffer("materials", record.tobytes())
 
-    def bind_materials(self) -> None:
-        """Bind the materials to their storage binding."""
-        self._buffer.bind_to_storage_buffer(int(StorageBinding.MATERIALS))
-
-    def release(self) -> None:
-        """Free the buffer."""
-        self._buffer.release()
+def white_material(graphics: GraphicsContext) -> SceneBuffers:
+    """The materials of `white_scene` on the GPU."""
+    return SceneBuffers(graphics, white_scene(), material_records(white_scene()))
 
 
 def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
@@ -88,83 +97,67 @@ def block_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
     return _words(_places(size)[0] % textures)
 
 
-class DecodePrograms:
-    """Programs of the decoding passes, compiled once for each codec."""
+class PackLoader:
+    """Loads packs onto the GPU without a scene that shows their textures. Packs of one codec share their programs."""
 
-    def __init__(self, context: GraphicsContext) -> None:
+    def __init__(self, graphics: GraphicsContext) -> None:
+        scene, tiles = white_scene(), TileCacheConfig()
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-        self._factory = ProgramFactory(context.gl, library)
-        self._of_codec: dict[CodecConfig, ProgramFactory] = {}
+        self.programs = ProgramFactory(graphics.gl, library)
+        self.materials = white_material(graphics)
+        timer = PassTimer(graphics)
+        self._context = RenderContext(graphics, scene, self.materials, timer, tiles, TileBudget(tiles), latents=None)
 
-    def of(self, pack: Pack) -> ProgramFactory:
-        """Programs for the codec of `pack`."""
-        if pack.config not in self._of_codec:
-            self._of_codec[pack.config] = codec_programs(self._factory, pack)
-        return self._of_codec[pack.config]
-
-    def release(self) -> None:
-        """Free all programs."""
-        for programs in (self._factory, *self._of_codec.values()):
-            programs.release()
-
-
-class LoadedPack:
-    """A pack on the GPU in one precision, for every path of a fixture."""
-
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: DecodePrograms,
-        pack: Pack,
-        precision: Precision,
-        emulate_half: bool = False,
-    ) -> None:
-        self._context, self._programs, self._pack = context, programs, pack
-        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half)
-        self._ranges = DecoderRanges(context, pack, precision)
-        self._binned: DecodeBinnedPass | None = None
-
-    def decode(self, path: FixturePath, fixture: "DecodeFixture") -> Callable[[], None]:
-        """A call that decodes the whole picture of `fixture`."""
-        programs, inputs = self._programs.of(self._pack), fixture.inputs(len(self._pack.textures))
-        if path == "binned":
-            if self._binned is None:
-                self._binned = DecodeBinnedPass(self._context, programs, self._buffers, self._ranges, False)
-            binned = self._binned
-            return lambda: fixture.each_tile(lambda: binned.run(inputs, fixture.target))
-        shared = 0 if path == "deferred, shared" else None
-        deferred = DecodeDeferredPass(self._context, programs, self._buffers, self._ranges, False, shared)
-        return lambda: fixture.each_tile(lambda: deferred.run(inputs, fixture.target))
+    def load(self, pack: Pack, precision: Precision, emulate_half: bool = False) -> GpuPack:
+        """`pack` with all its latents; the texture with id i is its i-th. The caller releases it."""
+        context = replace(self._context, emulate_half=emulate_half)
+        match = PackMatch(tuple(range(len(pack.textures))), (), ())
+        return GpuPack(context, pack, match, precision, codec_programs(self.programs, pack), version=1)
 
     def release(self) -> None:
-        """Free all buffers."""
-        self._buffers.release()
-        self._ranges.release()
-        if self._binned is not None:
-            self._binned.release()
+        """Free all programs and the material."""
+        self.programs.release()
+        self.materials.release()
+
+
+MAKE_PASS: Mapping[FixturePath, Callable[[GpuPack], DecodePass]] = {
+    "deferred": partial(deferred_pass, may_share=False),
+    "deferred, shared": deferred_pass,
+    "binned": binned_pass,
+}
 
 
 class DecodeFixture:
-    """What is seen, and where it is decoded to. A picture of several tiles has buffers for one and runs them in turn."""
+    """A visibility buffer and the target that it is decoded to. A picture of several tiles has buffers for one and decodes it as
+    often as there are tiles."""
 
     def __init__(self, context: GraphicsContext, tiles: Tiling, words: NDArray[np.uint32]) -> None:
+        """`words` [H, W, 4] uint32 are the visibility words of one tile, row 0 at the bottom."""
         self._count = tiles.count
-        self.material = OneMaterial(context)
         self.visibility = VisibilityTarget(context, tiles.tile, SurfaceContent(False, False))
         self.visibility.write(words)
         self.target = AlbedoTarget(context, tiles.tile)
+        self._passes: list[DecodePass] = []
 
-    def inputs(self, textures: int) -> VisibilityInputs:
+    def inputs(self, materials: SceneBuffers, textures: int) -> VisibilityInputs:
         """What decode passes read, for a pack of so many textures."""
-        return VisibilityInputs(self.visibility, self.material, textures=tuple(range(textures)))
+        return VisibilityInputs(self.visibility, materials, textures=tuple(range(textures)))
 
-    def each_tile(self, run: Callable[[], None]) -> None:
-        """Call `run` once for each tile."""
-        for _ in range(self._count):
-            run()
+    def decoding(self, pack: GpuPack, path: FixturePath) -> Callable[[], None]:
+        """A call that decodes the whole picture; its pass is freed with the fixture."""
+        decode = MAKE_PASS[path](pack)
+        self._passes.append(decode)
+        inputs = self.inputs(pack.context.scene_buffers, len(pack.pack.textures))
+
+        def run() -> None:
+            for _ in range(self._count):
+                decode.run(inputs, self.target)
+
+        return run
 
     def release(self) -> None:
         """Free all buffers."""
-        self.material.release()
         self.visibility.release()
         self.target.release()
+        for made in self._passes:
+            made.release()

@@ -9,9 +9,8 @@ from lab.bench.fixture import (
     PICTURE_BYTES,
     TEXTURE_SIDE,
     DecodeFixture,
-    DecodePrograms,
     FixturePath,
-    LoadedPack,
+    PackLoader,
     block_words,
     scattered_words,
 )
@@ -20,6 +19,7 @@ from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
+from viewer.render.gpu_pack import GpuPack
 
 SweepName = Literal["resolution", "textures", "decoders", "decoder size"]
 Layout = Literal["blocks", "interleaved"]
@@ -118,23 +118,22 @@ def scaling(
     """
     sweeps = list(_setups(config))
     tilings = [_tilings(sweep, limits) for sweep in sweeps]
-    programs = DecodePrograms(context)
+    loader = PackLoader(context)
     rows: list[ScalingRow] = []
     for number, (sweep, cut) in enumerate(zip(sweeps, tilings, strict=True)):
 
         def of_all(done: int, of: int, number: int = number) -> None:
             progress(number * of + done, len(sweeps) * of)
 
-        rows += _swept(context, config, sweep, cut, programs, of_all)
-    programs.release()
+        rows += _swept(context, config, sweep, cut, loader, of_all)
+    loader.release()
     return tuple(rows)
 
 
 def _tilings(sweep: Sequence[_Setup], limits: PictureLimits) -> dict[tuple[int, int], Tiling]:
     """How each size of a sweep is cut, so that the pictures of all its points fit at once."""
     fixtures = {(setup.size, setup.layout, setup.textures) for setup in sweep}
-    packs = {(setup.textures, setup.decoders, setup.codec) for setup in sweep}
-    pixel_bytes = len(fixtures) * PICTURE_BYTES + len(packs) * BINNED_BYTES
+    pixel_bytes = len(fixtures) * PICTURE_BYTES + len(sweep) * BINNED_BYTES
     return {size: tiling(size, pixel_bytes, limits) for size in dict.fromkeys(setup.size for setup in sweep)}
 
 
@@ -148,11 +147,11 @@ def _swept(
     config: ScalingConfig,
     sweep: list[_Setup],
     tilings: dict[tuple[int, int], Tiling],
-    programs: DecodePrograms,
+    loader: PackLoader,
     progress: Progress,
 ) -> list[ScalingRow]:
     fixtures: dict[tuple[tuple[int, int], Layout, int], DecodeFixture] = {}
-    packs: dict[tuple[int, int, CodecConfig], LoadedPack] = {}
+    packs: dict[tuple[int, int, CodecConfig], GpuPack] = {}
     candidates = []
     for setup in sweep:
         seen = (setup.size, setup.layout, setup.textures)
@@ -160,8 +159,8 @@ def _swept(
             fixtures[seen] = _fixture(context, setup, tilings[setup.size])
         content = (setup.textures, setup.decoders, setup.codec)
         if content not in packs:
-            packs[content] = LoadedPack(context, programs, square_pack(*content[:2], TEXTURE_SIDE, setup.codec), "fp32")
-        candidates += [(setup, path, packs[content].decode(path, fixtures[seen])) for path in PATHS]
+            packs[content] = loader.load(square_pack(*content[:2], TEXTURE_SIDE, setup.codec), "fp32")
+        candidates += [(setup, path, fixtures[seen].decoding(packs[content], path)) for path in PATHS]
     spreads = time_interleaved(context, [run for _, _, run in candidates], config.repeats, progress)
     for fixture in fixtures.values():
         fixture.release()

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.bench.fixture import DecodeFixture, DecodePrograms, FixturePath, LoadedPack
+from lab.bench.fixture import DecodeFixture, FixturePath, PackLoader
 from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
@@ -22,6 +22,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import MATERIAL_SHIFT
+from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.resources.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import DecodePath, Slot, ViewState
@@ -111,7 +112,7 @@ class StabilityBench:
 
     def __init__(self, context: GraphicsContext) -> None:
         self._context = context
-        self._programs = DecodePrograms(context)
+        self._loader = PackLoader(context)
 
     def _emulated(self, precision: Precision) -> bool:
         return precision not in supported_precisions(self._context)
@@ -119,7 +120,9 @@ class StabilityBench:
     def texel_decoder(self, pack: Pack, precision: Precision, rescale: bool = True) -> GlTexelDecoder:
         """Decodes texels of `pack`; the caller releases it."""
         emulated = self._emulated(precision)
-        return GlTexelDecoder(self._context, pack, precision, emulated, self._programs.of(pack), rescale)
+        return GlTexelDecoder(
+            self._context, pack, precision, emulated, codec_programs(self._loader.programs, pack), rescale
+        )
 
     def texels(self, case: StabilityCase, precision: Precision) -> StabilityRow:
         """`case` by the texel decoder, which `ntc-viewer decode` uses."""
@@ -137,9 +140,9 @@ class StabilityBench:
         seen = _as_seen(case)
         expected = _expected(seen, precision, LOGARITHM_ERROR)
         fixture = DecodeFixture(self._context, Tiling((FIXTURE_SIDE, FIXTURE_SIDE), 1), _words(seen))
-        loaded = LoadedPack(self._context, self._programs, seen.pack, precision, self._emulated(precision))
+        loaded = self._loader.load(seen.pack, precision, self._emulated(precision))
         for path in paths:
-            loaded.decode(path, fixture)()
+            fixture.decoding(loaded, path)()
             # The target's rows come back with row 0 on top, and words were written with row 0 at the bottom.
             albedo = fixture.target.read()[::-1].reshape(-1, 3)[: len(expected.exact)]
             self._context.reset.check()
@@ -149,7 +152,7 @@ class StabilityBench:
 
     def release(self) -> None:
         """Free all programs."""
-        self._programs.release()
+        self._loader.release()
 
 
 def fixture_paths(case: StabilityCase) -> tuple[FixturePath, ...]:

@@ -11,9 +11,8 @@ from lab.bench.fixture import (
     PICTURE_BYTES,
     TEXTURE_SIDE,
     DecodeFixture,
-    DecodePrograms,
     FixturePath,
-    LoadedPack,
+    PackLoader,
     interleaved_words,
 )
 from lab.bench.interleaved import Progress, Spread, no_progress, time_interleaved
@@ -21,6 +20,7 @@ from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
+from viewer.render.gpu_pack import GpuPack
 from viewer.render.resources.layout import GROUP_SIDE
 from viewer.render.resources.precision import EVERYWHERE
 from viewer.state.view_state import Precision
@@ -100,15 +100,15 @@ def worst_case(
     candidates = _candidates(config)
     bytes_each = PICTURE_BYTES + BINNED_BYTES * sum(candidate.path == "binned" for candidate in candidates)
     tilings = [tiling(size, bytes_each, limits) for size in config.sizes]
-    programs = DecodePrograms(context)
+    loader = PackLoader(context)
     rows: list[WorstCaseRow] = []
     for number, (size, tiles) in enumerate(zip(config.sizes, tilings, strict=True)):
 
         def of_all(done: int, of: int, number: int = number) -> None:
             progress(number * of + done, len(config.sizes) * of)
 
-        rows += _of_size(context, config, size, tiles, programs, of_all)
-    programs.release()
+        rows += _of_size(context, config, size, tiles, loader, of_all)
+    loader.release()
     return tuple(rows)
 
 
@@ -117,17 +117,17 @@ def _of_size(
     config: WorstCaseConfig,
     size: tuple[int, int],
     tiles: Tiling,
-    programs: DecodePrograms,
+    loader: PackLoader,
     progress: Progress,
 ) -> list[WorstCaseRow]:
     fixture = DecodeFixture(context, tiles, interleaved_words(tiles.tile, BLOCK_PIXELS))
-    loaded: dict[tuple[int, Precision], LoadedPack] = {}
+    loaded: dict[tuple[int, Precision], GpuPack] = {}
     for decoders in config.decoders:
         pack = square_pack(BLOCK_PIXELS, decoders, TEXTURE_SIDE, config.codec)
         for precision in config.precisions:
-            loaded[decoders, precision] = LoadedPack(context, programs, pack, precision)
+            loaded[decoders, precision] = loader.load(pack, precision)
     candidates = _candidates(config)
-    runs = [loaded[each.decoders, each.precision].decode(each.path, fixture) for each in candidates]
+    runs = [fixture.decoding(loaded[each.decoders, each.precision], each.path) for each in candidates]
     differences = []
     truth: NDArray[np.float32] = np.zeros(0, np.float32)
     for candidate, run in zip(candidates, runs, strict=True):

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from lab.bench.fixture import DecodeFixture, DecodePrograms, interleaved_words
+from lab.bench.fixture import DecodeFixture, PackLoader, interleaved_words
 from lab.bench.interleaved import time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import Tiling
@@ -19,7 +19,7 @@ from viewer.gl.context import create_headless_context
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.decoder_ranges import DecoderRanges
-from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 
 SIZE = (512, 512)
 TEXTURES = 64
@@ -32,24 +32,25 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     options = parser.parse_args()
     context = create_headless_context()
-    programs = DecodePrograms(context)
+    loader = PackLoader(context)
     fixture = DecodeFixture(context, Tiling(SIZE, 1), interleaved_words(SIZE, TEXTURES))
-    inputs = fixture.inputs(TEXTURES)
+    inputs = fixture.inputs(loader.materials, TEXTURES)
     names: list[tuple[str, str, int]] = []
     runs: list[Callable[[], None]] = []
     for decoders in (1, 5, 10, 20):
         pack = square_pack(TEXTURES, decoders, 256, recipe_codec("best", 3, None))
+        programs = codec_programs(loader.programs, pack)
         for place, in_image in (("buffer", False), ("image", True)):
             buffers = PackBuffers(context, pack, range(TEXTURES), "fp32", weights_in_image=in_image)
             ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
-            indexed = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, None)
+            indexed = DecodeDeferredPass(context, programs, buffers, ranges, False, None)
             names.append(("deferred, index by pixel", place, decoders))
             runs.append(lambda run=indexed: run.run(inputs, fixture.target))  # type: ignore[misc]
             if decoders == 1:
-                shared = DecodeDeferredPass(context, programs.of(pack), buffers, ranges, False, 0)
+                shared = DecodeDeferredPass(context, programs, buffers, ranges, False, 0)
                 names.append(("deferred, shared", place, decoders))
                 runs.append(lambda run=shared: run.run(inputs, fixture.target))  # type: ignore[misc]
-            binned = DecodeBinnedPass(context, programs.of(pack), buffers, ranges, False)
+            binned = DecodeBinnedPass(context, programs, buffers, ranges, False)
             names.append(("binned", place, decoders))
             runs.append(lambda run=binned: run.run(inputs, fixture.target))  # type: ignore[misc]
     spreads = time_interleaved(context, runs, options.repeats)

@@ -44,7 +44,8 @@ class RenderContext:
     timer: PassTimer
     tile_cache: TileCacheConfig
     tile_budget: TileBudget
-    latents: LatentBudget
+    latents: LatentBudget | None
+    """None: all latents of a pack are uploaded at once."""
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
 
@@ -231,14 +232,16 @@ def _forward(pack: GpuPack) -> DecodePass:
     return DecodeForwardPass(pack.context.graphics, pack.programs, pack.buffers, pack.context.scene_buffers)
 
 
-def _deferred(pack: GpuPack) -> DecodePass:
+def deferred_pass(pack: GpuPack, may_share: bool = True) -> DecodePass:
+    """Decode path `deferred`. Without `may_share` every pixel has a decoder index, even where all have one: for benchmarks."""
     used = {decoder for decoder in pack.match.decoders(pack.pack) if decoder >= 0}
-    shared = used.pop() if len(used) == 1 else None
+    shared = used.pop() if may_share and len(used) == 1 else None
     ranges = pack.ranges if shared is not None else None
     return DecodeDeferredPass(pack.context.graphics, pack.programs, pack.buffers, ranges, pack.colors, shared)
 
 
-def _binned(pack: GpuPack) -> DecodePass:
+def binned_pass(pack: GpuPack) -> DecodePass:
+    """Decode path `binned`."""
     return DecodeBinnedPass(pack.context.graphics, pack.programs, pack.buffers, pack.ranges, pack.colors)
 
 
@@ -263,8 +266,8 @@ def _cached(pack: GpuPack) -> AlbedoPath:
 
 DECODE_PATHS: Mapping[PathChoice, Callable[[GpuPack], AlbedoPath]] = {
     "forward": _direct("forward", _forward),
-    "deferred": _direct("deferred", _deferred),
-    "binned": _direct("binned", _binned),
+    "deferred": _direct("deferred", deferred_pass),
+    "binned": _direct("binned", binned_pass),
     "cached": _cached,
 }
 """How each decode path is made for a pack."""

@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from ntc.codec.config import CodecConfig
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.match import PackMatch
 from ntc.pack.model import Pack
@@ -45,7 +44,6 @@ class GpuPacks:
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
         self._on_gpu: dict[tuple[str, Precision], GpuPack] = {}
-        self._codec_programs: dict[CodecConfig, ProgramFactory] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._open
@@ -122,11 +120,7 @@ class GpuPacks:
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
             opened = self._open[slot.source]
-            config = opened.pack.config
-            # Packs of one codec share their programs: those take seconds to compile.
-            if config not in self._codec_programs:
-                self._codec_programs[config] = codec_programs(self._programs, opened.pack)
-            programs = self._codec_programs[config]
+            programs = codec_programs(self._programs, opened.pack)
             with naming_memory_errors(f"pack {slot.source}"):
                 self._on_gpu[key] = GpuPack(
                     self._context, opened.pack, opened.match, slot.precision, programs, opened.version
@@ -151,5 +145,3 @@ class GpuPacks:
         """Free everything on the GPU."""
         for name in list(self._open):
             self._release(name)
-        for programs in self._codec_programs.values():
-            programs.release()

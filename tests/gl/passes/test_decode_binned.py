@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.fixture import OneMaterial, interleaved_words
+from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
@@ -68,7 +68,10 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
-    material, targets = OneMaterial(graphics), [AlbedoTarget(graphics, size) for _ in range(2)]
+    material, targets = (
+        white_material(graphics),
+        [AlbedoTarget(graphics, size) for _ in range(2)],
+    )
     deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, False, None)
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
     inputs = VisibilityInputs(visibility, material, textures=tuple(range(decoders)))
@@ -93,7 +96,10 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
-    material, target = OneMaterial(graphics), AlbedoTarget(graphics, (64, 64))
+    material, target = (
+        white_material(graphics),
+        AlbedoTarget(graphics, (64, 64)),
+    )
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
     binned.run(VisibilityInputs(visibility, material, textures=(0, 1, 2, 3)), target)
     groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.fixture import OneMaterial, interleaved_words
+from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
@@ -40,7 +40,10 @@ def decoded(
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack, network)
     buffers = PackBuffers(graphics, pack, range(3), precision, weights_in_image=in_image)
     ranges = DecoderRanges(graphics, pack, precision, network, weights_in_image=in_image)
-    material, target = OneMaterial(graphics), AlbedoTarget(graphics, SIZE)
+    material, target = (
+        white_material(graphics),
+        AlbedoTarget(graphics, SIZE),
+    )
     inputs = VisibilityInputs(visibility, material, textures=(0, 1, 2))
     pictures = []
     for shared, with_ranges in ((None, None), (0, ranges)):
