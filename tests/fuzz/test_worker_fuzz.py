@@ -68,7 +68,7 @@ LONGEST_POLL = 0.5
 SLOW = settings(deadline=2000, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 
 
-QUICK = settings(deadline=1000, max_examples=150)
+QUICK = settings(deadline=1000, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 
 
 @pytest.fixture(scope="module")

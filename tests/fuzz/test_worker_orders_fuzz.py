@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ntc.errors import WireError
@@ -40,7 +40,7 @@ from tests.support.worker_sessions import (
 
 pytestmark = pytest.mark.process
 
-QUICK = settings(deadline=1000, max_examples=150)
+QUICK = settings(deadline=1000, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 
 
 def test_memory_grows_with_what_came_and_not_with_what_was_claimed() -> None:
@@ -148,7 +148,7 @@ def _process() -> tuple[TrainingProcess, socket.socket]:
     own, other = socket.socketpair()
     process = start_process(other)
     other.close()
-    own.settimeout(30.0)
+    own.settimeout(120.0)
     return process, own
 
 
