@@ -13,7 +13,7 @@ from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
 from ntc.accuracy.running_error import running_bounds
-from ntc.codec.precision import Precision
+from ntc.codec.config import Precision
 from ntc.codec.reference import decode_texels
 from ntc.codec.rescale import stored_pack
 from ntc.metrics.metrics import finite_or_none

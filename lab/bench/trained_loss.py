@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lab.bench.stability import StabilityBench
-from ntc.codec.precision import Precision
+from ntc.codec.config import Precision
 from ntc.codec.reference import decode_texels
 from ntc.codec.textures import SourceTexture
 from ntc.pack.model import Pack

@@ -12,9 +12,8 @@ from ntc.codec.config import FeatureName
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping.category import category_grouping
-from ntc.grouping.clustered import clustered_grouping
+from ntc.grouping.clustered import clustered_grouping, random_grouping
 from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
-from ntc.grouping.random import random_grouping
 from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import feature_spread
 from ntc.metrics.divergence import cut_percent

@@ -14,8 +14,7 @@ from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat, compress
-from ntc.metrics.image_quality import flip, ssim
-from ntc.metrics.level_quality import level_psnr
+from ntc.metrics.image_quality import flip, level_psnr, ssim
 from ntc.metrics.metrics import finite_or_none, psnr_db, psnr_table
 from ntc.pack.file import write_pack
 from ntc.pack.model import Grouping, Pack
@@ -132,7 +131,7 @@ def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[Source
         return result
     codec = TorchCodec(pack, choose_device(run.training.device))
     if run.every_level:
-        levels = [level_psnr(pack, index, texture, codec) for index, texture in enumerate(textures)]
+        levels = [level_psnr(pack, index, texture, codec.decode_image) for index, texture in enumerate(textures)]
         result = replace(result, level_psnr_db=tuple(tuple(finite_or_none(value) for value in row) for row in levels))
     if run.pictures:
         pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]

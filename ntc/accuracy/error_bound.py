@@ -19,7 +19,7 @@ from ntc.accuracy.rounding_model import (
     hidden_values,
     layer_sums,
 )
-from ntc.codec.precision import LARGEST_HALF, Precision
+from ntc.codec.config import LARGEST_HALF, Precision
 from ntc.codec.rescale import stored_pack
 from ntc.pack.model import Pack
 

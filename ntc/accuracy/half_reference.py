@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.precision import LARGEST_HALF
+from ntc.codec.config import LARGEST_HALF
 from ntc.codec.reference import decoder_inputs
 from ntc.codec.rescale import stored_pack
-from ntc.pack.model import Adapter, Decoder, Pack
+from ntc.pack.model import Adapter, Decoder, Pack, specialised_layers
 
 Single = NDArray[np.float32]
 
@@ -33,26 +33,22 @@ def run_decoder_in_half(
     rounded = to_half if accumulate else (lambda values: values)
     slope = rounded(np.full(1, leaky_slope, np.float32))
     values = to_half(inputs)
-    last = len(decoder.weights) - 1
-    for index, (weight, bias) in enumerate(zip(decoder.weights[:-1], decoder.biases[:-1], strict=True)):
-        weight, bias = as_stored(weight), as_stored(bias)
-        adapted = adapter is not None
-        start = np.broadcast_to(np.float32(0.0) if adapted else bias, (len(values), len(weight))).astype(np.float32)
+    *hidden, (last_weight, _, last_bias) = specialised_layers(decoder, adapter)
+    for exact_weight, scale, bias in hidden:
+        weight = as_stored(exact_weight)
+        first_sum = np.float32(0.0) if scale is not None else as_stored(bias)
+        start = np.broadcast_to(first_sum, (len(values), len(weight))).astype(np.float32)
         halves = [start, np.zeros_like(start)]
         for column in range(weight.shape[1]):
             own = column % 2 if accumulate else 0
             halves[own] = rounded(halves[own] + to_half(values[:, column, None] * weight[:, column]))
         sums = rounded(halves[0] + halves[1])
-        if adapter is not None:
-            scaled = rounded(as_stored(adapter.scales[index]) * sums)
-            sums = rounded(scaled + as_stored(adapter.biases[index]))
+        if scale is not None:
+            sums = rounded(rounded(as_stored(scale) * sums) + as_stored(bias))
         sums = np.maximum(sums, rounded(slope * sums))
         values = to_half(sums)
-    weight, bias = decoder.weights[last], decoder.biases[last]
-    if adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
-        weight, bias = adapter.output_weight, adapter.output_bias
-    weight = as_stored(weight)
-    result = np.broadcast_to(as_stored(bias), (len(values), len(bias))).astype(np.float32)
+    weight = as_stored(last_weight)
+    result = np.broadcast_to(as_stored(last_bias), (len(values), len(last_bias))).astype(np.float32)
     for first in range(0, weight.shape[1], 4):
         products = to_half(values[:, None, first : first + 4] * weight[:, first : first + 4])
         pairs = rounded(products[..., 0::2] + products[..., 1::2])

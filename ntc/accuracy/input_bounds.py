@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.positional import PHASES
+from ntc.codec.reference import PHASES
 from ntc.pack.model import EncodedTexture
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class InputBounds:
     def _waves(self, magnitudes: Array, largest: float) -> Array:
         """[N] largest sum over the positional inputs: of each pair of phases only one can be at its largest."""
         pairs = magnitudes[:, self.waves].reshape(len(magnitudes), -1, len(PHASES))
-        return pairs.max(axis=-1).sum(axis=-1) * largest
+        return np.asarray(pairs.max(axis=-1).sum(axis=-1) * largest)
 
 
 def _level_errors(level: LatentLevel, config: CodecConfig) -> tuple[float, Array]:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.accuracy.input_bounds import SINGLE_UNIT
-from ntc.codec.precision import LARGEST_HALF, Precision
-from ntc.pack.model import Adapter, Decoder
+from ntc.codec.config import LARGEST_HALF, Precision
+from ntc.pack.model import Adapter, Decoder, specialised_layers
 
 Array = NDArray[np.float64]
 HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)
@@ -79,12 +79,7 @@ def _stored(values: NDArray[np.float32], arithmetic: Arithmetic) -> Array:
 def decoder_layers(decoder: Decoder, adapter: Adapter | None, arithmetic: Arithmetic) -> list[Layer]:
     """The three layers of `decoder` as `adapter` specialises them."""
     layers = []
-    for number, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-        scale: NDArray[np.float32] | None = None
-        if adapter is not None and number < len(adapter.scales):
-            scale, bias = adapter.scales[number], adapter.biases[number]
-        elif adapter is not None and adapter.output_weight is not None and adapter.output_bias is not None:
-            weight, bias = adapter.output_weight, adapter.output_bias
+    for weight, scale, bias in specialised_layers(decoder, adapter):
         exact = (weight.astype(np.float64), bias.astype(np.float64), None if scale is None else scale.astype(float))
         stored_scale = None if scale is None else _stored(scale, arithmetic)
         layers.append(Layer(*exact, _stored(weight, arithmetic), _stored(bias, arithmetic), stored_scale))

@@ -1,4 +1,4 @@
-"""The settings of codec and training: frozen dataclasses, one definition for CLI, pack, settings file and UI."""
+"""The settings of codec and grouping: frozen dataclasses, one definition for CLI, pack, settings file and UI."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,6 +8,12 @@ ColorSpace = Literal["srgb", "linear"]
 RecipeName = Literal["paper", "best"]
 GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
 FeatureName = Literal["low_level", "spectral", "efficientnet", "clip"]
+Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
+"""What is rounded to half precision: nothing; stored weights; products as well; sums as well."""
+PrecisionChoice = Literal["auto", "fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
+"""A precision, or the cheapest one without a visible difference (`ntc.accuracy.precision_choice`)."""
+LARGEST_HALF = 65504.0
+"""Largest finite half."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ntc.codec.config import CodecConfig
-from ntc.codec.precision import LARGEST_HALF
+from ntc.codec.config import LARGEST_HALF, CodecConfig
 from ntc.pack.model import Adapter, Decoder
 
 Layer = tuple[Tensor, Tensor]

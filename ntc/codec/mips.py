@@ -3,34 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8, srgb8_to_linear_table
+from ntc.codec.color import to_8bit, to_linear
 from ntc.codec.config import ColorSpace
-
-
-def _alpha_channel(channels: int) -> int | None:
-    """Index of the alpha channel, which is never sRGB-coded: the last of two or of four; None without one."""
-    return channels - 1 if channels in (2, 4) else None
-
-
-def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
-    """[H, W, C] float32 linear light in [0, 1] of `pixels` [H, W, C] uint8."""
-    if color_space == "linear":
-        return pixels.astype(np.float32) / np.float32(255.0)
-    linear = srgb8_to_linear_table()[pixels]
-    alpha = _alpha_channel(pixels.shape[2])
-    if alpha is not None:
-        linear[..., alpha] = pixels[..., alpha] / np.float32(255.0)
-    return linear
-
-
-def _to_8bit(linear: NDArray[np.float32], color_space: ColorSpace) -> NDArray[np.uint8]:
-    if color_space == "linear":
-        return np.rint(np.clip(linear, 0.0, 1.0) * 255.0).astype(np.uint8)
-    coded = linear_to_srgb8(linear)
-    alpha = _alpha_channel(linear.shape[2])
-    if alpha is not None:
-        coded[..., alpha] = np.rint(np.clip(linear[..., alpha], 0.0, 1.0) * 255.0)
-    return coded
 
 
 def _resample_axis(image: NDArray[np.float32], size: int) -> NDArray[np.float32]:
@@ -67,10 +41,10 @@ def mip_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> tuple[NDArr
     linear = to_linear(pixels, color_space)
     while width >> len(chain) or height >> len(chain):
         linear = box_resize(linear, max(1, width >> len(chain)), max(1, height >> len(chain)))
-        chain.append(_to_8bit(linear, color_space))
+        chain.append(to_8bit(linear, color_space))
     return tuple(chain)
 
 
 def resize_to(pixels: NDArray[np.uint8], width: int, height: int, color_space: ColorSpace) -> NDArray[np.uint8]:
     """[height, width, C] uint8: `pixels` reduced by an area-weighted box filter in linear light."""
-    return _to_8bit(box_resize(to_linear(pixels, color_space), width, height), color_space)
+    return to_8bit(box_resize(to_linear(pixels, color_space), width, height), color_space)

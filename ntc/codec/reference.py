@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import LOD_INPUT_SCALE, WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.positional import positional_encoding
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
+from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack, specialised_layers
 
 Array = NDArray[np.float64]
 TexelDecoder = Callable[[int, Array, Array], NDArray[np.floating]]
 """(texture index, uv [N, 2], lod [N]) -> [N, channels] in [0, 1]."""
+PHASES = (0.0, 0.25)
+"""Of the triangle waves, in turns."""
 TEXELS_AT_ONCE = 1 << 16
 """Texels decoded together, to bound memory."""
 
@@ -39,25 +40,37 @@ def _bilinear_latents(latents: Array, level: LatentLevel, uv: Array, wrap: tuple
 
     def cell(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
         wrapped = _neighbour(row, level.height, wrap[1]) * level.width + _neighbour(column, level.width, wrap[0])
-        return latents[level.first_cell + wrapped]
+        return np.asarray(latents[level.first_cell + wrapped])
 
     upper = cell(left, top) * (1.0 - fraction_x) + cell(left + 1, top) * fraction_x
     lower = cell(left, top + 1) * (1.0 - fraction_x) + cell(left + 1, top + 1) * fraction_x
     return upper * (1.0 - fraction_y) + lower * fraction_y
 
 
+def triangle_wave(turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangle wave of period 1 in [-1, 1]: 1 at 0, -1 at 0.5."""
+    return 4.0 * np.abs(turns - np.floor(turns) - 0.5) - 1.0
+
+
+def positional_encoding(texel_coordinates: NDArray[np.float64], octaves: int) -> NDArray[np.float64]:
+    """[N, octaves * 4] of `texel_coordinates` [N, 2]: for each axis, each octave, each phase one wave."""
+    waves = [
+        triangle_wave(texel_coordinates[:, axis] / 2.0 ** (octave + 1) + phase)
+        for axis in range(2)
+        for octave in range(octaves)
+        for phase in PHASES
+    ]
+    return np.stack(waves, axis=-1)
+
+
 def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float, adapter: Adapter | None = None) -> Array:
     """[N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
     values = inputs
-    for index, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-        if adapter is not None and index + 1 == len(decoder.weights):
-            weight = weight if adapter.output_weight is None else adapter.output_weight
-            bias = bias if adapter.output_bias is None else adapter.output_bias
+    for index, (weight, scale, bias) in enumerate(specialised_layers(decoder, adapter)):
         values = values @ weight.astype(np.float64).T
-        if adapter is not None and index < len(adapter.scales):
-            values = values * adapter.scales[index].astype(np.float64) + adapter.biases[index].astype(np.float64)
-        else:
-            values = values + bias.astype(np.float64)
+        if scale is not None:
+            values = values * scale.astype(np.float64)
+        values = values + bias.astype(np.float64)
         if index + 1 < len(decoder.weights):
             values = np.where(values > 0.0, values, values * leaky_slope)
     return values
@@ -126,7 +139,7 @@ def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDec
     geometry = latent_levels(texture.width, texture.height, pack.config)[level]
     uv = texel_centres(geometry.texel_width, geometry.texel_height)
     values = decode(texture_index, uv, np.full(len(uv), float(level)))
-    return np.rint(values * 255.0).astype(np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
+    return np.asarray(np.rint(values * 255.0), np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
 
 
 def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:

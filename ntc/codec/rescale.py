@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.accuracy.input_bounds import InputBounds, input_bounds
-from ntc.codec.precision import LARGEST_HALF, Precision
+from ntc.codec.config import LARGEST_HALF, Precision
 from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
 
 LARGEST_SUM = 2.0**15

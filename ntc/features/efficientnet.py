@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.features.extractor import Extractor
+from ntc.features.extractor import Extractor, centred_directions
 from ntc.features.network_input import square_images
-from ntc.features.scaling import centred_directions
 
 LENGTH = 1280
 INPUT_SIDE = 224

@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.textures import SourceTexture
-from ntc.features.extractor import Extractor, one_by_one
+from ntc.features.extractor import Extractor, one_by_one, standardised_columns
 from ntc.features.pixels import LUMA, small_mips
-from ntc.features.scaling import standardised_columns
 
 SCALES = 4
 

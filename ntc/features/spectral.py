@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.textures import SourceTexture
-from ntc.features.extractor import Extractor, one_by_one
+from ntc.features.extractor import Extractor, one_by_one, standardised_columns
 from ntc.features.pixels import LUMA, small_mips
-from ntc.features.scaling import standardised_columns
 
 OCTAVES = 8
 EDGE_SCALES = 3
@@ -52,7 +51,7 @@ def radial_spectrum(luma: NDArray[np.float64]) -> NDArray[np.float64]:
     # A hair is added so that frequencies on the edge of an octave fall to the same side whichever way they point.
     octave = np.floor(-np.log2(np.maximum(radius, 1e-9)) - 1e-9).astype(np.int64)
     bins = np.bincount(np.clip(octave, 0, OCTAVES - 1).ravel(), energy.ravel(), OCTAVES)
-    return np.log10(bins + _ENERGY_FLOOR)
+    return np.asarray(np.log10(bins + _ENERGY_FLOOR))
 
 
 def _gradient(luma: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -76,8 +76,7 @@ def make_grouping(
         return _covisible(config, clusters, textures, inputs)
     features = feature_matrix(config.features, textures, inputs.features)
     # scikit-learn takes a second to import; the groupings above do not need it.
-    from ntc.grouping.clustered import clustered_grouping
-    from ntc.grouping.random import random_grouping
+    from ntc.grouping.clustered import clustered_grouping, random_grouping
 
     clustered = clustered_grouping(features, config.features, clusters, config.seed)
     return random_grouping(clustered, config.seed) if config.name == "random" else clustered

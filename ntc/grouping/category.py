@@ -63,6 +63,4 @@ def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, st
             sources["own"] += 1
         else:
             sources["unknown" if guess == UNKNOWN else "guessed"] += 1
-    in_order = list(dict.fromkeys(chosen))
-    groups = tuple(in_order.index(label) for label in chosen)
-    return Grouping("category", groups, {"categories": in_order, **sources})
+    return Grouping.of_labels("category", chosen, {"categories": list(dict.fromkeys(chosen)), **sources})

@@ -1,11 +1,10 @@
-"""Grouping by k-means over features (paper, Sec. 3)."""
+"""Grouping by k-means over features (paper, Sec. 3), and its control: random groups of the same sizes (paper, Table 1)."""
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
 from ntc.codec.config import FeatureName
-from ntc.grouping.order import in_order_of_appearance
 from ntc.pack.model import Grouping
 
 RESTARTS = 20
@@ -20,4 +19,11 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
     clusters = min(clusters, len(np.unique(features, axis=0)))
     labels = KMeans(n_clusters=clusters, n_init=RESTARTS, random_state=seed).fit(features).labels_
     parameters = {"clusters": clusters, "features": name, "seed": seed}
-    return Grouping("clustered", in_order_of_appearance(labels.tolist()), parameters)
+    return Grouping.of_labels("clustered", labels.tolist(), parameters)
+
+
+def random_grouping(like: Grouping, seed: int) -> Grouping:
+    """The groups of `like` with their textures shuffled."""
+    shuffled = np.random.default_rng(seed).permutation(np.array(like.groups, dtype=np.int64))
+    parameters = {"clusters": like.group_count, "sizes_of": like.name, "seed": seed}
+    return Grouping.of_labels("random", shuffled.tolist(), parameters)

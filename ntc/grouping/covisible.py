@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.grouping.order import in_order_of_appearance
 from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import Floats, Groups, SearchProblem, feature_spread, tabu_search
 from ntc.pack.model import Grouping
@@ -125,4 +124,4 @@ def covisible_grouping(
         "baseline_excess": seen.excess(np.arange(textures)),
         "spread": feature_spread(features, best),
     }
-    return Grouping("covisible", in_order_of_appearance(best.tolist()), parameters)
+    return Grouping.of_labels("covisible", best.tolist(), parameters)

@@ -31,7 +31,8 @@ class BlockCompressed:
     @property
     def bits_per_texel(self) -> float:
         """Bits of all blocks per texel of the picture: 4 (BC1) or 8 (BC7), more where a side is no multiple of 4."""
-        return 8.0 * len(self.blocks) / (self.decoded.shape[0] * self.decoded.shape[1])
+        height, width, _ = self.decoded.shape
+        return float(8.0 * len(self.blocks) / (height * width))
 
 
 def _padded_rgba(pixels: NDArray[np.uint8], with_alpha: bool) -> NDArray[np.uint8]:

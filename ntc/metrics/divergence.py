@@ -21,7 +21,7 @@ def distinct_ids(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDAr
     blocks = padded.reshape(rows, block[0], columns, block[1]).swapaxes(1, 2)
     ordered = np.sort(blocks.reshape(rows, columns, block[0] * block[1]), axis=-1)
     ordered[..., 1:][ordered[..., 1:] == ordered[..., :-1]] = -1
-    return np.maximum(ordered, -1)
+    return np.asarray(np.maximum(ordered, -1))
 
 
 def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDArray[np.uint16]:
@@ -29,7 +29,8 @@ def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> ND
 
     `ids` [H, W] int32, row 0 on top; negative ids decode nothing and are not counted. Edge blocks may be partial.
     """
-    return (distinct_ids(ids, block) >= 0).sum(axis=-1).astype(np.uint16)
+    counts: NDArray[np.uint16] = (distinct_ids(ids, block) >= 0).sum(axis=-1, dtype=np.uint16)
+    return counts
 
 
 @dataclass(frozen=True)

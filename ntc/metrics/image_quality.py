@@ -1,15 +1,23 @@
-"""How near one picture is to another: SSIM and FLIP."""
+"""How similar one picture is to another: SSIM and FLIP; PSNR of every mip of an encoded texture."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ntc.codec.latents import latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.model import Pack
 
 Image = NDArray[np.uint8]
+ImageDecoder = Callable[[int, int], Image]
+"""(texture index, level) -> [h, w, channels] uint8."""
 
 WINDOW_RADIUS = 5
 """Of SSIM's window of 11x11 texels."""
@@ -27,7 +35,7 @@ def _check_pair(a: Image, b: Image) -> None:
 
 
 def _luma(image: Image) -> NDArray[np.float64]:
-    return as_rgb(image).astype(np.float64) @ LUMA
+    return np.asarray(as_rgb(image).astype(np.float64) @ LUMA)
 
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,3 +101,18 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
     """
     # Its own mean is a sum in single precision.
     return float(np.mean(flip_map(reference, test, pixels_per_degree), dtype=np.float64))
+
+
+def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: ImageDecoder) -> tuple[float, ...]:
+    """PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
+
+    Level l as `decode` decodes it, against mip l of `source`, which `pack` encodes.
+    Raises InputError for a source of another size or with other channels.
+    """
+    encoded = pack.textures[texture_index]
+    expected = (encoded.height, encoded.width, encoded.channels)
+    if source.pixels.shape != expected:
+        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it anew")
+    levels = len(latent_levels(encoded.width, encoded.height, pack.config))
+    mips = mip_chain(source.pixels, source.color_space)[:levels]
+    return tuple(psnr_db(decode(texture_index, level), mip) for level, mip in enumerate(mips))

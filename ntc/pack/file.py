@@ -4,7 +4,7 @@ Files are read whole (`ntc.io.read_file`), not mapped: a mapped file that anothe
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ _Tensors = Mapping[str, Mapping[str, Any]]
 NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
 LENGTH_BYTES = 8
 """A safetensors file begins with the length of its JSON header."""
+_deserialize: Callable[[bytes], list[tuple[str, Mapping[str, Any]]]] = deserialize
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
@@ -162,7 +163,7 @@ def read_pack(path: Path) -> Pack:
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty; {REMEDY}")
         data = read_file(path)
-        file: _Tensors = dict(deserialize(data))
+        file = dict(_deserialize(data))
         text = file_metadata(data).get(METADATA_KEY)
         if text is None:
             raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")

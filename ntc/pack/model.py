@@ -1,6 +1,6 @@
 """The pack: encoded textures and decoders of one grouping, and the `.ntc` file that holds them (docs/pack-format.md)."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -70,6 +70,21 @@ class Decoder:
     """Per layer [outputs] float32."""
 
 
+Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32]]
+"""(weight [outputs, inputs], scale [outputs] or None, bias [outputs]): scale * (weight x) + bias."""
+
+
+def specialised_layers(decoder: Decoder, adapter: Adapter | None) -> list[Layer]:
+    """The layers of `decoder` as `adapter` specialises them."""
+    layers: list[Layer] = [(weight, None, bias) for weight, bias in zip(decoder.weights, decoder.biases, strict=True)]
+    if adapter is not None:
+        for number, (scale, bias) in enumerate(zip(adapter.scales, adapter.biases, strict=True)):
+            layers[number] = (decoder.weights[number], scale, bias)
+        if adapter.output_weight is not None and adapter.output_bias is not None:
+            layers[-1] = (adapter.output_weight, None, adapter.output_bias)
+    return layers
+
+
 @dataclass(frozen=True)
 class Grouping:
     """Which textures share a decoder. Texture i belongs to group `groups[i]`; groups are 0 .. group_count - 1."""
@@ -78,6 +93,12 @@ class Grouping:
     groups: tuple[int, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """How the groups were found: JSON values only."""
+
+    @classmethod
+    def of_labels(cls, name: str, labels: Sequence[Hashable], parameters: Mapping[str, Any]) -> "Grouping":
+        """Textures with equal labels share a group; groups are numbered by their first texture, whatever the labels are."""
+        numbers = {label: number for number, label in enumerate(dict.fromkeys(labels))}
+        return cls(name, tuple(numbers[label] for label in labels), parameters)
 
     @property
     def group_count(self) -> int:

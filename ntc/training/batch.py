@@ -17,12 +17,11 @@ from ntc.errors import NotFiniteError
 from ntc.pack.model import Adapter, Decoder, EncodedTexture
 from ntc.training.config import TrainingConfig
 from ntc.training.data import Samples, TrainingData
-from ntc.training.latent_table import LatentTable
+from ntc.training.latents import LatentTable, image_latents, random_latents
 from ntc.training.loss import squared_error
 from ntc.training.optimizers import optimizer_parts
 from ntc.training.progress import Interruption, no_interruption
 from ntc.training.schedule import freezing_scale, rate_scale
-from ntc.training.warm_start import chance_latents, image_latents
 
 STEPS_BETWEEN_RANGES = 50
 """Steps between measurements of the latents' ranges, which set the quantisation noise."""
@@ -96,7 +95,7 @@ class TrainingBatch:
                 self._interruption()
                 latents.append(image_latents(texture, self._config, self._generator))
             return torch.cat(latents)
-        return chance_latents(sum(self._data.cell_counts), self._config, self._generator)
+        return random_latents(sum(self._data.cell_counts), self._config, self._generator)
 
     def plan(self, steps: int) -> None:
         """Set the length of the training anew, while it is under way; rates and rounding follow. No less than was done."""
@@ -247,7 +246,7 @@ class TrainingBatch:
         losses = self._losses(chosen, parts, read, None if rounded else self._noise_step)
         used = self._data.channel_mask[chosen].sum() * self.per_texture
         loss = (losses * self._weights(chosen)).sum() / used
-        loss.backward()
+        torch.autograd.backward(loss)
         self._interruption()
         if read.grad is not None:
             pieces = torch.split(read.grad, [len(part.lod) // len(chosen) for part in parts], dim=1)

@@ -1,7 +1,7 @@
 """Loss and gradients of many small decoders in one go, a piece of the batch at a time (the twin of autograd over
 `DecoderStack.forward`, which tests compare it with)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import torch
@@ -91,5 +91,5 @@ def squared_error(
     Differentiable in layers and latents. `interruption` is called before each piece.
     """
     parameters = [tensor for layer in layers for tensor in layer]
-    losses: Tensor = _SquaredError.apply(latents, known, targets, mask, slope, interruption, *parameters)
-    return losses
+    apply: Callable[..., Tensor] = _SquaredError.apply
+    return apply(latents, known, targets, mask, slope, interruption, *parameters)

@@ -58,7 +58,7 @@ def test_memory_grows_with_what_came_and_not_with_what_was_claimed() -> None:
         ):
             for decode in (decode_command, decode_report):
                 with pytest.raises(WireError):
-                    decode(b"\x82\xa2is\xa6Failed\xa4line" + claim)
+                    decode(b"\x92\xa6Failed\x81\xa4line" + claim)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert peak < 1 << 20

@@ -7,7 +7,7 @@ from typing import Any
 
 from ntc.accuracy.error_bound import ErrorBound, pack_bounds
 from ntc.accuracy.precision_choice import sampled_bound
-from ntc.codec.precision import Precision
+from ntc.codec.config import Precision
 from ntc.errors import InputError
 from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack

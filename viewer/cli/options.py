@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
-from ntc.codec.precision import PrecisionChoice
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision

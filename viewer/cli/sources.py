@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ntc.accuracy.precision_choice import chosen_precision
-from ntc.codec.precision import Precision, PrecisionChoice
+from ntc.codec.config import Precision, PrecisionChoice
 from ntc.errors import InputError
 from ntc.pack.match import require_match
 from ntc.pack.model import Pack

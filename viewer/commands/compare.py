@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any, Literal, get_args
 
-from ntc.codec.precision import PrecisionChoice
+from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from viewer.commands.command import Arg, command, gesture
 from viewer.state.event_handlers import notify

@@ -7,7 +7,7 @@ each event to it.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from ntc.codec.precision import Precision
+from ntc.codec.config import Precision
 from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.message_log import MessageKind

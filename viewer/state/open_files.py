@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ntc.codec.precision import PrecisionChoice
+from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, require_match

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta
 
-from ntc.codec.precision import Precision as Precision
+from ntc.codec.config import Precision as Precision
 from viewer.scene.json_text import Share
 from viewer.scene.model import Camera
 from viewer.state.palettes import PaletteName

@@ -7,7 +7,7 @@ import pytest
 
 from lab.bench.stability import StabilityBench, StabilityRow, fixture_paths
 from lab.bench.stability_cases import StabilityCase, stability_cases
-from ntc.codec.precision import Precision
+from ntc.codec.config import Precision
 from ntc.codec.rescale import exponents
 from viewer.gl.context import GraphicsContext
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from ntc.codec.precision import PrecisionChoice
+from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
 from viewer.commands.window import OPENED_ON_REQUEST
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE

@@ -18,8 +18,7 @@ from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
-from ntc.metrics.image_quality import flip, ssim
-from ntc.metrics.level_quality import level_psnr
+from ntc.metrics.image_quality import ImageDecoder, flip, level_psnr, ssim
 from ntc.metrics.metrics import psnr_db, worst_share_db
 from ntc.pack.model import Pack
 
@@ -201,6 +200,11 @@ def source_of(pack: Pack, index: int, pixels: Image) -> SourceTexture:
     return SourceTexture(texture.name, pixels, texture.pixel_hash, color_space=texture.color_space)
 
 
+def cpu_decode(pack: Pack) -> ImageDecoder:
+    """The decode of `pack` by torch on the CPU."""
+    return TorchCodec(pack, "cpu").decode_image
+
+
 @pytest.mark.parametrize("color_space", ["srgb", "linear"])
 def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
     pack = random_pack()
@@ -208,30 +212,30 @@ def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
     codec = TorchCodec(pack, "cpu")
     for index, texture in enumerate(pack.textures):
         source = source_of(pack, index, noise(texture.width, texture.height, texture.channels))
-        measured = level_psnr(pack, index, source)
+        measured = level_psnr(pack, index, source, codec.decode_image)
         mips = mip_chain(source.pixels, color_space)
         assert len(measured) == len(latent_levels(texture.width, texture.height, pack.config)) > 1
         for level, value in enumerate(measured):
             assert value == psnr_db(codec.decode_image(index, level), mips[level])
-        assert level_psnr(pack, index, source, codec) == measured
+        assert level_psnr(pack, index, source, cpu_decode(pack)) == measured
 
 
 def test_level_psnr_is_infinite_where_equal() -> None:
     pack = random_pack()
     source = source_of(pack, 1, TorchCodec(pack, "cpu").decode_image(1))
-    first, *others = level_psnr(pack, 1, source)
+    first, *others = level_psnr(pack, 1, source, cpu_decode(pack))
     assert first == math.inf
     assert all(math.isfinite(value) for value in others)
 
 
 def test_level_psnr_of_one_texel_and_of_a_single_level() -> None:
     pack = random_pack(sizes=((1, 1),), groups=(0,))
-    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(1, 1, pack.textures[0].channels)))) == 1
+    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(1, 1, pack.textures[0].channels)), cpu_decode(pack))) == 1
     pack = random_pack(sizes=((64, 64),), groups=(0,), config=replace(CodecConfig(), levels=1))
-    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(64, 64, pack.textures[0].channels)))) == 1
+    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(64, 64, pack.textures[0].channels)), cpu_decode(pack))) == 1
 
 
 def test_level_psnr_of_another_size_is_one_line() -> None:
     pack = random_pack()
     with pytest.raises(InputError, match="encode it anew"):
-        level_psnr(pack, 0, source_of(pack, 0, noise(32, 64)))
+        level_psnr(pack, 0, source_of(pack, 0, noise(32, 64)), cpu_decode(pack))

@@ -111,7 +111,7 @@ def test_a_full_disk_now_and_then_ends_no_training(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("ntc.training.trainer.save_state", full)
     pack = train(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
     assert len(refused) > 1
-    assert any("could not be kept, it goes on (a.state: cannot be written" in note for note in notes)
+    assert any("could not be saved, training continues (a.state: cannot be written" in note for note in notes)
     assert same(pack, train(TEXTURES, GROUPS, FULL, SHORT))
 
 

@@ -7,7 +7,7 @@ import torch
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.textures import SourceTexture
-from ntc.training.warm_start import IMAGE_DEVIATION, LATENT_SPREAD, chance_latents, image_latents
+from ntc.training.latents import IMAGE_DEVIATION, LATENT_SPREAD, image_latents, random_latents
 
 
 def generator() -> torch.Generator:
@@ -19,7 +19,7 @@ def of(pixels: np.ndarray) -> SourceTexture:
 
 
 def test_chance_is_uniform() -> None:
-    latents = chance_latents(5000, CodecConfig(), generator())
+    latents = random_latents(5000, CodecConfig(), generator())
     assert latents.shape == (5000, 4)
     assert latents.abs().max() <= LATENT_SPREAD
     assert latents.std() == pytest.approx(LATENT_SPREAD / np.sqrt(3.0), rel=0.05)
