@@ -140,7 +140,7 @@ def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
 def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while the worker trains: it goes on to its end."""
     app.show(FRAMES)
-    app.run("training.encode", "single", "auto", "32", "40steps")
+    app.run("training.encode", "single", "auto", 32, "40steps")
     workers, states = set(), []
     began = time.monotonic()
     while app.training.active is not None and time.monotonic() - began < PATIENCE:

@@ -11,7 +11,7 @@ from viewer.commands.command import Arg, Context, command
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE, Side
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
-from viewer.training.settings import AUTO, TrainingSettings, budget_text, parse_budget, read_clusters, read_size
+from viewer.training.settings import AUTO, SIZES, TrainingSettings, budget_text, parse_budget, read_clusters
 
 NEW_GROUP = "new"
 WORST = "worst"
@@ -20,7 +20,7 @@ _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
 Strategy = Annotated[GroupingName, Arg("which textures share a decoder")]
 GroupCount = Annotated[str, Arg(f"groups, or {AUTO}")]
-Size = Annotated[str, Arg("most texels of a texture along one side")]
+Size = Annotated[int, Arg("most texels of a texture along one side", minimum=SIZES[0], maximum=SIZES[1])]
 Budget = Annotated[str, Arg("how long: 500steps, 30s or 35dB")]
 Recipe = Annotated[RecipeName, Arg("how it is trained")]
 Groups = Annotated[str, Arg(f"numbers as in 0,3,5, or {ALL}, or {WORST}")]
@@ -88,13 +88,11 @@ def encode(
     context: Context,
     strategy: Strategy = _DEFAULT.strategy,
     k: GroupCount = AUTO,
-    size: Size = str(_DEFAULT.texture_size),
+    size: Size = _DEFAULT.texture_size,
     budget: Budget = _BUDGET,
     recipe: Recipe = _DEFAULT.recipe,
 ) -> None:
-    settings = replace(
-        _settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=read_size(size)
-    )
+    settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=size)
     _start(context, EncodeScene(settings))
 
 

@@ -11,8 +11,8 @@ from ntc.training.request import Budget, QualityBudget, StepBudget, TimeBudget
 BudgetUnit = Literal["steps", "s", "dB"]
 BUDGET_UNITS: tuple[BudgetUnit, ...] = get_args(BudgetUnit)
 LARGEST_BUDGETS: dict[BudgetUnit, float] = {"steps": 10_000_000, "s": 7 * 24 * 3600.0, "dB": 60.0}
-LARGEST_SIZE = 16384
-"""Texels along one side."""
+SIZES = (4, 16384)
+"""Least and most texels along one side."""
 MOST_CLUSTERS = 100_000
 DEFAULT_BUDGET = TimeBudget(30.0)
 AUTO = "auto"
@@ -69,11 +69,4 @@ def read_clusters(text: str) -> int | None:
         return None
     if not text.isdecimal() or not 1 <= int(text) <= MOST_CLUSTERS:
         raise InputError(f"k {text!r}: must be a whole number from 1, or {AUTO}")
-    return int(text)
-
-
-def read_size(text: str) -> int:
-    """Texels along one side. Raises InputError."""
-    if not text.isdecimal() or not 4 <= int(text) <= LARGEST_SIZE:
-        raise InputError(f"size {text!r}: must be 4 to {LARGEST_SIZE} texels")
     return int(text)

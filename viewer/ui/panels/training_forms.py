@@ -106,7 +106,7 @@ class TrainingForms:
             imgui.same_line()
             self._clusters = _field("k", self._clusters, 60, ui)
 
-    def _button(self, label: str, command: tuple[str, ...] | None, ui: UiFrame) -> None:
+    def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
         """A button that runs a command with its values; grey where `command` is None."""
         imgui.begin_disabled(command is None)
         clicked = imgui.button(label, ImVec2(-1, 0))
@@ -129,7 +129,7 @@ class TrainingForms:
         budget = self._length(ui)
         command = None
         if budget is not None:
-            command = ("training.encode", self._strategy, self._k, self._size, budget, self._recipe)
+            command = ("training.encode", self._strategy, self._k, int(self._size), budget, self._recipe)
         self._button("Encode this scene", command, ui)
 
     def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
