@@ -25,7 +25,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
     """From now on the GPU has no memory for what has this in its name; "" for anything."""
 
     def begin(app: HeadlessApp, word: str) -> None:
-        monkeypatch.setattr(app.context.memory, "allows", lambda what, _size: word not in what)
+        monkeypatch.setattr(app.graphics.memory, "allows", lambda what, _size: word not in what)
 
     return begin
 
@@ -66,7 +66,7 @@ def test_a_pack_is_refused_by_name_and_the_others_stay(app: HeadlessApp, scene_p
     assert not app.frontend.needs_frame(SIZE)
 
 
-@pytest.mark.parametrize("word", ["vertices", "what is seen", "colours of a picture", "draw commands", ""])
+@pytest.mark.parametrize("word", ["vertices", "visibility buffer", "colours of a picture", "draw commands", ""])
 def test_a_scene_is_refused_and_the_old_one_stays(app: HeadlessApp, tmp_path: Path, refuse: Refuse, word: str) -> None:
     before, scene = picture(app), app.session.scene
     other = two_squares(9).write(tmp_path / "other.glb")
@@ -106,11 +106,11 @@ def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Ref
     before = picture(app)
     larger = (SIZE[0] + 100, SIZE[1] + 60)
     app.resize(larger)
-    refuse(app, "what is seen")
+    refuse(app, "visibility buffer")
     for _ in range(5):
         app.frame()
     width, height = app.session.window.picture_size
-    assert errors(app) == [line for line in errors(app) if f"picture of {width} x {height}" in line]
+    assert errors(app) == [line for line in errors(app) if f"visibility buffer {width}x{height}" in line]
     assert len(app.session.window.log) == 1
     assert app.session.window.log[0].repeats == 1
     assert not app.frontend.needs_frame(larger)

@@ -18,8 +18,7 @@ from viewer.commands.keys import parse_chord
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.script.inputs import hold
-from viewer.state.event_handlers import apply_event, notify
-from viewer.state.events import TimePassed
+from viewer.state.event_handlers import expire_toasts, notify
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Slot
@@ -227,7 +226,7 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) ->
     app.frame()
     until = app.session.window.toasts[0].until
     assert until is not None
-    apply_event(app.session, TimePassed(until + 0.01))
+    expire_toasts(app.session, until + 0.01)
     assert not app.session.window.toasts
 
 

@@ -20,15 +20,15 @@ from viewer.inspect.precision_search import PrecisionSearch
 from viewer.render.frame_times import FrameTimes
 from viewer.render.resources.precision import supported_precisions
 from viewer.render.viewport import Viewport
-from viewer.state.event_handlers import apply_event
-from viewer.state.events import (
-    CameraSampled,
-    FlickerTurned,
-    FrameStarted,
-    Measured,
-    Notification,
-    PanelsMade,
-    TimePassed,
+from viewer.state.event_handlers import (
+    apply_event,
+    expire_toasts,
+    finish_measurement,
+    notify,
+    sample_camera,
+    set_flicker_phase,
+    set_panel_titles,
+    start_frame,
 )
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.user_interface import UserInterface
@@ -48,16 +48,16 @@ class Frontend:
     def __init__(self, graphics: GraphicsContext, context: Context) -> None:
         session = context.session
         self._graphics, self._context, self.session = graphics, context, session
-        self._report = partial(apply_event, session)
+        emit = partial(apply_event, session)
         for problem in bindings(session.settings.keys).problems:
-            self._report(Notification(problem, "error"))
+            notify(session, problem, "error")
         self.interface = UserInterface()
-        self._report(PanelsMade(self.interface.panel_titles))
+        set_panel_titles(session, self.interface.panel_titles)
         self._times = FrameTimes()
-        self.picture = Viewport(graphics, session, self._times, self.interface.background, self._report)
+        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
         self.reader = FactsReader(graphics, session, self.picture, self._times)
-        self._writer = PictureWriter(graphics, session, self.picture, self._report)
-        self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics))
+        self._writer = PictureWriter(graphics, session, self.picture)
+        self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics), emit)
         self._recorded_at = -math.inf
         self.live = LiveComparison()
 
@@ -83,24 +83,24 @@ class Frontend:
         session, room = self.session, self._picture_size(size)
         self._times.begin()
         self._context.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
-        self._precision.step(session, self._report)
-        self._report(FrameStarted(min(imgui.get_io().delta_time, LONGEST_STEP), room or size))
+        self._precision.step(session)
+        start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
         if room is not None:
             self._draw_picture(room)
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:
             self._recorded_at = now
-            self._report(CameraSampled())
+            sample_camera(session)
         # After the picture: a message is on screen from now on, however long drawing took.
-        self._report(TimePassed(time.monotonic()))
+        expire_toasts(session, time.monotonic())
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         emit = partial(run_or_notify, self._context)
         frame = UiFrame(session, self._context.training, self.facts(), emit, self.interface.rects)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
-            self._report(Notification(problem, "error"))
+            notify(session, problem, "error")
         imgui.render()
         return imgui.get_draw_data()
 
@@ -159,16 +159,16 @@ class Frontend:
         try:
             self.picture.draw(size)
             if session.requests.measure:
-                self._report(Measured(self.reader.measurements()))
+                finish_measurement(session, self.reader.measurements())
             self._compare(size)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             self._graphics.reset.check_after(error)
             if not self.picture.note_failure(size):
                 raise
             line = " ".join(str(error).split()) or "there is not enough memory"
-            self._report(Notification(line, "error", str(error)))
+            notify(session, line, "error", str(error))
             if session.requests.measure:
-                self._report(Measured(None))
+                finish_measurement(session, None)
 
     def _compare(self, size: tuple[int, int]) -> None:
         """Do what there is to do while the picture rests."""
@@ -202,7 +202,7 @@ class Frontend:
     def _update_flicker(self) -> None:
         if self.session.window.flickers:
             turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
-            self._report(FlickerTurned(int(turns) % 2 == 1))
+            set_flicker_phase(self.session, int(turns) % 2 == 1)
 
     def _frame_is_due(self, size: tuple[int, int]) -> bool:
         """Whether the next frame shows something else, because of a request, an opened file, or a result of a background job."""

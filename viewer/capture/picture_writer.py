@@ -12,7 +12,7 @@ from viewer.render.viewport import Viewport
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import write_png
 from viewer.scene.model import Camera
-from viewer.state.events import CameraPathWritten, EmitEvent, Notification, PictureWritten
+from viewer.state.event_handlers import finish_camera_path, finish_picture, notify
 from viewer.state.session import PictureRequest, Session
 
 
@@ -28,42 +28,39 @@ def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
 class PictureWriter:
     """Writes the requested pictures and paths when a frame is on its framebuffer. What fails becomes a message."""
 
-    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, emit: EmitEvent) -> None:
-        self._context, self._session, self._picture, self._emit = context, session, picture, emit
+    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport) -> None:
+        self._context, self._session, self._picture = context, session, picture
 
     def write_requested(self, framebuffer: moderngl.Framebuffer) -> None:
         """Write all that is requested. Raises ContextLostError; what has not been written stays requested then."""
         session = self._session
         for request in session.requests.pictures:
             self._write(request, framebuffer)
-            self._emit(PictureWritten())
+            finish_picture(session)
         if session.requests.camera_path is not None:
             self._write_path(session.requests.camera_path)
-            self._emit(CameraPathWritten())
+            finish_camera_path(session)
 
     def _write(self, request: PictureRequest, framebuffer: moderngl.Framebuffer) -> None:
         session, is_window = self._session, request.kind == "window"
         dated = session.dated_file("" if is_window else f"-{request.kind}", ".png")
         path = session.pictures_folder / request.file if request.file else dated
         try:
-            pixels = (
-                read_pixels(framebuffer)
-                if is_window
-                else self._picture.alone(request, self._session.window.picture_size)
-            )
+            size = session.window.picture_size
+            pixels = read_pixels(framebuffer) if is_window else self._picture.alone(request, size)
             self._context.reset.check()
             write_png(path, pixels)
             if not request.quiet:
-                self._emit(Notification(f"wrote {path}"))
+                notify(session, f"wrote {path}")
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             line = " ".join(str(error).split()) or "there is not enough memory for the picture"
-            self._emit(Notification(line, "error"))
+            notify(session, line, "error")
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
         path = self._session.dated_file("-path", ".json")
         try:
             write_text(path, cameras_json(cameras))
             line = f"wrote {len(cameras)} cameras to {path}: encode --grouping covisible --views takes it"
-            self._emit(Notification(line))
+            notify(self._session, line)
         except InputError as error:
-            self._emit(Notification(str(error), "error"))
+            notify(self._session, str(error), "error")

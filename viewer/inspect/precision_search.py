@@ -16,27 +16,27 @@ from viewer.state.view_state import REFERENCE
 class PrecisionSearch:
     """Fulfils `session.requests.precision`: takes seconds for a large pack, and no frame waits for it."""
 
-    def __init__(self, background: Background, supported: tuple[Precision, ...]) -> None:
-        self._background, self._supported = background, supported
+    def __init__(self, background: Background, supported: tuple[Precision, ...], emit: EmitEvent) -> None:
+        self._background, self._supported, self._emit = background, supported, emit
 
-    def step(self, session: Session, emit: EmitEvent) -> None:
+    def step(self, session: Session) -> None:
         """Report what has been found since the last call, and why."""
         for side in sorted(session.requests.precision):
             slot = session.view.slots[side]
             pack = session.packs.get(slot.source)
             if slot.source == REFERENCE or pack is None:
-                emit(PrecisionFound(side, None))
+                self._emit(PrecisionFound(side, None))
                 continue
             job = self._background.submit(("precision", pack), partial(self._found, pack))
             if not job.done:
                 continue
             if error := job.future.exception():
-                emit(PrecisionFound(side, None))
-                emit(Notification(f"{slot.source}: {job.problem}", "error", details_of(error)))
+                self._emit(PrecisionFound(side, None))
+                self._emit(Notification(f"{slot.source}: {job.problem}", "error", details_of(error)))
                 continue
             chosen = job.result()
-            emit(PrecisionFound(side, chosen.precision))
-            emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
+            self._emit(PrecisionFound(side, chosen.precision))
+            self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
     def _found(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
         return chosen_precision(pack, self._supported)

@@ -1,13 +1,14 @@
-"""Applies the events of jobs and of the frame to the session."""
+"""Changes the session for events of jobs and of the renderer, and for the steps of a frame."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import singledispatch
 
 from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
-from viewer.state.session import PackChange, PreviousView, Session, Toast
-from viewer.state.view_state import REFERENCE
+from viewer.state.session import PackChange, PreviousView, Session, SlotMeasurement, Toast
+from viewer.state.view_state import REFERENCE, Side
 
 TOAST_SECONDS = 6.0
 MOST_TOASTS = 5
@@ -102,33 +103,33 @@ def _reverted(event: events.Reverted, session: Session) -> None:
     inspection.measurements, inspection.selected_texture, inspection.flat_texture = {}, None, None
 
 
-@_apply.register
-def _frame_started(event: events.FrameStarted, session: Session) -> None:
-    session.window.picture_size = event.picture_size
+def start_frame(session: Session, seconds: float, picture_size: tuple[int, int]) -> None:
+    """A frame begins `seconds` after the last one; panels leave `picture_size` (width, height) pixels to the picture."""
+    session.window.picture_size = picture_size
     if session.navigation.motion is not None:
-        moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, event.seconds)
+        moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, seconds)
         camera, session.navigation.motion = moved
         session.view = replace(session.view, camera=camera)
 
 
-@_apply.register
-def _panels_made(event: events.PanelsMade, session: Session) -> None:
-    session.window.panel_titles = event.titles
+def set_panel_titles(session: Session, titles: tuple[str, ...]) -> None:
+    """The window has these panels."""
+    session.window.panel_titles = titles
 
 
-@_apply.register
-def _flicker_turned(event: events.FlickerTurned, session: Session) -> None:
-    session.window.flicker_phase = event.shows_other
+def set_flicker_phase(session: Session, shows_other: bool) -> None:
+    """While A and B take turns: whether it is the other slot's turn."""
+    session.window.flicker_phase = shows_other
 
 
-@_apply.register
-def _time_passed(event: events.TimePassed, session: Session) -> None:
-    dated = (replace(toast, until=toast.until or event.now + TOAST_SECONDS) for toast in session.window.toasts)
-    session.window.toasts = tuple(toast for toast in dated if toast.until is not None and toast.until > event.now)
+def expire_toasts(session: Session, now: float) -> None:
+    """Drop the messages that have been on screen for long enough; `now` in monotonic seconds."""
+    dated = (replace(toast, until=toast.until or now + TOAST_SECONDS) for toast in session.window.toasts)
+    session.window.toasts = tuple(toast for toast in dated if toast.until is not None and toast.until > now)
 
 
-@_apply.register
-def _camera_sampled(_event: events.CameraSampled, session: Session) -> None:
+def sample_camera(session: Session) -> None:
+    """Add the camera to the path that is recorded, if one is and the camera has moved."""
     path = session.navigation.recording
     if path is None or len(path) >= LONGEST_PATH:
         return
@@ -137,18 +138,18 @@ def _camera_sampled(_event: events.CameraSampled, session: Session) -> None:
         session.navigation.recording = (*path, camera)
 
 
-@_apply.register
-def _measured(event: events.Measured, session: Session) -> None:
+def finish_measurement(session: Session, measurements: Mapping[Side, SlotMeasurement] | None) -> None:
+    """The requested measurement was made; None where it failed."""
     session.requests.measure = False
-    if event.measurements is not None:
-        session.inspection.measurements, session.inspection.measured_view = event.measurements, session.view
+    if measurements is not None:
+        session.inspection.measurements, session.inspection.measured_view = measurements, session.view
 
 
-@_apply.register
-def _picture_written(_event: events.PictureWritten, session: Session) -> None:
+def finish_picture(session: Session) -> None:
+    """The first of the requested pictures was written, or failed."""
     session.requests.pictures = session.requests.pictures[1:]
 
 
-@_apply.register
-def _camera_path_written(_event: events.CameraPathWritten, session: Session) -> None:
+def finish_camera_path(session: Session) -> None:
+    """The recorded path was written, or failed."""
     session.requests.camera_path = None

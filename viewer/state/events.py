@@ -1,7 +1,6 @@
-"""What jobs, the renderer and the frame report. Jobs know no session: they are given an `EmitEvent`, which applies
-each event to it.
+"""What jobs and the renderer report. They are given an `EmitEvent`, which applies each event to the session.
 
-`viewer.state.event_handlers.apply_event` is the only code besides the commands that changes a session.
+The functions of `viewer.state.event_handlers` are the only code besides the commands that changes a session.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,7 +10,6 @@ from ntc.codec.config import Precision
 from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.message_log import MessageKind
-from viewer.state.session import SlotMeasurement
 from viewer.state.view_state import Side, ViewState
 
 
@@ -84,76 +82,7 @@ class Reverted:
     view: ViewState
 
 
-@dataclass(frozen=True)
-class FrameStarted:
-    """A frame is about to be drawn."""
-
-    seconds: float
-    """Since the last one, for cameras that move by themselves."""
-    picture_size: tuple[int, int]
-    """(width, height) in pixels that panels leave to the picture."""
-
-
-@dataclass(frozen=True)
-class PanelsMade:
-    """The panels that the window has."""
-
-    titles: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class FlickerTurned:
-    """While A and B take turns: whose turn it is."""
-
-    shows_other: bool
-
-
-@dataclass(frozen=True)
-class TimePassed:
-    """Messages that have been shown for long enough are to go."""
-
-    now: float
-    """Monotonic seconds."""
-
-
-@dataclass(frozen=True)
-class CameraSampled:
-    """It is time for another camera of the path that is recorded, if one is."""
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """The requested measurement was made, or failed."""
-
-    measurements: Mapping[Side, SlotMeasurement] | None
-
-
-@dataclass(frozen=True)
-class PictureWritten:
-    """The first of the requested pictures was written, or failed."""
-
-
-@dataclass(frozen=True)
-class CameraPathWritten:
-    """The recorded path was written, or failed."""
-
-
 Event = (
-    Notification
-    | PackUpdated
-    | PackChangesTaken
-    | PackClosed
-    | RunStarted
-    | PrecisionFound
-    | ViewChanged
-    | Reverted
-    | FrameStarted
-    | PanelsMade
-    | FlickerTurned
-    | TimePassed
-    | CameraSampled
-    | Measured
-    | PictureWritten
-    | CameraPathWritten
+    Notification | PackUpdated | PackChangesTaken | PackClosed | RunStarted | PrecisionFound | ViewChanged | Reverted
 )
 EmitEvent = Callable[[Event], None]
