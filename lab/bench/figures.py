@@ -15,14 +15,14 @@ from viewer.cli.table import Table
 
 MARKERS = "os^Dvp*"
 FILLS = (1.0, 0.0, 0.5, 0.2)
-"""Opacity of a point's filling, by precision."""
+"""Opacity of the fill of a point, one for each precision."""
 SWEEPS: dict[SweepName, str] = {
     "resolution": "pixels",
     "textures": "textures, one decoder for all",
     "decoders": "decoders",
     "decoder size": "neurons of each hidden layer",
 }
-"""What the four plots of the scaling have below them."""
+"""Labels of the horizontal axes of the four plots."""
 LINES: dict[Layout, Literal["-", "--"]] = {"blocks": "-", "interleaved": "--"}
 
 
@@ -69,7 +69,7 @@ def time_error_figure(table: Table, title: str) -> Figure:
 
 
 def scaling_figure(rows: Sequence[ScalingRow], title: str) -> Figure:
-    """Time over what each of the four sweeps changes; both axes logarithmic, least to most shaded."""
+    """Time over what each of the four sweeps changes; both axes logarithmic, minimum to maximum shaded."""
     figure = Figure(figsize=(10, 7.5), layout="constrained")
     figure.suptitle(title, fontsize=10)
     for axes, (sweep, label) in zip(figure.subplots(2, 2).flat, SWEEPS.items(), strict=True):

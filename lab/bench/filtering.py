@@ -1,4 +1,4 @@
-"""What a glTF sampler that is not trilinear makes of a place and a level of detail, in float64 (OpenGL 4.3, Sec. 8.14)."""
+"""Sampling as glTF samplers ask for it, also other than trilinear, in float64 (OpenGL 4.3, Sec. 8.14)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ def selected_lod(lod: Array, sampler: Sampler, levels: int) -> tuple[Array, NDAr
 
 
 def _moved(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> tuple[Array, Array]:
-    """`uv` [N, 2] and `lod` [N] where `sampler` reads."""
+    """The `uv` [N, 2] and `lod` [N] that `sampler` reads."""
     texture = pack.textures[texture_index]
     levels = latent_levels(texture.width, texture.height, pack.config)
     read, linear = selected_lod(lod, sampler, len(levels))
@@ -41,14 +41,14 @@ def _moved(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampl
 def decode_filtered(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> Array:
     """[N, channels] float64 in [0, 1], in the texture's colour space: what decode paths show with `sampler` at `uv` [N, 2], `lod` [N].
 
-    Where a filter takes the nearest texel or level, a decoder in fp32 may take another one for a place right between two.
+    Where a filter takes the nearest texel or level, a decoder in fp32 may take another one for coordinates right between two.
     """
     uv, read = _moved(pack, texture_index, uv, lod, sampler)
     return reference.decode_texels(pack, texture_index, uv, read, sampler.wrap)
 
 
 def wrapped(texel: NDArray[np.int64], size: NDArray[np.int64] | int, mode: WrapMode) -> NDArray[np.int64]:
-    """Texel numbers [N] inside sides of `size`, one for all or [N]."""
+    """[N] texel numbers after wrapping; `size` of the side: one for all, or [N]."""
     if mode == "clamp":
         return np.clip(texel, 0, size - 1)
     if mode == "repeat":

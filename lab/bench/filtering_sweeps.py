@@ -15,9 +15,9 @@ from viewer.state.navigation import turned
 from viewer.state.view_state import REFERENCE, PathChoice, Slot, ViewState
 
 SUPERSAMPLES = 4
-"""Of the truth, along each side of a pixel."""
+"""Samples of the ground truth along each side of a pixel."""
 FLOOR_SIDE = 400.0
-"""Of the square that is looked at, in widths of its texture's image."""
+"""Side of the square in view, in widths of its texture's image."""
 FOV_DEGREES = 40.0
 
 Picture = NDArray[np.float64]
@@ -25,22 +25,22 @@ Picture = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FilteringConfig:
-    """What is looked at."""
+    """Views to measure."""
 
     size: tuple[int, int] = (128, 96)
     texels_per_pixel: tuple[float, ...] = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 8.0)
-    """Of a square seen straight on; below 1 it is magnified."""
+    """Texels a pixel of a square seen straight on; below 1 it is magnified."""
     tilts: tuple[float, ...] = (0.0, 30.0, 50.0, 65.0, 75.0, 82.0)
     """Degrees between its normal and the direction of view, at a texel a pixel in the middle."""
     frames: int = 10
     degrees_per_frame: float = 0.15
     textures: int = 3
-    """Of the scene, spread over its table."""
+    """Number of textures, spread over the scene's table."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """How a picture is made."""
+    """A way to draw the picture: slot and filter."""
 
     name: str
     slot: Slot

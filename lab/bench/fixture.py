@@ -1,4 +1,4 @@
-"""A picture without a scene: pixels that see textures in a given pattern, and any pack and path to decode them."""
+"""Benchmark fixture: a visibility buffer in which pixels see textures in a given pattern, decoded from any pack by any path."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -35,13 +35,13 @@ FixturePath = Literal["deferred", "deferred, shared", "binned"]
 TEXTURE_SIDE = 256
 """Texels a side of the textures that a fixture's pixels see."""
 PICTURE_BYTES = 16 + 4 + 16
-"""Of a pixel: visibility words, depth, albedo."""
+"""GPU memory of a pixel: visibility words, depth, albedo."""
 BINNED_BYTES = 4
-"""Of a pixel besides, for each pass of path `binned`."""
+"""Further GPU memory of a pixel for each pass of path `binned`."""
 
 
 def white_scene() -> Scene:
-    """No geometry, and one material: white, repeated, trilinear."""
+    """A scene without geometry and with one material: white, repeated, trilinear."""
     none = np.zeros((0, 3), np.float32)
     return Scene(
         name="benchmark",
@@ -140,7 +140,7 @@ class DecodeFixture:
         self._passes: list[DecodePass] = []
 
     def inputs(self, materials: SceneBuffers, textures: int) -> VisibilityInputs:
-        """What decode passes read, for a pack of so many textures."""
+        """Inputs of decode passes, for a pack of so many textures."""
         return VisibilityInputs(self.visibility, materials, textures=tuple(range(textures)))
 
     def decoding(self, pack: GpuPack, path: FixturePath) -> Callable[[], None]:

@@ -19,23 +19,23 @@ from viewer.state.view_state import PathChoice
 SAMPLES = 4096
 """Pixels of a frame that are decoded in float64; all where fewer are decoded."""
 LEAST_FACTOR = 1e-3
-"""Channels that a material or a vertex colour makes darker than this say nothing about what was decoded."""
+"""Channels that a material or a vertex colour darkens below this are not compared: too little of the decoded value is left."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Float64Error:
-    """Of a picture, against float64."""
+    """Error of a picture against float64."""
 
     largest: float
-    """Of decoded values, in [0, 1] of the texture's colour space, before they are rounded to 8 bits."""
+    """Largest error of decoded values, in [0, 1] of the texture's colour space, before they are rounded to 8 bits."""
     psnr_db: float | None
-    """Of the same values, peak 1; None where all are equal."""
+    """PSNR of the same values, peak 1; None where all are equal."""
     largest_step: int
-    """Of the shown 8-bit sRGB picture, in steps."""
+    """Largest error of the 8-bit sRGB picture, in steps."""
     pixels: int
-    """That were compared."""
+    """Pixels compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Float64Pixels:
     """Some pixels of a frame, decoded in float64."""
 
     pixels: NDArray[np.int64]
-    """[N] places in the picture, row by row, row 0 on top."""
+    """[N] indices of pixels, row by row, row 0 on top."""
     decoded: Array
     """[N, 3] in [0, 1], in the texture's colour space; one channel is repeated."""
     factor: Array
@@ -53,7 +53,7 @@ class Float64Pixels:
 
     @property
     def albedo(self) -> Array:
-        """[N, 3] linear: what is to be shown."""
+        """[N, 3] linear albedo."""
         linear = np.where(self.is_srgb[:, None], srgb_to_linear(self.decoded), self.decoded)
         return linear * self.factor
 

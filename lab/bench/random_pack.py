@@ -1,4 +1,4 @@
-"""Packs of random content: what they show means nothing, but it decodes and costs as any other does."""
+"""Packs of random content, which decode at the same cost as others."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What `ntc-viewer bench` leaves behind: one record, and tables and plots beside it."""
+"""Output of `ntc-viewer bench`: one record, and tables and plots beside it."""
 
 import importlib.metadata
 import io
@@ -28,7 +28,7 @@ def _processor() -> str:
 
 
 def machine(context: GraphicsContext) -> dict[str, Any]:
-    """Who drew, with which driver, and how times were taken."""
+    """Renderer, driver, machine, and how times are measured."""
     return {
         "renderer": context.info.renderer,
         "vendor": context.info.vendor,

@@ -30,7 +30,7 @@ LAYOUTS: tuple[Layout, ...] = ("blocks", "interleaved")
 
 @dataclass(frozen=True)
 class ScalingConfig:
-    """What is timed. A sweep changes one number; the others stay at `size`, `fixed_textures`, `fixed_decoders` and `codec`."""
+    """Settings. A sweep changes one number; the others stay at `size`, `fixed_textures`, `fixed_decoders` and `codec`."""
 
     size: tuple[int, int] = (512, 512)
     sizes: tuple[tuple[int, int], ...] = ((256, 256), (512, 512), (1024, 1024))
@@ -47,7 +47,7 @@ class ScalingConfig:
 
 @dataclass(frozen=True)
 class ScalingRow:
-    """One point of one curve, in fp32."""
+    """Times of one point of one curve, in fp32."""
 
     sweep: SweepName
     value: int
@@ -69,7 +69,7 @@ class ScalingRow:
 
 @dataclass(frozen=True)
 class _Setup:
-    """What is decoded, without the path."""
+    """A point of a sweep, apart from the decode path."""
 
     sweep: SweepName
     value: int
@@ -112,7 +112,7 @@ def scaling(
     limits: PictureLimits,
     progress: Progress = no_progress,
 ) -> tuple[ScalingRow, ...]:
-    """Times of all sweeps; the points of one sweep take turns, so that drift bends no curve.
+    """Times of all sweeps; the points of one sweep are timed interleaved, so that drift bends no curve.
 
     Raises InputError where `limits` leave no room for a tile, before anything is allocated.
     """
@@ -131,7 +131,7 @@ def scaling(
 
 
 def _tilings(sweep: Sequence[_Setup], limits: PictureLimits) -> dict[tuple[int, int], Tiling]:
-    """How each size of a sweep is cut, so that the pictures of all its points fit at once."""
+    """Tiling of each size of a sweep, such that the pictures of all its points fit into memory at once."""
     fixtures = {(setup.size, setup.layout, setup.textures) for setup in sweep}
     pixel_bytes = len(fixtures) * PICTURE_BYTES + len(sweep) * BINNED_BYTES
     return {size: tiling(size, pixel_bytes, limits) for size in dict.fromkeys(setup.size for setup in sweep)}

@@ -25,14 +25,14 @@ from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, S
 NUDGE = 1e-4
 """A camera moves by this share of its distance to the target from frame to frame, so that no pass is skipped."""
 PLACES = 7
-"""Different places of a moved camera."""
+"""Number of positions that a moved camera alternates between."""
 PICTURE_BYTES = 16 + 4 + 4 + 4 + 8 + 2 * 16 + 4
-"""Of a pixel, at most: visibility words, colour and depth, composite, the reference's albedo, those of two slots, the binned list."""
+"""Bytes of a pixel, at most: visibility words, colour, depth, composite, albedo of the reference and of two slots, binned list."""
 
 
 @dataclass(frozen=True)
 class SceneBenchConfig:
-    """What is timed."""
+    """Settings of the scene's part."""
 
     size: tuple[int, int] = (640, 360)
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
@@ -42,14 +42,14 @@ class SceneBenchConfig:
 
 @dataclass(frozen=True)
 class SceneBenchRow:
-    """A camera by a slot."""
+    """Times and errors of one slot seen by one camera."""
 
     camera: str
     source: str
     path: str
     precision: str
     decode_ms: float
-    """Median of the pass that gives albedo."""
+    """Median time of the decode or reference pass."""
     min_ms: float
     max_ms: float
     frame_ms: float
@@ -59,7 +59,7 @@ class SceneBenchRow:
     decoded_pixels: int
     excess: int
     psnr_db: float | None
-    """Against the reference picture: covered pixels, 8-bit sRGB; None where equal and for the reference."""
+    """PSNR against the reference picture: covered pixels, 8-bit sRGB; None where equal and for the reference."""
     flip: float | None
     """Mean FLIP against the reference picture."""
     reference_step: int | None
@@ -67,11 +67,11 @@ class SceneBenchRow:
     float64_max: float | None
     """Largest distance of a decoded value, in [0, 1] before 8 bits, from the float64 decode of sampled pixels."""
     float64_psnr_db: float | None
-    """Of the same values; None where equal."""
+    """PSNR of the same values; None where equal."""
     float64_step: int | None
-    """Most 8-bit steps of the picture from the float64 decode."""
+    """Largest difference of the picture to the float64 decode, in 8-bit steps."""
     float64_pixels: int
-    """Sampled pixels."""
+    """Number of sampled pixels."""
     largest_step: int | None
     """Most 8-bit steps that a channel of a pixel is away from the same pack's first slot: `deferred` in fp32, where timed."""
 
@@ -113,7 +113,7 @@ def bench_scene(
     config: SceneBenchConfig,
     progress: Progress = no_progress,
 ) -> tuple[SceneBenchRow, ...]:
-    """A row for each camera and slot. Slots take turns frame by frame, so that drift hits all alike; the first rounds warm up."""
+    """A row for each camera and slot. Slots are timed interleaved, frame by frame; the first rounds warm up."""
     renderer = Renderer(context, scene)
     renderer.set_packs(packs)
     slots = bench_slots(list(packs), config)

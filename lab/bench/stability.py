@@ -32,30 +32,30 @@ HOSTILE_UV = (np.nan, np.inf, -np.inf, 1e6, -1e6, 3e38, 1e-40, 0.5)
 SCENE_SAMPLES = 1024
 """Pixels of a scene's picture that are decoded in float64."""
 FIXTURE_SIDE = 64
-"""Pixels a side of the pictures of paths that decode pictures: at most so many texels squared of a case are drawn."""
+"""Pixels a side of the picture that paths decode, one texel of a case in each."""
 LOGARITHM_ERROR = 2.0**-14
-"""Of log2 in a shader, for the sizes of footprint that there are."""
+"""Error bound of log2 in shaders, for footprints as they occur."""
 ULP_FLOOR = 1.0 / 255.0
-"""Values below this are counted in units of the last place of this: what is near 0 has as many as one likes."""
+"""Errors of values below this are given in its units in the last place: those near 0 would be arbitrarily small."""
 
 
 @dataclass(frozen=True)
 class StabilityRow:
-    """One case by one path in one precision."""
+    """Errors of one case by one path in one precision."""
 
     case: str
     path: str
     precision: Precision
     texels: int
     largest: float | None
-    """Error against float64, in [0, 1] of the texture's colour space; None where only numbers were looked for."""
+    """Error against float64, in [0, 1] of the texture's colour space; None where only NaN and infinity were searched for."""
     rms: float | None
     psnr_db: float | None
-    """Of the error, peak 1; None for no error."""
+    """PSNR of the error, peak 1; None for no error."""
     ulps: float | None
-    """Largest error in units of the last place of the exact value in fp32; for fp32 only."""
+    """Largest error in units in the last place of the exact value in fp32; for fp32 only."""
     not_finite: int
-    """Values that are no numbers; there must be none."""
+    """Number of values that are NaN or infinite; must be 0."""
     bound: float | None = None
     """Largest bound of the texels' own; None for paths that filter or convert what they decoded."""
     holds: bool | None = None
@@ -101,7 +101,7 @@ def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0)
 
 
 def _padded(values: NDArray[np.floating]) -> Array:
-    """[N, 3] of [N, 1 to 4]: missing channels are 0, and a fourth is of no effect."""
+    """[N, 3] of [N, 1 to 4]: missing channels are 0, a fourth is dropped."""
     wide = np.zeros((len(values), 3))
     wide[:, : min(3, values.shape[1])] = values[:, :3]
     return wide
@@ -156,7 +156,7 @@ class StabilityBench:
 
 
 def fixture_paths(case: StabilityCase) -> tuple[FixturePath, ...]:
-    """Those of a fixture's paths that can decode `case`."""
+    """The paths of a fixture that can decode `case`."""
     if not case.rescale:
         return ()
     return ("deferred", "deferred, shared", "binned") if len(case.pack.decoders) == 1 else ("deferred", "binned")
@@ -223,7 +223,7 @@ def stability_rows(
 
 
 def hostile_scene(scene: Scene) -> Scene:
-    """`scene` with texture coordinates that are no numbers, or far away, at every vertex."""
+    """`scene` with NaN, infinite or huge texture coordinates at every vertex."""
     values = np.resize(np.array(HOSTILE_UV, np.float32), scene.geometry.uvs.shape[0] + 1)
     uvs = np.stack([values[:-1], values[1:]], axis=-1)
     return replace(scene, geometry=replace(scene.geometry, uvs=uvs))

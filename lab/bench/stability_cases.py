@@ -1,4 +1,4 @@
-"""What decoding must bear: weights, latents, places and sizes from ordinary to hostile."""
+"""Test cases for numerical stability: weights, latents, coordinates and sizes from ordinary to hostile."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ MANY_DECODERS = 2000
 HOSTILE_NUMBERS = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38, 1e20, -1e9, 16777217.0, 1e-45, -1e-30, -0.0, 0.25)
 BESIDE_AN_EDGE = (0.0, 1e-45, -1e-45, 1e-10, -1e-10, 3e-8, -3e-8, 1e-7, -1e-7, 1e-5, -1e-5)
 SMALL_CODEC = CodecConfig(hidden_width=16)
-"""Of most cases: what is hostile does not depend on the width, and shaders of wide networks that emulate halves compile long."""
+"""Codec of most cases: hostile inputs do not depend on the width, and wide networks that emulate halves compile slowly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,23 +38,23 @@ class Requests:
 
 @dataclass(frozen=True, eq=False)
 class StabilityCase:
-    """A pack and what is read of it."""
+    """A pack, and the texels to decode."""
 
     name: str
     pack: Pack
     requests: Sequence[Requests]
     rescale: bool = True
-    """Whether weights are rescaled for halves, as they are by the viewer."""
+    """Whether weights are rescaled for halves, as in the viewer."""
 
 
 def as_single(values: NDArray[np.floating]) -> Array:
-    """`values` rounded to fp32; what is beyond becomes infinite."""
+    """`values` rounded to fp32; larger ones become infinite."""
     with np.errstate(over="ignore"):
         return values.astype(np.float32).astype(np.float64)
 
 
 def _anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Requests]:
-    """`texels` random ones, shared by the textures: around them, and of levels within and a little beyond."""
+    """Requests of `texels` random texels, divided between the textures; uv and lod also a little out of range."""
     found = []
     for index, texture in enumerate(pack.textures):
         count = max(1, texels // len(pack.textures))

@@ -18,13 +18,13 @@ class Tiling:
 
     @property
     def pixels(self) -> int:
-        """Of all tiles: those of the picture, and a few more where its sides do not divide."""
+        """Pixels of all tiles: those of the picture, and a few more where its sides do not divide."""
         return self.tile[0] * self.tile[1] * self.count
 
 
 @dataclass(frozen=True)
 class PictureLimits:
-    """What a picture's buffers must stay within."""
+    """Limits on the buffers of a picture."""
 
     side: int
     """Pixels: GL_MAX_TEXTURE_SIZE."""

@@ -1,4 +1,4 @@
-"""What a precision costs in PSNR against the original images."""
+"""Loss of PSNR against the original images by precision."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ class TrainedLoss:
     """Mean over textures, against the images, of float64 decoding."""
     mean_loss_db: float
     largest_loss_db: float
-    """Of the texture that loses most; a gain counts as none."""
+    """Loss of the texture that loses most; gains count as 0."""
     largest_error: float
-    """Against float64 decoding."""
+    """Largest error against float64 decoding, in [0, 1]."""
 
 
 def trained_loss(

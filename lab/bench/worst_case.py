@@ -27,12 +27,12 @@ from viewer.state.view_state import Precision
 
 SHARED = 1
 BLOCK_PIXELS = GROUP_SIDE * GROUP_SIDE
-"""Of a block; it sees a texture for each, so that rows differ in decoders and in nothing else."""
+"""Pixels of a block. Each sees a texture of its own, so that rows differ in nothing but decoders."""
 
 
 @dataclass(frozen=True)
 class WorstCaseConfig:
-    """What is timed."""
+    """Settings of the worst case."""
 
     sizes: tuple[tuple[int, int], ...] = ((512, 512),)
     """(width, height) in pixels, one after the other."""
@@ -45,7 +45,7 @@ class WorstCaseConfig:
 
 @dataclass(frozen=True)
 class WorstCaseRow:
-    """One way to decode one size."""
+    """Times of one way to decode one size."""
 
     width: int
     height: int
@@ -93,7 +93,7 @@ def worst_case(
     limits: PictureLimits,
     progress: Progress = no_progress,
 ) -> tuple[WorstCaseRow, ...]:
-    """Times of every size, path, number of decoders and precision; the candidates of a size take turns.
+    """Times of every size, path, number of decoders and precision; the candidates of a size are timed interleaved.
 
     Raises InputError where `limits` leave no room for a tile, before anything is allocated.
     """

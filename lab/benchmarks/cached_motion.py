@@ -1,4 +1,4 @@
-"""What path cached costs when the camera stands, and when it moves slowly, beside path deferred.
+"""Times of path cached with a resting and with a slowly moving camera, compared to path deferred.
 
     python -m lab.benchmarks.cached_motion SCENE --pack F.ntc [--cameras cameras.json --camera NAME] [--json FILE]
 
@@ -19,7 +19,7 @@ from viewer.state.navigation import turned
 from viewer.state.view_state import PathChoice, Slot, ViewState
 
 STEP = 0.05
-"""Metres a frame."""
+"""Metres that the camera moves a frame."""
 DEGREES = 1.0
 
 

@@ -1,4 +1,4 @@
-"""What the parts of a codec cost to decode: the deferred pass with packs of several codec shapes, in turn.
+"""Decoding time of the parts of a codec: the deferred pass with packs of several codec shapes, interleaved.
 
     python -m lab.benchmarks.codec_cost assets/courtyard.glb --size 640x360 --json lab/benchmarks/results/codec_cost_llvmpipe.json
 

@@ -59,7 +59,7 @@ def _outcome(status: int | None, line: str, done: str, path: Path) -> str:
 
 
 def examine(path: Path, folder: Path, limit: float) -> dict[str, Any]:
-    """Read the scene at `path`, draw it on the reference path, and say what happened."""
+    """Read the scene at `path`, draw it on the reference path, and return what happened."""
     row: dict[str, Any] = {"file": path.relative_to(folder).as_posix(), "render": "-"}
     status, text, line = _command(["info", str(path), "--json"], limit)
     row["result"] = _outcome(status, line, "read", path)

@@ -29,12 +29,12 @@ LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
 LARGEST_INPUT = 1 << 14
 MEMORY = Path("/dev/shm")
 MOST_FINDINGS = 20
-"""Of one reader: then it is left alone."""
+"""Findings of one reader after which it is not fuzzed further."""
 
 
 @dataclass
 class Tally:
-    """What became of one reader."""
+    """Results for one reader."""
 
     reader: str
     seeds: int = 0
@@ -49,7 +49,7 @@ class Tally:
 
 
 def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
-    """What fuzzing of `reader` starts from."""
+    """The seeds of fuzzing `reader`."""
     made: dict[str, Iterable[bytes]] = {
         "scene": [*seeds.scenes(), *seeds.real(folder, (".gltf", ".glb"))],
         "pack": [*seeds.packs(), *seeds.real(folder, (".ntc",))],
@@ -68,7 +68,7 @@ def _numbers(pattern: str, text: str) -> list[int]:
 
 
 def _cause(log: str) -> str:
-    """The line of libFuzzer's log that says best what happened."""
+    """The most informative line of libFuzzer's log."""
     lines = [line.strip() for line in log.splitlines()]
     for number, line in enumerate(lines):
         if "Uncaught Python exception" in line:

@@ -46,10 +46,10 @@ WARM_UP_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Usage:
-    """What the process holds."""
+    """Resources of the process."""
 
     memory_mb: float
-    """Resident, without what it shares with others."""
+    """Resident memory without shared pages."""
     handles: int
     """Open files."""
     shared_memory: int
@@ -59,7 +59,7 @@ class Usage:
 
 
 def usage() -> Usage:
-    """Of this process, now."""
+    """The resources of this process now."""
     gc.collect()
     pages = Path("/proc/self/statm").read_text().split()
     memory = (int(pages[1]) - int(pages[2])) * os.sysconf("SC_PAGESIZE") / 1e6
@@ -85,7 +85,7 @@ def packs_of(scene: Scene) -> tuple[Pack, Pack]:
 
 
 def digest(renderer: Renderer, views: Sequence[ViewState]) -> str:
-    """Of the pictures of these views."""
+    """Hash of the pictures of these views."""
     found = hashlib.sha256()
     for view in views:
         found.update(np.ascontiguousarray(read_picture(renderer.render(view, whole=True).image)).tobytes())
@@ -93,7 +93,7 @@ def digest(renderer: Renderer, views: Sequence[ViewState]) -> str:
 
 
 def main() -> None:
-    """Draw, and say what has grown."""
+    """Draw, and report what has grown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=100_000)
     parser.add_argument("--scene", type=Path, help="None: cubes and spheres")

@@ -1,4 +1,4 @@
-"""The reference path against a plain loop of one draw for each mesh, frame by frame in turn.
+"""The reference path against a plain loop of one draw for each mesh, interleaved frame by frame.
 
     python -m lab.benchmarks.plain_loop scene.gltf --cameras cameras.json --size 1280x720
 
@@ -31,7 +31,7 @@ SRGB8_ALPHA8 = 0x8C43
 WARM_UP_FRAMES = 2
 PASSES = ("visibility", "reference", "composite")
 CPU_STEPS = ("cull",)
-"""Entries of a frame's times that are Python's."""
+"""Entries of a frame's times that are spent in Python."""
 
 VERTEX = """#version 430
 in vec3 position;

@@ -1,4 +1,4 @@
-"""Training with nothing but what torch offers, as one would first write it: the yardstick of `training_throughput`.
+"""A straightforward training loop in plain torch: the baseline of `training_throughput`.
 
 One module a decoder, one grid a texture read by `grid_sample`, one loss a group, Adam for everything, groups one after the
 other in a step. Same codec shape, samples, rates and losses as the paper's recipe; no mips, no adapters, no rounding.

@@ -1,4 +1,4 @@
-"""Samples a second of a training step, beside a plain torch loop of the same shape, in turns in one process.
+"""Samples a second of a training step, beside a plain torch loop of the same shape, interleaved in one process.
 
 python -m lab.benchmarks.training_throughput scene.gltf --json lab/benchmarks/results/training_throughput_cpu.json
 """
@@ -39,7 +39,7 @@ def timed(step: Callable[[], object], device: torch.device) -> float:
 
 
 def measure(source: Path, texture_size: int, clusters: int, turns: int, device: torch.device) -> dict[str, Any]:
-    """Medians over the turns."""
+    """Medians over the rounds."""
     textures = read_source(source, texture_size).textures
     grouping = make_grouping(GroupingConfig("clustered", clusters), textures, GroupingInputs())
     settings = StudySettings(steps=100000)

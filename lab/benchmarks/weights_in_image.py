@@ -1,4 +1,4 @@
-"""What it is worth to keep weights in an image on a software renderer, and to decode several pixels with one decoder.
+"""Speed-up on a software renderer by weights in an image, and by decoding several pixels with one decoder.
 
     python -m lab.benchmarks.weights_in_image [--json FILE]
 

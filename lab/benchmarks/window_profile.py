@@ -1,4 +1,4 @@
-"""What Python itself costs of a frame in the window: all that is not waiting for passes or for ImGui's triangles.
+"""Python's share of a frame of the window: its time without that of passes and of ImGui's drawing.
 
     python -m lab.benchmarks.window_profile --size 960x540
 
@@ -37,7 +37,7 @@ OWN_PACKAGES = ("viewer", "ntc")
 
 @dataclass
 class _Drawing:
-    """Seconds of the present frame that OpenGL took."""
+    """Seconds of the current frame spent in OpenGL."""
 
     passes: float = 0.0
     interface: float = 0.0
@@ -45,7 +45,7 @@ class _Drawing:
     """(wall, passes, interface) in ms."""
 
     def take(self, wall: float) -> None:
-        """Note a frame that took `wall` seconds."""
+        """Record a frame that took `wall` seconds."""
         self.frames.append((wall * 1e3, self.passes * 1e3, self.interface * 1e3))
         self.passes = self.interface = 0.0
 

@@ -1,4 +1,4 @@
-"""How a window feels while it trains: frame times with and without training, and seconds to the first neural picture.
+"""Responsiveness of a window while it trains: frame times with and without training, seconds to the first neural picture.
 
 The window's content without a window, path `cached`, still camera, overlay on, a panel dragged about, at most 60 frames a second.
 Phases: encode the scene from nothing; rest; retrain all groups; rest. Nothing else should run on the machine.

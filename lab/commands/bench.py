@@ -30,7 +30,7 @@ from viewer.state.view_state import Precision
 from viewer.viewpoints.scene_views import ViewSource, cameras_of
 
 MOST = 2000
-"""Textures, and decoders, of the scaling."""
+"""Largest number of textures, and of decoders, of the scaling."""
 LEAST_MEMORY_MB = 16
 
 
@@ -91,7 +91,7 @@ class _SceneToBench:
 
 
 def _open(options: BenchOptions) -> _SceneToBench:
-    """Everything that the scene's part reads. Raises InputError."""
+    """The scene, packs and cameras of the scene's part. Raises InputError."""
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
     if not packs:
@@ -101,7 +101,7 @@ def _open(options: BenchOptions) -> _SceneToBench:
 
 
 def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precision, ...]:
-    """The wanted precisions; those that this driver has where all are wanted. Raises InputError for one that it has not."""
+    """The precisions of the options; if those are all, the ones this driver supports. Raises InputError for one that it does not."""
     supported = supported_precisions(context)
     if set(options.precisions) == set(get_args(Precision)):
         return supported

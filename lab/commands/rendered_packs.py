@@ -35,7 +35,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class RenderedPack:
-    """A pack to look at."""
+    """A pack to render."""
 
     recipe: str
     grouping: str

@@ -28,7 +28,7 @@ from viewer.viewpoints.scene_views import SceneViews, ViewSource, scene_views
 
 
 def _folds(views: SceneViews, textures: int) -> tuple[Fold, ...]:
-    """Two: every other view is held out, then the others are. What is near a held-out camera is not looked at either."""
+    """Two: every other view is held out, then the others are. Views near a held-out camera are held out, too."""
     cameras = views.cameras
     sampled = views.from_sampled()
     exact = views.exactly(cameras)

@@ -44,7 +44,7 @@ class StudyPage:
     """A table of a study, with its picture."""
 
     name: str
-    """Of the files."""
+    """Name of the page's files."""
     table: Table
     figure: Figure
 
@@ -55,7 +55,7 @@ def training_steps(
     folder: Path,
     pack_file: Callable[[Run], Path | None] = lambda _run: None,
 ) -> list[tuple[str, Step]]:
-    """The runs as named steps of a study whose files lie in `folder`."""
+    """(name, step) of each run of a study whose files lie in `folder`."""
 
     def step(run: Run) -> Step:
         return lambda report: finished_run(run, textures, folder / "runs", report, pack_file(run))
@@ -64,7 +64,7 @@ def training_steps(
 
 
 def do_steps(steps: Sequence[tuple[str, Step]]) -> list[RunResult]:
-    """All steps with progress and ETA on standard error."""
+    """Run all steps, with progress and ETA on standard error."""
     results = []
     console = Console(stderr=True, soft_wrap=True)
     with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True) as bar:
@@ -82,7 +82,7 @@ def do_steps(steps: Sequence[tuple[str, Step]]) -> list[RunResult]:
 
 
 def describe(source: Path, textures: Sequence[SourceTexture], settings: StudySettings, what: str) -> str:
-    """One line that says what was trained."""
+    """One line that describes the trainings."""
     side = max(max(texture.size) for texture in textures)
     length = (
         "350 epochs" if settings.scale == "paper" else f"{settings.steps} steps of {settings.texels_per_texture} texels"
@@ -93,7 +93,7 @@ def describe(source: Path, textures: Sequence[SourceTexture], settings: StudySet
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were measured on."""
+    """The machine that the figures were measured on."""
     device = torch.cuda.get_device_name() if torch.cuda.is_available() else None
     return {
         "processor": platform.machine(),
@@ -117,7 +117,7 @@ def write_pages(
     began: float,
     more: dict[str, Any] | None = None,
 ) -> None:
-    """Files of every page; its record holds every setting, that of the first page every run too."""
+    """Write the files of every page. Records hold the settings, that of the first page also every run."""
     for page in pages:
         record = {
             "study": page.name,

@@ -1,4 +1,4 @@
-"""`ntc-viewer study freezing|mlp-size|mips|ablation`: what parts of recipe and codec are worth."""
+"""`ntc-viewer study freezing|mlp-size|mips|ablation`: contributions of the parts of recipe and codec."""
 
 import time
 from dataclasses import replace

@@ -25,7 +25,7 @@ from viewer.scene.source_textures import source_textures
 from viewer.state.camera import frame_all
 
 TRAINED_SHARE = 16
-"""Of the texels at which bounds are checked one in so many is of a trained pack, whose networks are larger."""
+"""One in so many of the texels at which bounds are checked is of a trained pack: their networks are larger."""
 COLUMNS = (
     Column("case", "case"),
     Column("path", "path"),
@@ -65,7 +65,7 @@ def stability_table(rows: Sequence[StabilityRow]) -> Table:
 
 
 def worst_table(rows: Sequence[StabilityRow]) -> Table:
-    """The worst of each path and precision over cases, apart from those whose numbers leave their range."""
+    """The worst case of each path and precision, without cases whose numbers leave the range of the precision."""
     columns = (
         *COLUMNS[1:3],
         Column("cases", "cases"),

@@ -45,7 +45,7 @@ CHANGES: Mapping[str, Change] = {
         in_the_manner_of("paper", training),
     ),
 }
-"""Each variant by its name."""
+"""Changes of codec and training by the variant's name."""
 
 
 def ablation_runs(grouping: Grouping, output_channels: int, settings: StudySettings) -> tuple[Run, ...]:

@@ -20,19 +20,19 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class BoundCheck:
-    """One pack in one precision."""
+    """Results for one pack in one precision."""
 
     pack: str
     precision: Precision
     texels: int
     largest: float
-    """Error."""
+    """Largest error."""
     largest_bound: float
-    """Of single texels."""
+    """Largest bound of single texels."""
     whole_bound: float
-    """Of all texels that there may be."""
+    """Largest bound of a whole texture."""
     largest_share: float
-    """Of a texel's bound that its error takes: at most 1."""
+    """Largest quotient of a texel's error and its bound: at most 1."""
     beyond: int
     """Values whose error is beyond their texel's bound, or whose bound is beyond the whole's; there must be none."""
 

@@ -24,7 +24,7 @@ Groups = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 RANDOM_SEEDS = 10
-"""Random groupings are the mean of so many."""
+"""Number of random groupings that are averaged."""
 SPREAD_LIMITS = {"covisible, as alike as clustered": 1.0, "covisible, spread 1.5 x clustered": 1.5}
 """covisible with at most so many times the feature spread of clustered, and without a bound on the size of groups."""
 
@@ -34,14 +34,14 @@ class Fold:
     """Views split into those that groups may be chosen by, and those that they are judged by."""
 
     seen: SeenBlocks
-    """What covisible looks at."""
+    """Views that covisible optimises for."""
     held_out: SeenBlocks
-    """What it does not."""
+    """Views that groupings are judged by."""
 
 
 @dataclass(frozen=True)
 class ClusterStudyConfig:
-    """What is tried."""
+    """Settings of the study."""
 
     counts: tuple[int, ...] = (1, 2, 5, 10, 20)
     """Numbers of groups; those above the number of textures are left out, and the number of textures is added."""
@@ -61,19 +61,19 @@ class ClusterRow:
 
     grouping: str
     features: str | None
-    """By what textures were compared; None where nothing was."""
+    """Features that textures were compared by; None where they were not."""
     groups: int
     largest_group: int
     seen_cut_percent: float | None
-    """How much less excess than with a decoder for each texture, on the views that covisible looked at."""
+    """How much less excess than with a decoder for each texture, on the views that covisible optimises for."""
     held_out_cut_percent: float | None
-    """The same on views that no grouping looked at."""
+    """The same on the held-out views."""
     held_out_excess: float
     spread_percent: float | None
     """Spread of the features inside groups, as a share of that of all textures together; of the row's own features,
     else of the first ones."""
     seconds: float
-    """To find the groups, features given."""
+    """Time to find the groups, without that of the features."""
     psnr_db: float | None = None
     """Mean over the textures, of packs."""
 

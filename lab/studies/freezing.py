@@ -14,7 +14,7 @@ from ntc.training.config import FreezingConfig
 
 STARTS = (0.25, 0.5, 0.75)
 GRADUAL = 0.1
-"""T, as a share of the training."""
+"""Length of gradual freezing (the paper's T), as a share of the training."""
 
 
 def _schedules() -> dict[str, FreezingConfig | None]:

@@ -1,4 +1,4 @@
-"""What it costs that one decoder serves all mips: each level against a codec that is trained on that level alone."""
+"""Cost of one decoder for all mips: each level against a codec that is trained on that level alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -82,7 +82,7 @@ def mip_table(results: Sequence[RunResult], side: int) -> Table:
 
 
 def mip_figure(table: Table, title: str) -> Figure:
-    """Both over the level."""
+    """Both PSNRs over the level."""
     figure = Figure(figsize=(8, 4), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots()

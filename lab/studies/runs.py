@@ -1,4 +1,4 @@
-"""Trainings of a study, each kept in a file of its own, so that a study which was stopped goes on where it was."""
+"""Trainings of a study, each kept in a file of its own, so that a study that was stopped can resume."""
 
 import hashlib
 import json
@@ -24,22 +24,22 @@ from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 
 LARGEST_FILE = 1 << 26
-"""Bytes of a kept run."""
+"""Bytes of a run's file."""
 Report = Callable[[int, int], None]
 """Called with (steps done, steps in all)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One training that is wanted."""
+    """One training of a study."""
 
     name: str
-    """Of the variant."""
+    """Name of the variant."""
     grouping: Grouping
     codec: CodecConfig
     training: TrainingConfig
     level: int = 0
-    """The textures' mip that is taken for the whole texture."""
+    """The mip of the textures that is encoded as if it were the whole texture."""
     pictures: bool = False
     """Whether SSIM and FLIP are measured too, which takes longer than PSNR."""
     every_level: bool = False
@@ -48,30 +48,30 @@ class Run:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What came of it."""
+    """Results of a run."""
 
     name: str
     grouping: str
     groups: int
     seed: int
     psnr_db: tuple[float | None, ...]
-    """Of each texture, mip 0, 8-bit sRGB; None where it is exact."""
+    """PSNR of each texture, mip 0, 8-bit sRGB; None where it is exact."""
     bits_per_texel: float
-    """Latents, decoders and adapters, per texel of mip 0."""
+    """Bits of latents, decoders and adapters per texel of mip 0."""
     seconds: float
     texels: int
-    """Samples in all."""
+    """Number of samples in all."""
     ssim: tuple[float, ...] = ()
-    """Of each texture, or nothing."""
+    """SSIM of each texture; empty where it was not measured."""
     flip: tuple[float, ...] = ()
-    """Of each texture, or nothing."""
+    """Mean FLIP of each texture; empty where it was not measured."""
     level_psnr_db: tuple[tuple[float | None, ...], ...] = ()
-    """Of each texture and level, or nothing."""
+    """PSNR of each texture and level; empty where it was not measured."""
     curve: tuple[tuple[int, float], ...] = ()
     """(step, running PSNR of the samples in dB), a few times a second."""
     latent_bits: int = 8
     multiply_adds: int = 0
-    """Of one decode."""
+    """Multiply-adds of one decode."""
 
 
 def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
 
 
 def _kept(path: Path, settings: dict[str, Any]) -> RunResult | None:
-    """The result in a file, if it is of just these settings."""
+    """The result in a file, if its settings are equal."""
     try:
         if path.stat().st_size > LARGEST_FILE:
             return None
@@ -186,7 +186,7 @@ def finished_run(
 def block_compressed(
     block_format: BlockFormat, textures: Sequence[SourceTexture], folder: Path, report: Report
 ) -> RunResult:
-    """The textures in a block format of graphics hardware, as a yardstick, kept in `folder` like a run.
+    """The textures in a block format of graphics hardware, for comparison, kept in `folder` like a run.
 
     Raises InputError where its encoder is not installed.
     """

@@ -1,4 +1,4 @@
-"""How large the trainings of a study are."""
+"""Settings that the trainings of a study share."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -12,12 +12,12 @@ ScaleName = Literal["small", "paper"]
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What every training of a study has in common."""
+    """Settings of every training of a study."""
 
     scale: ScaleName = "small"
     """small: an equal number of steps and samples for all, minutes on two cores. paper: 350 epochs, for a GPU."""
     steps: int = 1000
-    """Of each training, at the small scale."""
+    """Steps of each training, at the small scale."""
     texels_per_texture: int = 512
     """Samples of each texture in a step, at the small scale."""
     seeds: tuple[int, ...] = (0,)

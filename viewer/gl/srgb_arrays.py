@@ -13,7 +13,7 @@ from viewer.gl.functions import GlFunctions
 
 
 class _TextureArray:
-    """An OpenGL texture array in GL_SRGB8_ALPHA8, and with `levels` of uninitialised memory."""
+    """A texture array in GL_SRGB8_ALPHA8 with `levels` mips, uninitialised, and a view of it that shaders can write."""
 
     def __init__(self, call: GlFunctions, size: tuple[int, int], layers: int, levels: int = 1) -> None:
         self._call, self.layers = call, layers

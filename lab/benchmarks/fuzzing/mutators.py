@@ -1,4 +1,4 @@
-"""Mutations that know what a reader reads: JSON, the containers around it, checksums; the rest is libFuzzer's."""
+"""Structure-aware mutations: of JSON, of the containers around it, of checksums; libFuzzer's own do the rest."""
 
 import copy
 import json
@@ -21,7 +21,7 @@ EXTREMES: tuple[Any, ...] = (
     "/etc/passwd", "C:\\x", "file:///etc/passwd", "//host/x", "data:;base64,AAAA", "\ud800", "a\0b", "\x1b[2J", [], {},
     [0], [[]], [0, 0], [0, 0, 0], [0, 0, 0, 1], [1e30, 1e30, 1e30], {"index": 0}, {"extensions": {}},
 )  # fmt: skip
-"""What a value of a JSON document is replaced by."""
+"""Values that replace those of a JSON document."""
 MOST_PLACES = 4000
 """Values of a document that may still grow."""
 LARGEST_CHANGED = 1e30
@@ -145,7 +145,7 @@ def mutate_pack(data: bytes, limit: int, source: random.Random, mutate: Mutate) 
 
 
 def mutate_image(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
-    """An image changed anywhere; a PNG gets correct checksums again, so that what lies behind them is reached."""
+    """An image changed anywhere; a PNG gets correct checksums again, so that readers get past them."""
     changed = bytearray(mutate(data, limit))
     if not changed.startswith(PNG_SIGNATURE) or source.random() < 0.2:
         return bytes(changed)

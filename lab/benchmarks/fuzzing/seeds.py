@@ -22,7 +22,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".dds")
 
 
 def scenes() -> Iterator[bytes]:
-    """glTF files that together use all that is read."""
+    """glTF files that together use every feature that is read."""
     from tests.fuzz.test_scene_fuzz import rich_builder
 
     rich = rich_builder()

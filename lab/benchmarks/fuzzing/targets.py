@@ -54,7 +54,7 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
 
 Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
 PLAIN_SHARE = 0.3
-"""Of the mutations that are libFuzzer's alone."""
+"""Share of mutations that libFuzzer makes alone."""
 LONGEST_MESSAGE = 2000
 
 
