@@ -1,11 +1,14 @@
 """The command line of the design page is read as written, and bad arguments become one line."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
@@ -136,3 +139,15 @@ def test_bad_input_is_one_line_and_leaves_nothing_behind(
     assert captured.err.count("\n") == 1
     assert named in captured.err
     assert not out.exists()
+
+
+def test_without_the_package_lab_only_its_commands_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    assert options_of(["info", "f.ntc"]) == InfoOptions(file=Path("f.ntc"))
+    with pytest.raises(InputError, match="study clusters: no such study"):
+        parse_arguments(["study", "clusters", "--out", "o"])
+
+
+def test_the_viewer_imports_no_module_of_lab_by_itself() -> None:
+    code = "import sys, viewer.cli; sys.exit(any(name.split('.')[0] == 'lab' for name in sys.modules))"
+    subprocess.run([sys.executable, "-c", code], check=True)

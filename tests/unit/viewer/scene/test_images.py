@@ -130,6 +130,14 @@ def test_reduction_by_any_ratio_keeps_the_mean() -> None:
         reduce_texture(texture, 0)
 
 
+def test_reduction_keeps_the_alpha_of_two_channels_linear() -> None:
+    pixels = np.zeros((2, 2, 2), np.uint8)
+    pixels[0] = 200
+    small = reduce_texture(SourceTexture("a", pixels, "hash"), 1).pixels
+    assert small[0, 0, 1] == 100
+    assert small[0, 0, 0] > 100
+
+
 def test_source_textures_follow_the_texture_ids() -> None:
     builder = GltfBuilder()
     materials = [builder.material(builder.image(png(noise(8, 8, 4, seed)))) for seed in (1, 2)]

@@ -8,7 +8,7 @@ import pytest
 from viewer.commands import key_table_markdown
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, load_settings, save_settings
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+README = Path(__file__).resolve().parents[4] / "README.md"
 
 
 def test_round_trip(tmp_path: Path) -> None:
@@ -45,8 +45,28 @@ def test_a_broken_file_gives_the_defaults_and_one_line(tmp_path: Path, content: 
     assert SETTINGS_FILE in problem
 
 
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ('{"fov_degrees": 200}', "fov_degrees: Expected number <= 120"),
+        ('{"theme": "pink"}', "theme: Invalid enum value 'pink', must be one of dark, light"),
+        ('{"anisotropy": 3}', "anisotropy: must be one of 1, 2, 4, 8, 16"),
+        ('{"window_size": [900, 100]}', "window_size[1]: Expected whole number >= 200"),
+        ('{"hidden_panels": [5]}', "hidden_panels[0]: Expected text"),
+    ],
+)
+def test_the_line_about_a_broken_file_names_the_field_and_the_remedy(tmp_path: Path, content: str, named: str) -> None:
+    (tmp_path / SETTINGS_FILE).write_text(content)
+    _, problem = load_settings(tmp_path)
+    assert problem is not None
+    assert named in problem
+    assert "it is replaced when the window closes; using defaults" in problem
+
+
 def test_unknown_fields_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / SETTINGS_FILE).write_text('{"anisotropy": 4, "of_a_later_version": 1}')
+    assert load_settings(tmp_path) == (replace(ViewerSettings(), anisotropy=4), None)
+    (tmp_path / SETTINGS_FILE).write_text('{"anisotropy": 4, "half a pair \\ud800": "\\ud800"}')
     assert load_settings(tmp_path) == (replace(ViewerSettings(), anisotropy=4), None)
 
 
