@@ -115,6 +115,7 @@ def test_a_job_that_is_cancelled_before_it_runs() -> None:
         job.result()
 
 
+@pytest.mark.process
 def test_a_process_answers_call_after_call_and_survives_errors() -> None:
     process = FunctionProcess(math.factorial, "factorial")
     for number in (3, 5):
@@ -134,6 +135,7 @@ def test_a_process_answers_call_after_call_and_survives_errors() -> None:
     assert "factorial: its process gave no answer" in closed.problem
 
 
+@pytest.mark.process
 def test_closing_ends_a_process_in_the_middle_of_a_call() -> None:
     process = FunctionProcess(time.sleep, "sleep")
     job = process.call(600)
@@ -145,6 +147,7 @@ def test_closing_ends_a_process_in_the_middle_of_a_call() -> None:
     assert "gave no answer" in job.problem
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 def test_a_process_ends_with_a_parent_that_was_killed() -> None:
     code = (
