@@ -108,6 +108,7 @@ class ProgramFactory:
         self._library = library
         self._programs: dict[object, moderngl.Program | moderngl.ComputeShader] = {}
         self._variants: dict[object, ProgramFactory] = {}
+        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def with_generated(self, generated: Mapping[str, str]) -> "ProgramFactory":
         """The factory for the same library with further generated files: one for equal files, freed with this one."""
@@ -127,6 +128,13 @@ class ProgramFactory:
         found = self._find((name,), defines)
         assert isinstance(found, moderngl.ComputeShader)
         return found
+
+    def fullscreen(self, fragment: str, defines: Defines | None = None) -> moderngl.VertexArray:
+        """A triangle over the whole target, for a fragment shader file: to be rendered with 3 vertices. Raises ShaderError."""
+        program = self.program("common/fullscreen.vert", fragment, defines)
+        if program not in self._triangles:
+            self._triangles[program] = self._gl.vertex_array(program, [])
+        return self._triangles[program]
 
     def _find(self, names: tuple[str, ...], defines: Defines | None) -> moderngl.Program | moderngl.ComputeShader:
         key = (names, tuple(sorted((defines or {}).items())))
@@ -148,9 +156,10 @@ class ProgramFactory:
 
     def release(self) -> None:
         """Free all programs."""
-        for part in (*self._variants.values(), *self._programs.values()):
+        for part in (*self._variants.values(), *self._triangles.values(), *self._programs.values()):
             part.release()
         self._variants.clear()
+        self._triangles.clear()
         self._programs.clear()
 
 

@@ -58,11 +58,7 @@ class DivergenceOverlay:
         """Of each grouping, by the name of its source."""
 
     def update(
-        self,
-        visibility: VisibilityTarget,
-        camera: Camera,
-        groupings: Mapping[str, CountedGrouping],
-        block: BlockName,
+        self, visibility: VisibilityTarget, camera: Camera, groupings: Mapping[str, CountedGrouping], block: BlockName
     ) -> None:
         """Count the maps of `groupings`, unless they are known.
 

@@ -93,12 +93,7 @@ class GpuPack:
         self.version = version
         """Number of the version that is drawn; `pack` is that version."""
         self.buffers = PackBuffers(
-            context.graphics,
-            pack,
-            match.texture_index,
-            precision,
-            context.emulate_half,
-            on_demand=context.latents,
+            context.graphics, pack, match.texture_index, precision, context.emulate_half, on_demand=context.latents
         )
         self._precision = precision
         self._ranges: DecoderRanges | None = None

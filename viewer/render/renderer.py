@@ -21,6 +21,7 @@ from viewer.render.gpu_pack import PackMemory, RenderContext
 from viewer.render.gpu_packs import GpuPacks
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.composite import (
+    COMPARISONS,
     CompositeInputs,
     CompositeParams,
     CompositePass,
@@ -40,25 +41,8 @@ from viewer.render.slot_drawer import SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import layout_of, shown_slots
-from viewer.state.view_state import (
-    REFERENCE,
-    CompareMode,
-    Difference,
-    DifferenceKind,
-    Overlay,
-    Slot,
-    ViewState,
-)
+from viewer.state.view_state import REFERENCE, Difference, Overlay, Slot, ViewState
 
-COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
-    ("a", "raw"),
-    ("b", "raw"),
-    ("wipe", "raw"),
-    ("difference", "raw"),
-    ("difference", "relative"),
-    ("difference", "flip"),
-)
-"""One way to compare for each program that the composite has."""
 UPDATE_BYTES = 8 << 20
 """Of a frame, for packs that replace others (`Renderer.update_pack`)."""
 

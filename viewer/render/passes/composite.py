@@ -14,13 +14,22 @@ from viewer.render.resources.texture_marks import TextureMarks
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.state.compare_layout import CompareLayout
 from viewer.state.palettes import PaletteName, palette_colors
-from viewer.state.view_state import Difference
+from viewer.state.view_state import CompareMode, Difference, DifferenceKind
 from viewer.state.zoom import WHOLE, Zoom
 
 LEAST_LIGHT = 0.01
 """Linear light: what is darker than this is not divided by less in a relative difference."""
 SCRATCH = (8, 8)
 """Pixels that are drawn to have a program compiled."""
+COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
+    ("a", "raw"),
+    ("b", "raw"),
+    ("wipe", "raw"),
+    ("difference", "raw"),
+    ("difference", "relative"),
+    ("difference", "flip"),
+)
+"""One way to compare for each program that the composite has."""
 FLIP_PALETTE: PaletteName = "viridis"
 
 
@@ -173,7 +182,6 @@ class CompositePass:
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._gl = context.gl
         self._programs = programs
-        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._drawn: set[CompositeVariant] = set()
         self._scratch = CompositeTarget(context, SCRATCH)
 
@@ -188,9 +196,7 @@ class CompositePass:
         """Draw the picture."""
         params, size = inputs.params, inputs.first.size
         self._drawn.add(inputs.variant)
-        program = self._programs.program("common/fullscreen.vert", "passes/composite/composite.frag", params.defines)
-        if program not in self._triangles:
-            self._triangles[program] = self._gl.vertex_array(program, [])
+        triangle = self._programs.fullscreen("passes/composite/composite.frag", params.defines)
         output.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
         values: dict[str, object] = {"depth": 0.0}
@@ -214,11 +220,9 @@ class CompositePass:
         if params.overlay is not None:
             params.overlay.maps.texture.use(int(TextureUnit.DIVERGENCE))
             values |= params.overlay.uniforms()
-        set_uniforms(program, values)
-        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        set_uniforms(triangle.program, values)
+        triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def release(self) -> None:
-        """Free vertex arrays and the scratch picture."""
+        """Free the scratch picture."""
         self._scratch.release()
-        for triangle in self._triangles.values():
-            triangle.release()

@@ -34,11 +34,7 @@ class DecodeBinnedPass(DecodePass):
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
-        defines = {
-            "VERTEX_COLORS": int(colors),
-            **buffers.defines,
-            "DECODER_IN_STORAGE": int(ranges.in_storage),
-        }
+        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
         self._count = programs.compute(f"{FOLDER}/count.comp", defines)
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
         self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)

@@ -45,11 +45,7 @@ class GlTexelDecoder:
         self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
 
     def decode_texels(
-        self,
-        texture_index: int,
-        uv: NDArray[Any],
-        lod: NDArray[Any],
-        wrap: tuple[WrapMode, WrapMode] | None = None,
+        self, texture_index: int, uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode] | None = None
     ) -> NDArray[np.float32]:
         """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; `wrap` None takes the texture's own modes."""
         texture = self._pack.textures[texture_index]

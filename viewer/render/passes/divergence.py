@@ -31,7 +31,6 @@ class DivergencePass:
         self._gl = context.gl
         self._programs = programs
         self._stage: Stage = stage
-        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def run(self, inputs: DivergenceInputs, target: DivergenceTarget) -> None:
         """Count the decoders of every block under every grouping."""
@@ -49,10 +48,8 @@ class DivergencePass:
             program.run(*(-(-side // GROUP_SIDE) for side in target.texture.size))
             self._gl.memory_barrier()
             return
-        drawn = self._programs.program("common/fullscreen.vert", "passes/divergence/divergence.frag", defines)
-        if drawn not in self._triangles:
-            self._triangles[drawn] = self._gl.vertex_array(drawn, [])
-        set_uniforms(drawn, {**values, "depth": 0.0})
+        triangle = self._programs.fullscreen("passes/divergence/divergence.frag", defines)
+        set_uniforms(triangle.program, {**values, "depth": 0.0})
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
-        self._triangles[drawn].render(moderngl.TRIANGLES, vertices=3)
+        triangle.render(moderngl.TRIANGLES, vertices=3)

@@ -82,7 +82,6 @@ class ReferencePass:
         self._samplers = SamplerCache(context)
         self._uploaded: set[tuple[int, int]] = set()
         self._programs = programs
-        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._depth: moderngl.Texture | None = None
 
     @property
@@ -168,23 +167,19 @@ class ReferencePass:
 
     def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
         """Draw the pixels of one texture array; -1 for none."""
-        program = self._programs.program(
-            "common/fullscreen.vert",
-            "passes/reference/sample.frag",
-            {**content.defines(), **variant},
-        )
-        if program not in self._triangles:
-            self._triangles[program] = self._context.gl.vertex_array(program, [])
-        set_uniforms(program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
+        triangle = self._programs.fullscreen("passes/reference/sample.frag", {**content.defines(), **variant})
+        set_uniforms(triangle.program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
         unit = int(TextureUnit.IMAGES)
         if array < 0:
-            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+            triangle.render(moderngl.TRIANGLES, vertices=3)
             return
         self._arrays[array].use(unit)
-        set_uniforms(program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in self._plans[array].sampler.wrap)})
+        set_uniforms(
+            triangle.program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in self._plans[array].sampler.wrap)}
+        )
         sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
         sampler.use(unit)
-        self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+        triangle.render(moderngl.TRIANGLES, vertices=3)
         sampler.clear(unit)
 
     def release(self) -> None:
@@ -192,7 +187,5 @@ class ReferencePass:
         for array in self._arrays.values():
             array.release()
         self._samplers.release()
-        for triangle in self._triangles.values():
-            triangle.release()
         if self._depth is not None:
             self._depth.release()

@@ -10,13 +10,7 @@ from viewer.scene.model import Camera, Sampler, Scene
 from viewer.state.camera import frustum_planes
 
 COMMAND = np.dtype(
-    [
-        ("count", "<u4"),
-        ("instances", "<u4"),
-        ("first_index", "<u4"),
-        ("base_vertex", "<i4"),
-        ("base_instance", "<u4"),
-    ]
+    [("count", "<u4"), ("instances", "<u4"), ("first_index", "<u4"), ("base_vertex", "<i4"), ("base_instance", "<u4")]
 )
 """DrawElementsIndirectCommand (OpenGL 4.3, Sec. 10.4)."""
 
@@ -110,7 +104,7 @@ class Culling:
         towards = self._clusters.centre[cluster] - local_eyes[instance]
         along = np.einsum("ij,ij->i", towards, self._clusters.axis[cluster])
         reach = self._clusters.cutoff[cluster] * np.linalg.norm(towards, axis=1) + self._radius[rows]
-        return self._may_face_away[rows] & (along >= reach)
+        return np.asarray(self._may_face_away[rows] & (along >= reach), np.bool_)
 
     def draw_list(self, camera: Camera, matrix: NDArray[np.float64]) -> DrawList:
         """Commands for what `camera`, whose world-to-clip matrix is `matrix`, may see."""

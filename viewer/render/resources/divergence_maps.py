@@ -41,7 +41,7 @@ class DivergenceTarget:
         """[ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
         columns, rows = self.size
         words = np.frombuffer(self.texture.read(alignment=1), np.uint32).reshape(self.groupings, rows, columns)
-        return words[grouping].astype(np.uint16)
+        return np.asarray(words[grouping], np.uint16)
 
     def statistics(self, grouping: int = 0) -> DivergenceStatistics:
         """Statistics of one map; a few hundred bytes are read back, not the map."""

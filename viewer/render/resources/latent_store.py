@@ -98,7 +98,8 @@ class LatentStore:
     @property
     def bytes_by_texture(self) -> NDArray[np.int64]:
         """[textures] int64: what of each texture is there."""
-        return self._cells_from[self._first_sum + self.finest] * self.cell_bytes
+        cells: NDArray[np.int64] = self._cells_from[self._first_sum + self.finest]
+        return cells * self.cell_bytes
 
     @property
     def counts(self) -> LatentCounts:

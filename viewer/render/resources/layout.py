@@ -85,11 +85,7 @@ class SamplerFlag(IntEnum):
     MIPMAP_NEAREST = 8
 
 
-WRAP_CODES: dict[WrapMode, WrapCode] = {
-    "repeat": WrapCode.REPEAT,
-    "mirror": WrapCode.MIRROR,
-    "clamp": WrapCode.CLAMP,
-}
+WRAP_CODES: dict[WrapMode, WrapCode] = {"repeat": WrapCode.REPEAT, "mirror": WrapCode.MIRROR, "clamp": WrapCode.CLAMP}
 ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
 
 WEIGHT_COLUMN_BITS = 11

@@ -65,15 +65,10 @@ class DecodeCachedPass:
     ) -> None:
         self._gl = context.gl
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
-        defines = {
-            "VERTEX_COLORS": int(colors),
-            **buffers.defines,
-            "DECODER_IN_STORAGE": int(ranges.in_storage),
-        }
+        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
         self._programs, self._defines = programs, defines
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
-        self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
         self._out_of_memory = self._coarse_latents = False
@@ -280,19 +275,17 @@ class DecodeCachedPass:
     def sample(self, inputs: VisibilityInputs, target: AlbedoTarget, band: tuple[int, int] = (0, 1)) -> None:
         """Draw the albedo from the tiles that are there; `band` (number, of) is a part of the rows."""
         defines = {**self._defines, **inputs.visibility.content.defines()}
-        program = self._programs.program("common/fullscreen.vert", f"{FOLDER}/sample.frag", defines)
-        if program not in self._triangles:
-            self._triangles[program] = self._gl.vertex_array(program, [])
+        triangle = self._programs.fullscreen(f"{FOLDER}/sample.frag", defines)
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
         inputs.bind()
         self._bind()
         self._atlas.use(int(TextureUnit.ATLAS))
-        set_uniforms(program, {"depth": 0.0, "anisotropy": inputs.anisotropy})
+        set_uniforms(triangle.program, {"depth": 0.0, "anisotropy": inputs.anisotropy})
         low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))
         target.framebuffer.scissor = (0, low, target.size[0], high - low)
         try:
-            self._triangles[program].render(moderngl.TRIANGLES, vertices=3)
+            triangle.render(moderngl.TRIANGLES, vertices=3)
         finally:
             target.framebuffer.scissor = (0, 0, *target.size)
 
@@ -310,8 +303,6 @@ class DecodeCachedPass:
     def release(self) -> None:
         """Free atlas and tables."""
         self._atlas.release()
-        for triangle in self._triangles.values():
-            triangle.release()
         self._tiles.release()
         for buffer in self._places.values():
             buffer.release()

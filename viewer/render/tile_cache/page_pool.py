@@ -81,4 +81,5 @@ class PagePool:
 
     def held(self) -> NDArray[np.int64]:
         """Entries that have a page."""
-        return self._entry_of_page[self._entry_of_page != FREE]
+        held: NDArray[np.int64] = self._entry_of_page[self._entry_of_page != FREE]
+        return held
