@@ -12,10 +12,10 @@ from lab.bench.fixture import DecodeFixture, FixturePath, PackLoader
 from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
+from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
 from ntc.codec.reference import decode_texels
-from ntc.codec.rescale import stored_pack
 from ntc.metrics.metrics import finite_or_none
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.error_bound import texture_bounds
 from ntc.accuracy.half_reference import as_stored, run_decoder_in_half
+from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
 from ntc.codec.latents import latent_levels
 from ntc.codec.reference import decoder_inputs, run_decoder
-from ntc.codec.rescale import stored_pack
 from ntc.pack.model import Adapter, Decoder, Pack
 
 TEXELS_AT_ONCE = 1 << 14

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.accuracy.input_bounds import InputBounds, input_bounds
+from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.rounding_model import (
     ARITHMETIC,
     HALF,
@@ -18,19 +19,19 @@ from ntc.accuracy.rounding_model import (
     effective_weight,
     hidden_values,
     layer_sums,
+    sums_of_values,
 )
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.codec.rescale import stored_pack
 from ntc.pack.model import Pack
 
 Array = NDArray[np.float64]
 OWN_ROUNDING = 1.0 + 1e-9
-"""These sums are float64 themselves."""
+"""Factor for the roundings of these float64 sums themselves."""
 
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """Of a texture in one precision; of a pack the worst of its textures."""
+    """Bounds of a texture in one precision; of a pack, the worst of its textures."""
 
     error: float
     """Largest difference from the exact decode, in [0, 1] of the colour space. 1 where numbers may overflow, which says nothing."""
@@ -66,25 +67,11 @@ def _bound(layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: A
     weight_2 = effective_weight(second)
     centre = weight_2 @ ((hidden_1.low + hidden_1.high) / 2.0) + second.bias
     radius = np.abs(weight_2) @ ((hidden_1.high - hidden_1.low) / 2.0)
-    changed = np.abs(second.weight - second.stored_weight) + SMALLEST_SINGLE
-    sums_2 = layer_sums(
-        second,
-        np.abs(second.stored_weight) @ hidden_1.largest,
-        changed @ hidden_1.largest,
-        second.weight.shape[1],
-        arithmetic,
-    )
+    sums_2 = sums_of_values(second, hidden_1.largest, arithmetic)
     error_2 = np.abs(weight_2) @ carried_1 + sums_2.local
     hidden_2 = hidden_values(centre - radius, centre + radius, error_2, slope, arithmetic)
     # Third layer.
-    changed = np.abs(third.weight - third.stored_weight) + SMALLEST_SINGLE
-    sums_3 = layer_sums(
-        third,
-        np.abs(third.stored_weight) @ hidden_2.largest,
-        changed @ hidden_2.largest,
-        third.weight.shape[1],
-        arithmetic,
-    )
+    sums_3 = sums_of_values(third, hidden_2.largest, arithmetic)
     # Errors on their way out meet slopes, the same for all of them: so weights are summed up before magnitudes are taken.
     middle_2, half_2 = hidden_2.slope, hidden_2.slope_doubt
     middle = (third.weight * middle_2) @ weight_2
@@ -125,7 +112,7 @@ def _bound(layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: A
 
 
 def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> ErrorBound:
-    """Of the pack's texture `texture_index`, for weights as they stand: `pack` is what `ntc.codec.rescale.stored_pack` gave."""
+    """Of the pack's texture `texture_index`, for weights as they stand: `pack` is what `ntc.accuracy.rescale.stored_pack` gave."""
     texture = pack.textures[texture_index]
     arithmetic = ARITHMETIC[precision]
     layers = decoder_layers(pack.decoders[texture.group], texture.adapter, arithmetic)
@@ -149,7 +136,7 @@ def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
 
 
 def texture_bounds(pack: Pack, precision: Precision, rescale: bool = True) -> list[ErrorBound]:
-    """Of every texture of `pack`, decoded in `precision`. Without `rescale` weights are stored as they are (`ntc.codec.rescale`)."""
+    """Of every texture of `pack`, decoded in `precision`. Without `rescale`, weights are stored unscaled (`ntc.accuracy.rescale`)."""
     stored = stored_pack(pack, precision) if rescale else pack
     return [texture_bound(stored, index, precision) for index in range(len(pack.textures))]
 

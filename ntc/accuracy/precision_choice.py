@@ -1,4 +1,4 @@
-"""Choosing a precision: the cheapest one whose error does not show."""
+"""Choosing a precision: the cheapest one whose error is not visible."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.error_bound import texture_bounds, worst_of
 from ntc.accuracy.half_reference import as_stored, decode_texels_in_half
+from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
 from ntc.codec.latents import latent_levels
 from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
-from ntc.codec.rescale import stored_pack
 from ntc.pack.model import Adapter, Decoder, Pack
 
 Array = NDArray[np.float64]
@@ -20,10 +20,11 @@ HALF_STEP = 0.5 / 255.0
 """Errors below this change an 8-bit value by one step at most."""
 CHEAPEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16-arithmetic", "fp16")
 MEASURED_TEXELS = 4096
-"""Of all textures together, that are decoded to measure an error."""
+"""Texels of all textures together that are decoded to measure an error."""
 LEAST_OF_A_TEXTURE = 32
-UNSEEN = 3.0
-"""So many times what was measured may be the error of a texel that was not: 1.6 to 2.4 times were seen (docs/accuracy.md)."""
+UNMEASURED_FACTOR = 3.0
+"""The error of a texel that was not measured is taken to be at most this many times the largest measured one: 1.6 to 2.4 times
+were found (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,6 @@ def chosen_precision(pack: Pack, supported: Collection[Precision], limit: float 
         if bound.error <= limit:
             return ChosenPrecision(precision, f"error at most {bound.error:.1e}, certified")
         measured = measured_error(pack, precision)
-        if measured * UNSEEN <= limit:
+        if measured * UNMEASURED_FACTOR <= limit:
             return ChosenPrecision(precision, f"largest error measured {measured:.1e}")
     return ChosenPrecision("fp32", "halves would show, or are not supported")

@@ -120,6 +120,13 @@ def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arith
     return LayerSums(own_error, np.maximum(largest, adapted + of_bias))
 
 
+def sums_of_values(layer: Layer, largest: Array, arithmetic: Arithmetic) -> LayerSums:
+    """Sums of a layer that reads values of at most the magnitudes `largest` [..., inputs]."""
+    changed = np.abs(layer.weight - layer.stored_weight) + SMALLEST_SINGLE
+    products, storage = largest @ np.abs(layer.stored_weight).T, largest @ changed.T
+    return layer_sums(layer, products, storage, layer.weight.shape[1], arithmetic)
+
+
 @dataclass(frozen=True, eq=False)
 class Hidden:
     """Hidden values after LeakyReLU."""

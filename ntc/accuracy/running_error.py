@@ -12,23 +12,18 @@ from ntc.accuracy.rounding_model import (
     ARITHMETIC,
     HALF,
     LARGEST_SINGLE,
-    SMALLEST_SINGLE,
     Arithmetic,
     Layer,
     decoder_layers,
     effective_weight,
     hidden_values,
-    layer_sums,
+    sums_of_values,
 )
 from ntc.codec.config import LARGEST_HALF, Precision
 from ntc.codec.reference import decoder_inputs
 from ntc.pack.model import Pack
 
 Array = NDArray[np.float64]
-
-
-def _changed(layer: Layer) -> Array:
-    return np.abs(layer.weight - layer.stored_weight) + SMALLEST_SINGLE
 
 
 def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Array:
@@ -39,33 +34,15 @@ def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, ari
     if arithmetic.factors_are_half:
         read = read + HALF.unit * (np.abs(inputs) + read) + HALF.smallest
     magnitude = np.abs(inputs) + read
-    sums_1 = layer_sums(
-        first,
-        magnitude @ np.abs(first.stored_weight).T,
-        magnitude @ _changed(first).T,
-        inputs.shape[1],
-        arithmetic,
-    )
+    sums_1 = sums_of_values(first, magnitude, arithmetic)
     exact = inputs @ weight_1.T + first.bias
     error_1 = read @ np.abs(weight_1).T + sums_1.local
     hidden_1 = hidden_values(exact, exact, error_1, slope, arithmetic)
-    sums_2 = layer_sums(
-        second,
-        hidden_1.largest @ np.abs(second.stored_weight).T,
-        hidden_1.largest @ _changed(second).T,
-        second.weight.shape[1],
-        arithmetic,
-    )
+    sums_2 = sums_of_values(second, hidden_1.largest, arithmetic)
     exact = hidden_1.low @ weight_2.T + second.bias
     error_2 = (hidden_1.slope_high * error_1 + hidden_1.rounding) @ np.abs(weight_2).T + sums_2.local
     hidden_2 = hidden_values(exact, exact, error_2, slope, arithmetic)
-    sums_3 = layer_sums(
-        third,
-        hidden_2.largest @ np.abs(third.stored_weight).T,
-        hidden_2.largest @ _changed(third).T,
-        third.weight.shape[1],
-        arithmetic,
-    )
+    sums_3 = sums_of_values(third, hidden_2.largest, arithmetic)
     # Where a sum is so near 0 that its sign may differ, the slope is known up to `doubt` only.
     slope_1, doubt_1 = hidden_1.slope, hidden_1.slope_doubt
     slope_2, doubt_2 = hidden_2.slope, hidden_2.slope_doubt
@@ -88,7 +65,7 @@ def running_bounds(
 ) -> Array:
     """[N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
 
-    `stored` is what `ntc.codec.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
+    `stored` is what `ntc.accuracy.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
     1 where numbers may overflow.
     """
     texture = stored.textures[texture_index]

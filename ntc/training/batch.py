@@ -1,4 +1,4 @@
-"""Textures whose decoders are trained side by side: all of them, or one group. One step at a time."""
+"""One batch of groups, whose textures are trained together, one step at a time."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ LOSS_MEMORY = 0.95
 
 @dataclass(frozen=True, eq=False)
 class StepReport:
-    """What came of a step."""
+    """The result of a step."""
 
     loss: Tensor
     """Mean square error of the samples."""
@@ -98,12 +98,12 @@ class TrainingBatch:
         return random_latents(sum(self._data.cell_counts), self._config, self._generator)
 
     def plan(self, steps: int) -> None:
-        """Set the length of the training anew, while it is under way; rates and rounding follow. No less than was done."""
+        """Change the number of steps while training is under way; rates and rounding follow. Not below the steps done."""
         self.steps = max(steps, self.step, 1)
 
     def start_at(self, textures: Sequence[EncodedTexture | None], decoders: Sequence[Decoder | None]) -> None:
         """Start at what a pack holds, before the first step: `textures` of this batch and `decoders` in the order of
-        `decoder_numbers`. None leaves one where it is."""
+        `decoder_numbers`. None leaves a texture or decoder as it is."""
         with torch.no_grad():
             for texture, encoded, first, cells in zip(
                 range(len(textures)), textures, self._first_cells, self._data.cell_counts, strict=True
@@ -120,7 +120,7 @@ class TrainingBatch:
                     self._share_output(number, textures)
 
     def _share_output(self, number: int, textures: Sequence[EncodedTexture | None]) -> None:
-        """Where adapters have the whole output layer, give the decoder the mean of it, and them the difference."""
+        """Where adapters hold the whole output layer, move its mean into the decoder, and keep the difference in the adapters."""
         if self._adapters is None or not self._adapters.output:
             return
         members = (self._decoder_of == number).cpu()
@@ -149,7 +149,7 @@ class TrainingBatch:
 
     @property
     def converged(self) -> int:
-        """Textures that dropped out."""
+        """Textures that stopped training because they had converged."""
         return int((~self._trained).sum())
 
     def _ranges(self, textures: Sequence[int]) -> tuple[Tensor, Tensor]:
@@ -183,13 +183,13 @@ class TrainingBatch:
                 torch.clamp(piece, low[texture], high[texture], out=piece)
 
     def quantized(self) -> list[QuantizedLatents]:
-        """The latents of each texture, rounded for good."""
+        """The latents of each texture after final rounding."""
         if self._rounded is None:
             self._rounded = self.rounded_now(range(self._data.count))
         return self._rounded
 
     def rounded_now(self, textures: Sequence[int]) -> list[QuantizedLatents]:
-        """The latents of `textures` as they would be stored if training ended here; it goes on untouched."""
+        """The latents of `textures` as they would be stored if training ended here; training is not affected."""
         if self._rounded is not None:
             return [self._rounded[texture] for texture in textures]
         rounded = []
@@ -200,7 +200,7 @@ class TrainingBatch:
         return rounded
 
     def stored_decoders(self) -> tuple[Decoder, ...]:
-        """The decoders as packs hold them: where adapters have an output layer, theirs is 0."""
+        """The decoders as packs store them: with an output layer of 0 where adapters have one."""
         decoders = self.decoders.export()
         if not self._config.adapter_output:
             return decoders
@@ -221,17 +221,17 @@ class TrainingBatch:
         """The adapter of each texture; none where the codec has none."""
         return () if self._adapters is None else self._adapters.export(self.decoders, self._decoder_of)
 
-    def _round_for_good(self) -> None:
+    def _round_finally(self) -> None:
         values = np.concatenate([quantized.values() for quantized in self.quantized()]).astype(np.float32)
         with torch.no_grad():
             self._table.values.copy_(torch.from_numpy(values))
 
     def advance(self, rate_factor: float) -> StepReport:
-        """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError, and nothing has changed then."""
+        """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError before anything was changed."""
         first_rounded = self.steps - math.floor(self.steps * self._training.rounded_share)
         rounded = self._rounded is not None or self.step >= first_rounded
         if rounded and self._rounded is None:
-            self._round_for_good()
+            self._round_finally()
         if self.step % STEPS_BETWEEN_RANGES == 0 and not rounded:
             self._measure_ranges()
         chosen = torch.nonzero(self._trained).flatten()
@@ -255,11 +255,11 @@ class TrainingBatch:
             )
         self._interruption()
         self._check(loss)
-        held = self._held() if len(chosen) < len(self._trained) else []
+        frozen = self._frozen_rows() if len(chosen) < len(self._trained) else []
         for part in self._parts[1:] if rounded else self._parts:
             self._interruption()
             part.step(scale * (freezing if part.freezes else 1.0))
-        for parameter, rows, values in held:
+        for parameter, rows, values in frozen:
             parameter.data[rows] = values
         self._remember(chosen, losses.detach())
         self.step += 1
@@ -299,8 +299,8 @@ class TrainingBatch:
             if bool(good[members].all()):
                 self._trained[members] = False
 
-    def _held(self) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """(parameter, rows, values) of what dropped out: momentum would carry it on."""
+    def _frozen_rows(self) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """(parameter, rows, values) of textures that stopped training: momentum would change them further."""
         textures = ~self._trained
         decoders = torch.ones(len(self.decoder_numbers), dtype=torch.bool, device=textures.device)
         decoders[self._decoder_of[self._trained]] = False
@@ -323,7 +323,7 @@ class TrainingBatch:
         return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask, self._interruption)
 
     def state(self) -> dict[str, Tensor]:
-        """Everything that the next step depends on, but the random generator; not copies."""
+        """Everything that the next step depends on, except the random generator; not copies."""
         found = {
             "step": torch.tensor(self.step),
             "noise_step": self._noise_step,
@@ -339,7 +339,7 @@ class TrainingBatch:
         return found
 
     def load(self, state: Mapping[str, Tensor]) -> None:
-        """Take over a state, copied. Raises KeyError or ValueError for one of another training."""
+        """Copy a state into this batch. Raises KeyError or ValueError for one of another training."""
         for part in self._parts:
             part.load(state)
         self.step = int(state["step"])

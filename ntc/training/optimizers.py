@@ -18,7 +18,7 @@ ROUNDS = 5
 QUINTIC = (3.4445, -4.7750, 2.0315)
 """Coefficients of the iteration that carries all singular values towards 1 (op. cit.)."""
 STEP_LIKE_ADAM = 0.2
-"""Root mean square of a step's entries, about that of Adam's, so that rates mean alike (J. Liu et al., 2025)."""
+"""Root mean square of a step's entries, about that of Adam's, so that learning rates are comparable (J. Liu et al., 2025)."""
 SMALLEST = 1e-12
 
 
@@ -71,17 +71,17 @@ class OptimizerPart:
 
     @property
     def parameters(self) -> list[Tensor]:
-        """What it trains."""
+        """The trained parameters."""
         return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
 
     def step(self, scale: float) -> None:
-        """One step at `scale` times the rate; none at 0, where Adam would go on by its momentum."""
+        """One step at `scale` times the rate; none at 0, where Adam would still move by its momentum."""
         if scale > 0.0:
             self.optimizer.param_groups[0]["lr"] = self.rate * scale
             self.optimizer.step()
 
     def state(self) -> dict[str, Tensor]:
-        """Parameters and what the optimiser remembers of them, by name; not copies."""
+        """Parameters and their optimiser state, by name; not copies."""
         found: dict[str, Tensor] = {}
         for number, parameter in enumerate(self.parameters):
             found[f"{self.name}.{number}"] = parameter.detach()
@@ -90,7 +90,7 @@ class OptimizerPart:
         return found
 
     def load(self, state: Mapping[str, Tensor]) -> None:
-        """Take over a state. Raises KeyError for a missing parameter and ValueError for another shape."""
+        """Copy a state. Raises KeyError for a missing parameter and ValueError for another shape."""
         self.optimizer.state.clear()
         for number, parameter in enumerate(self.parameters):
             name = f"{self.name}.{number}"

@@ -15,7 +15,7 @@ from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 
 @dataclass(frozen=True, eq=False)
 class GroupSnapshot:
-    """A group as it is stored: the textures and the decoder belong together."""
+    """A group as a pack stores it, at one moment of its training."""
 
     version: int
     """1 for the first of this group in a training, then one more each time."""
@@ -55,15 +55,15 @@ def encoded_texture(
 def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
     """`pack` with the group of the snapshot; all other textures and decoders are the same objects.
 
-    Where the group's textures are one group of `pack`, its decoder is replaced. Where they are not (groups are being made
-    anew), they leave theirs and get a new decoder, and decoders that nobody uses any more are dropped: the groups of the
-    result are then numbered in an order of its own until the pack that ends the training. Raises ValueError for
+    Where the group's textures are one group of `pack`, its decoder is replaced. Where they are not (the textures are
+    being grouped anew), they leave theirs and get a new decoder, and unused decoders are dropped: until the training has
+    ended, groups of the result are numbered differently than in the request. Raises ValueError for
     textures that `pack` does not have.
     """
     members = snapshot.members
     for index, encoded in zip(members, snapshot.textures, strict=True):
         if not 0 <= index < len(pack.textures) or pack.textures[index].pixel_hash != encoded.pixel_hash:
-            raise ValueError(f"texture {index} of the snapshot, {encoded.name}, is not that of the pack")
+            raise ValueError(f"texture {index} of the snapshot, {encoded.name}, is not the one of the pack")
     groups = list(pack.grouping.groups)
     decoders = list(pack.decoders)
     own = groups[members[0]]
@@ -105,7 +105,7 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
 
 
 def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> Pack:
-    """A pack of mid-grey in the groups of `grouping`, to show until the first snapshots."""
+    """A pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots."""
     shapes = codec.layer_shapes
     outputs, width = shapes[-1]
     zeros = [np.zeros(shape, np.float32) for shape in shapes]

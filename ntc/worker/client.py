@@ -1,4 +1,4 @@
-"""Background training as the window sees it: a handle to a process of its own. Needs no torch, and never waits."""
+"""The window's handle to the training process. Needs no torch, and never blocks."""
 
 import socket
 import time
@@ -34,35 +34,35 @@ from ntc.worker.report_checks import check_ended, check_progress, check_snapshot
 from ntc.worker.shared_arrays import SharedBlock, without_arrays
 
 SECONDS_TO_CANCEL = 0.6
-"""A process that has not obeyed by then is ended."""
+"""After this long a process that has not cancelled its training is killed."""
 SECONDS_TO_CLOSE = 0.5
-SECONDS_TO_LISTEN = 0.01
-"""A process that talks without end is not listened to for longer at once."""
+SECONDS_TO_READ = 0.01
+"""Longest time that one poll reads messages, however many there are."""
 LONGEST_IDLE_REPORT = 1 << 16
-"""Bytes, without a training."""
+"""Bytes: the longest report that is accepted while no training is under way."""
 LONGEST_REASON = 300
 
 
 @dataclass
 class _Job:
-    """A training under way, and what it holds."""
+    """A training under way, and its shared memory."""
 
     request: TrainingRequest
     message: bytes
-    """The StartTraining, as it goes through the pipe."""
+    """The framed StartTraining message."""
     input: SharedBlock
     snapshots: SharedBlock
     pack: Pack
-    """What `apply_snapshot` makes of the final snapshots so far."""
+    """The starting pack with the final snapshots so far applied."""
     sent: bool = False
     paused: bool = False
-    """As the caller wants it."""
+    """Whether the caller asked for a pause."""
     final: set[int] = field(default_factory=set)
-    """Groups whose last snapshot has come."""
+    """Groups whose final snapshot has arrived."""
 
     @property
     def longest_report(self) -> int:
-        """Bytes. A report says less of each texture than the request and the names of its fields."""
+        """Bytes. A report holds less about each texture than the request does."""
         return LONGEST_IDLE_REPORT + 8 * len(self.message)
 
     def release(self) -> None:
@@ -99,11 +99,11 @@ def _job(request: TrainingRequest) -> _Job:
 
 
 class TrainingWorker:
-    """One training at a time in a process of its own, which is kept for the next one. Use in a `with` block, from one thread.
+    """Runs one training at a time in a separate process, which is kept for the next one. Use in a `with` block, from one thread.
 
-    `poll` must be called often (each frame): it takes in what the process says. Nothing here waits for the process, but
-    `close`, for half a second at most. The process ends with this one, whatever happens to it; and whatever it sends, nothing
-    but reports comes of it: what makes no sense ends the process, and the training under way with Failed.
+    `poll` must be called often (each frame): it reads the reports of the process. Only `close` waits for the process, for half
+    a second at most. The process ends with this one, however this one ends. An invalid message ends the process, and the
+    training under way with Failed.
     """
 
     def __init__(self, launch: Callable[[socket.socket], TrainingProcess] = start_process) -> None:
@@ -112,8 +112,8 @@ class TrainingWorker:
         self._process: TrainingProcess | None = None
         self._pipe: WindowEnd | None = None
         self._ready = False
-        self._silent = False
-        """Whether all that the process said so far was heard."""
+        self._all_read = False
+        """Whether all bytes received so far have been read."""
         self._job: _Job | None = None
         self._cancelled_at: float | None = None
         self._ended: list[Report] = []
@@ -126,25 +126,25 @@ class TrainingWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether a training is under way; it then ends with Finished or Failed."""
+        """Whether a training is under way; its last report is Finished or Failed."""
         return self._job is not None
 
     @property
     def process_id(self) -> int | None:
-        """Of the process, where there is one."""
+        """Id of the training process; None while there is none."""
         return None if self._process is None else self._process.pid
 
     def warm_up(self) -> None:
-        """Start the process ahead of a training, so that it has torch when that begins. Without effect where it runs, and
-        where it cannot be started: `start` says why."""
+        """Start the process ahead of a training, so that it has imported torch by then. No effect where it runs already or
+        cannot be started; `start` reports why."""
         try:
             self._start_process()
         except OSError:
             self._end_process()
 
     def start(self, request: TrainingRequest) -> TrainingRequest:
-        """Begin a training; returns the request with its dirty groups named. Raises InputError for what cannot be trained,
-        for a training under way, and where there is no room in shared memory or for a process."""
+        """Start a training; returns the request with its dirty groups named. Raises InputError for what cannot be trained, for
+        a training under way, and where there is no shared memory or no process to be had."""
         if self._job is not None:
             raise InputError("training: another one is under way; cancel it first")
         request = checked_request(request)
@@ -163,35 +163,35 @@ class TrainingWorker:
         return request
 
     def poll(self) -> list[Report]:
-        """What has happened since the last call, oldest first, with one snapshot at most: further ones come with the next
-        calls, so that none takes long. Snapshots are copies, to be kept as long as needed."""
+        """The reports since the last call, oldest first, with one snapshot at most: further ones follow in the next calls,
+        so that no call takes long. Arrays of snapshots are copies."""
         reports, self._ended = self._ended, []
-        # Asked first: what a process said before its end is still heard.
+        # Checked first: what a process sent before its end is still read.
         lives = self._process is not None and self._process.is_alive()
         try:
-            self._listen(reports)
-            if self._process is not None and not lives and self._silent:
+            self._read_reports(reports)
+            if self._process is not None and not lives and self._all_read:
                 reports += self._lost()
         except (EOFError, OSError):
-            # It died, perhaps in the middle of a word.
+            # It ended, perhaps in the middle of a message.
             reports += self._lost()
         except (ValueError, MemoryError) as error:
-            reports += self._nonsense(error)
+            reports += self._invalid(error)
         if self._cancelled_at is not None and time.monotonic() - self._cancelled_at > SECONDS_TO_CANCEL:
             self._end_process()
             reports += self._finish(Finished("cancelled"))
         return reports
 
-    def _listen(self, reports: list[Report]) -> None:
-        """Add what has come to `reports`, up to a snapshot or for SECONDS_TO_LISTEN. Raises EOFError or OSError when the
-        process is gone, ValueError when it makes no sense."""
-        self._silent = False
-        end = time.monotonic() + SECONDS_TO_LISTEN
+    def _read_reports(self, reports: list[Report]) -> None:
+        """Append new reports to `reports`, up to a snapshot or for SECONDS_TO_READ. Raises EOFError or OSError when the
+        process is gone, ValueError for an invalid message."""
+        self._all_read = False
+        end = time.monotonic() + SECONDS_TO_READ
         while self._pipe is not None and time.monotonic() < end:
             self._pipe.flush()
             message = self._pipe.receive(LONGEST_IDLE_REPORT if self._job is None else self._job.longest_report)
             if message is None:
-                self._silent = True
+                self._all_read = True
                 return
             report = self._take(decode_report(message))
             if report is not None:
@@ -200,11 +200,11 @@ class TrainingWorker:
                 return
 
     def pause(self) -> None:
-        """Stand still; Paused follows. Without effect when nothing is under way."""
+        """Pause the training; a Paused report follows. No effect while no training is under way."""
         self._set_paused(True)
 
     def resume(self) -> None:
-        """Go on; Resumed follows."""
+        """Continue after a pause; a Resumed report follows."""
         self._set_paused(False)
 
     def _set_paused(self, paused: bool) -> None:
@@ -213,18 +213,18 @@ class TrainingWorker:
             self._command(Pause() if paused else Resume())
 
     def cancel(self) -> None:
-        """End the training; Finished follows within a second. Snapshots that were taken are the caller's to keep or drop."""
+        """End the training; Finished follows within a second. The caller may keep snapshots that it got."""
         if self._job is None or self._cancelled_at is not None:
             return
         self._cancelled_at = time.monotonic()
         self._command(Cancel())
         if not self._ready:
-            # It is still starting, and holds nothing yet.
+            # The process is still starting: there is nothing to wait for.
             self._end_process()
             self._ended += self._finish(Finished("cancelled"))
 
     def close(self) -> None:
-        """End the process and give everything back; may be called again."""
+        """End the process and release its shared memory; may be called again."""
         self._finish(Finished("cancelled"))
         self._end_process()
         self._ended = []
@@ -238,7 +238,7 @@ class TrainingWorker:
         try:
             self._process = self._launch(other)
         finally:
-            # Held here too, the pipe would never be found closed.
+            # An open copy in this process would hide that the other end was closed.
             other.close()
 
     def _end_process(self) -> None:
@@ -266,11 +266,11 @@ class TrainingWorker:
                 self._command(Pause())
 
     def _take(self, report: WorkerReport) -> Report | None:
-        """What the caller gets to see of a report. Raises ValueError for one that cannot be true."""
+        """The report as the caller gets it, or None. Raises ValueError for one that does not fit the training."""
         job = self._job
         if isinstance(report, Ready):
             if self._ready:
-                raise WireError("it starts twice")
+                raise WireError("it reported Ready twice")
             self._ready = True
             self._send_start()
             return None
@@ -302,15 +302,15 @@ class TrainingWorker:
         check_ended(ended, job.request)
         if ended.reason == "cancelled":
             if self._cancelled_at is None:
-                raise WireError("it ended what nobody cancelled")
+                raise WireError("it reported a cancelled training that was not cancelled")
             return None
         missing = (job.request.dirty or frozenset()) - job.final
         if missing:
-            raise WireError(f"it ended without group {min(missing)}")
+            raise WireError(f"it ended without a final snapshot of group {min(missing)}")
         return replace(ended_pack(job.pack, job.request.grouping), training=ended.record, path=None)
 
     def _finish(self, last: Finished | Failed) -> list[Report]:
-        """The last report of the training under way, whose memory is given back; none without a training."""
+        """End the training under way with `last`, and release its memory; no report without a training."""
         job, self._job, self._cancelled_at = self._job, None, None
         if job is None:
             return []
@@ -327,14 +327,14 @@ class TrainingWorker:
             return self._failed("closed its pipe")
         return self._failed(f"was killed by signal {-code}" if code < 0 else f"ended with status {code}")
 
-    def _nonsense(self, error: Exception) -> list[Report]:
+    def _invalid(self, error: Exception) -> list[Report]:
         reason = str(error)[:LONGEST_REASON] or type(error).__name__
-        return self._failed(f"sent what makes no sense ({reason}), and was ended")
+        return self._failed(f"sent an invalid message ({reason}), and was ended")
 
     def _failed(self, why: str) -> list[Report]:
         """End the process, and with it the training under way."""
         self._end_process()
         if self._cancelled_at is not None:
             return self._finish(Finished("cancelled"))
-        line = f"training: its process {why}; what was shown stays, nothing else is lost: start the training again"
+        line = f"training: its process {why}; open packs are unchanged; start the training again"
         return self._finish(sanitize(Failed(line)))

@@ -1,7 +1,7 @@
-"""The pipe between the window and the training process: a pair of sockets, and messages with their length before them.
+"""The pipe between the window and the training process: a pair of sockets, and messages preceded by their length.
 
-`multiprocessing.Pipe` would do but for one thing: its `poll` says that a message has begun, and `recv` then waits for the
-rest. A process that is stopped in the middle of a message, or does not read, would hold up the window.
+`multiprocessing.Pipe` does not fit: `poll` returns True once a message has begun, and `recv` then blocks until it is complete.
+A process that is stopped in the middle of a message, or does not read, would block the window.
 """
 
 import socket
@@ -12,33 +12,33 @@ from ntc.errors import WireError
 
 _LENGTH = struct.Struct("<I")
 CHUNK = 1 << 16
-"""Bytes read at once: memory grows with what has come, not with what a length claims."""
+"""Bytes read at once: memory grows with the bytes received, not with the length that a message claims."""
 MOST_UNSENT = 1000
-"""Commands that wait for a process which does not read them; it never leaves more than a few."""
+"""Commands that may wait to be sent; a process that reads them leaves a few at most."""
 LONGEST_COMMAND = 1 << 28
 """Bytes. A request takes about 1 KB for each texture: pixels are in shared memory."""
 
 
 def framed(message: bytes) -> bytes:
-    """A message as it goes through the pipe. Raises WireError for one that nobody would take."""
+    """A message with its length before it. Raises WireError for one of more than LONGEST_COMMAND bytes."""
     if len(message) > LONGEST_COMMAND:
         raise WireError(f"a message of {len(message) / 1e6:.0f} MB cannot be sent")
     return _LENGTH.pack(len(message)) + message
 
 
 class _Incoming:
-    """Bytes as they come, cut into messages."""
+    """Splits received bytes into messages."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
 
     def take(self, longest: int) -> bytes | None:
-        """The next message; None as long as it is not whole. Raises WireError for one of more than `longest` bytes."""
+        """The next message; None until it is complete. Raises WireError for one of more than `longest` bytes."""
         if len(self._bytes) < _LENGTH.size:
             return None
         (length,) = _LENGTH.unpack_from(self._bytes)
         if length > longest:
-            raise WireError(f"a message of {length} bytes, where at most {longest} are possible")
+            raise WireError(f"a message of {length} bytes; at most {longest} are accepted")
         end = _LENGTH.size + length
         if len(self._bytes) < end:
             return None
@@ -47,14 +47,14 @@ class _Incoming:
         return message
 
     def add(self, data: bytes) -> None:
-        """More bytes. Raises EOFError where there are none: the other end is closed."""
+        """Append received bytes. Raises EOFError for none: the other end is closed."""
         if not data:
             raise EOFError
         self._bytes += data
 
 
 class WindowEnd:
-    """The window's end, which never waits."""
+    """The window's end, which never blocks."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
@@ -63,10 +63,10 @@ class WindowEnd:
         self._unsent: deque[memoryview] = deque()
 
     def receive(self, longest: int) -> bytes | None:
-        """The next message; None as long as it is not here. Raises EOFError or OSError when the other end is gone, and
-        WireError for a message of more than `longest` bytes and for a process that does not read."""
+        """The next message; None until it is complete. Raises EOFError or OSError when the other end is gone, and WireError
+        for a message of more than `longest` bytes and for a process that does not read its commands."""
         if len(self._unsent) > MOST_UNSENT:
-            raise WireError("it does not listen")
+            raise WireError("it does not read its commands")
         while (message := self._incoming.take(longest)) is None:
             try:
                 self._incoming.add(self._end.recv(CHUNK))
@@ -75,12 +75,12 @@ class WindowEnd:
         return message
 
     def send(self, message: bytes) -> None:
-        """Send a framed message, or as much of it as fits; `flush` sends the rest. That nobody is there, `receive` says."""
+        """Send a framed message, or as much of it as fits; `flush` sends the rest. `receive` reports a closed pipe."""
         self._unsent.append(memoryview(message))
         self.flush()
 
     def flush(self) -> None:
-        """Send what is left of earlier messages, as far as it fits."""
+        """Send the rest of earlier messages, as far as it fits."""
         try:
             while self._unsent:
                 sent = self._end.send(self._unsent[0])
@@ -93,19 +93,19 @@ class WindowEnd:
             self._unsent.clear()
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._end.close()
 
 
 class WorkerEnd:
-    """The training process's end, which waits: one thread may receive and another one send."""
+    """The training process's end, which blocks: one thread may receive while another one sends."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self._incoming = _Incoming()
 
     def receive(self) -> bytes:
-        """The next message. Raises EOFError or OSError when the window is gone, WireError for what is too long."""
+        """The next message. Raises EOFError or OSError when the window is gone, WireError for a message that is too long."""
         while (message := self._incoming.take(LONGEST_COMMAND)) is None:
             self._incoming.add(self._end.recv(CHUNK))
         return message

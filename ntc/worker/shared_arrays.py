@@ -1,4 +1,4 @@
-"""Arrays in shared memory: how large messages go from one process to another."""
+"""Arrays of messages in shared memory, so that large messages are not copied through a pipe."""
 
 import math
 import os
@@ -19,7 +19,7 @@ ALIGNMENT = 64
 PREFIX = "ntc-"
 """The names of all blocks start with this; the id of the process that created the block follows."""
 PLAIN_NUMBERS = re.compile("[<>|=](?:[biu]1|[iuf][248])")
-"""Types of arrays that are exchanged, as numpy spells them."""
+"""numpy's names of the array types that are exchanged."""
 MOST_AXES = 8
 BLOCK_NAME = re.compile(PREFIX + "[0-9]{1,10}-[0-9a-f]{16}")
 T = TypeVar("T")
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ArrayPlace:
-    """Where an array lies in a block; stands in its place in a message."""
+    """Where an array lies in a block; replaces the array in a message."""
 
     offset: int
     shape: tuple[int, ...]
@@ -35,9 +35,9 @@ class ArrayPlace:
 
     @property
     def size(self) -> int:
-        """Bytes of the array. Raises ValueError for a place that no array has."""
+        """Bytes of the array. Raises ValueError for types and shapes that are not exchanged."""
         if PLAIN_NUMBERS.fullmatch(self.dtype) is None:
-            # Of objects, the bytes would be taken for addresses; the names of other types are parsed by numpy at length.
+            # Bytes of an array of objects would be used as addresses.
             raise ValueError(f"arrays of {self.dtype[:20]!r} are not exchanged")
         if len(self.shape) > MOST_AXES or min(self.shape, default=0) < 0:
             raise ValueError(f"{self} lies outside every block")
@@ -50,7 +50,7 @@ def aligned(size: int) -> int:
 
 
 def replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
-    """`value` with everything of a type within its dataclasses and tuples changed."""
+    """`value` with `change` applied to every instance of `of_type` within its dataclasses and tuples."""
     if isinstance(value, of_type):
         return change(value)
     if isinstance(value, tuple):
@@ -65,8 +65,8 @@ def replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
 
 
 def without_arrays(message: T, start: int = 0) -> tuple[T, list[NDArray[Any]], int]:
-    """A message with places instead of its arrays, the arrays, and where the last one ends in a block that holds them
-    from `start` on."""
+    """A message with places instead of its arrays, the arrays, and the byte where the last one ends in a block that holds
+    them from byte `start` on."""
     arrays: list[NDArray[Any]] = []
     position = start
 
@@ -81,8 +81,8 @@ def without_arrays(message: T, start: int = 0) -> tuple[T, list[NDArray[Any]], i
 
 
 class SharedBlock:
-    """A block of shared memory. Whoever created it removes its name, and may do so once the other side has opened it:
-    the memory itself lives until both have closed it, and what is killed then leaves nothing behind."""
+    """A block of shared memory. The process that created it removes its name, once the other one has opened it: the memory
+    stays until both have closed it, and nothing is left when one of them is killed."""
 
     def __init__(self, memory: SharedMemory, owner: bool) -> None:
         self._memory: SharedMemory | None = memory
@@ -91,7 +91,7 @@ class SharedBlock:
 
     @classmethod
     def create(cls, size: int) -> "SharedBlock":
-        """A new block of at least `size` bytes, all of which can be written. Raises InputError where there is no room."""
+        """A new block of at least `size` writable bytes. Raises InputError where there is not enough shared memory."""
         try:
             memory = SharedMemory(f"{PREFIX}{os.getpid()}-{secrets.token_hex(8)}", create=True, size=max(1, size))
         except (OSError, ValueError, ImportError) as error:
@@ -109,9 +109,9 @@ class SharedBlock:
 
     @classmethod
     def open(cls, name: str) -> "SharedBlock":
-        """A block that the other process created. Raises OSError where it is gone, ValueError for another kind of name."""
+        """A block that the other process created. Raises OSError where it does not exist, ValueError for a name that no block has."""
         if BLOCK_NAME.fullmatch(name) is None:
-            raise ValueError(f"{name[:60]!r} is no name of shared memory for training")
+            raise ValueError(f"{name[:60]!r} is not the name of a block")
         return cls(SharedMemory(name), owner=False)
 
     def write(self, message: T, start: int = 0) -> T:
@@ -131,8 +131,8 @@ class SharedBlock:
         return places
 
     def read(self, message: T) -> T:
-        """A message with copies of its arrays, read-only, instead of their places. Raises ValueError for a place outside, and
-        for places that overlap so much that the copies would be larger than the block."""
+        """A message with read-only copies of its arrays instead of their places. Raises ValueError for a place outside the
+        block, and for copies that would together be larger than the block."""
         buffer = self._buffer()
         left = len(buffer)
 
@@ -156,14 +156,14 @@ class SharedBlock:
         return buffer
 
     def remove_name(self) -> None:
-        """Nobody can open the block from now on; who has it open keeps it."""
+        """Remove the block's name, so that it can no longer be opened; processes that have it open keep it."""
         if self._owner and self._memory is not None:
             self._owner = False
             with suppress(FileNotFoundError):
                 self._memory.unlink()
 
     def close(self) -> None:
-        """Give the block back, and its name where this process created it."""
+        """Close the block, and remove its name where this process created it."""
         if self._memory is not None:
             self.remove_name()
             self._memory.close()

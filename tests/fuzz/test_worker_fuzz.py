@@ -240,7 +240,7 @@ def test_what_makes_no_sense_ends_the_training_in_one_line_and_it_can_begin_agai
     session.run()
     (end,) = session.ends
     assert isinstance(end, Failed)
-    assert "makes no sense" in end.line
+    assert "invalid message" in end.line
     assert not session.worker.busy
     assert session.processes[0].exitcode == -9, "it was ended"
     assert left_of(session.processes[0]) == []

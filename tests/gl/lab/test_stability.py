@@ -7,8 +7,8 @@ import pytest
 
 from lab.bench.stability import StabilityBench, StabilityRow, fixture_paths
 from lab.bench.stability_cases import StabilityCase, stability_cases
+from ntc.accuracy.rescale import exponents
 from ntc.codec.config import Precision
-from ntc.codec.rescale import exponents
 from viewer.gl.context import GraphicsContext
 
 CASES = {case.name: case for case in stability_cases(300)}

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import moderngl
 import numpy as np
 
-from ntc.codec.rescale import stored_pack
+from ntc.accuracy.rescale import stored_pack
 from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import StorageBinding, UniformBinding

@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
-from ntc.codec.rescale import stored_pack
 from ntc.pack.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext

@@ -10,11 +10,11 @@ from lab.bench.random_pack import random_pack
 from ntc.accuracy.error_bound import pack_bounds, texture_bounds
 from ntc.accuracy.half_reference import decode_texels_in_half
 from ntc.accuracy.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
+from ntc.accuracy.rescale import Exponents, exponents, rescaled_pack, stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import CodecConfig, Precision
 from ntc.codec.latents import latent_levels
 from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
-from ntc.codec.rescale import Exponents, exponents, rescaled_pack, stored_pack
 from ntc.pack.model import Decoder, Pack
 
 TEXELS = 100_000
