@@ -24,7 +24,7 @@ from imgui_bundle import imgui
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import median, report, size_of
 from ntc.io import write_text
-from viewer.app.headless import HeadlessApp
+from tests.support.driven_app import DrivenApp
 from viewer.cli.sources import builtin_scene_path
 from viewer.gl.timer import PassTimer
 from viewer.scene.load import load_scene
@@ -74,7 +74,7 @@ def _watched(drawing: _Drawing) -> Iterator[None]:
         yield
 
 
-def _frames(app: HeadlessApp, moving: bool, count: int, around: Callable[[Callable[[], None]], None]) -> None:
+def _frames(app: DrivenApp, moving: bool, count: int, around: Callable[[Callable[[], None]], None]) -> None:
     """Draw `count` frames; `around` is called with each."""
     camera = app.session.view.camera
     for number in range(count):
@@ -85,7 +85,7 @@ def _frames(app: HeadlessApp, moving: bool, count: int, around: Callable[[Callab
         app.screenshot()
 
 
-def time_frames(app: HeadlessApp, moving: bool, count: int) -> dict[str, float]:
+def time_frames(app: DrivenApp, moving: bool, count: int) -> dict[str, float]:
     """Medians in ms of a whole frame, its passes, ImGui's drawing, and the rest: Python with what it calls."""
     drawing = _Drawing()
 
@@ -104,7 +104,7 @@ def time_frames(app: HeadlessApp, moving: bool, count: int) -> dict[str, float]:
     }
 
 
-def profile_frames(app: HeadlessApp, moving: bool, count: int) -> list[dict[str, Any]]:
+def profile_frames(app: DrivenApp, moving: bool, count: int) -> list[dict[str, Any]]:
     """All functions of viewer and ntc, those with most time of their own first, in ms a frame under the profiler.
 
     ImGui's functions are not seen by the profiler: they count for the function that calls them. Those of OpenGL are.
@@ -143,7 +143,7 @@ def main() -> int:
     path = builtin_scene_path()
     with tempfile.TemporaryDirectory() as pictures:
         settings = replace(ViewerSettings(), show_panels=True)
-        app = HeadlessApp(load_scene(path), open_packs(packs_beside(path)), given.size, Path(pictures), settings)
+        app = DrivenApp(load_scene(path), open_packs(packs_beside(path)), given.size, Path(pictures), settings)
         # A coarse picture would be another one.
         app.run("view.coarse-while-moving", False)
         if given.overlay:

@@ -21,7 +21,7 @@ import numpy as np
 
 from lab.benchmarks.measuring import arguments, chosen_cameras, report
 from ntc.io import write_text
-from viewer.app.headless import HeadlessApp
+from tests.support.driven_app import DrivenApp
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
 from viewer.state.open_files import InitialView
@@ -34,7 +34,7 @@ FRAME_SECONDS = 1.0 / 60.0
 class Window:
     """An app whose frames are timed while a panel is dragged."""
 
-    def __init__(self, app: HeadlessApp) -> None:
+    def __init__(self, app: DrivenApp) -> None:
         self.app = app
         app.settle()
         self._at = app.widgets.centre("Timings")
@@ -92,7 +92,7 @@ def main() -> None:
     loads = [os.getloadavg()[0]]
     with tempfile.TemporaryDirectory() as folder:
         settings = ViewerSettings(window_size=options.size)
-        app = HeadlessApp(scene, {}, options.size, Path(folder), settings, InitialView("reference", "cached"))
+        app = DrivenApp(scene, {}, options.size, Path(folder), settings, InitialView("reference", "cached"))
         session = app.session
         session.view = replace(session.view, camera=camera, overlay=Overlay("divergence"))
         window = Window(app)

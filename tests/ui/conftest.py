@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 from lab.bench.random_pack import random_pack
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
-from viewer.app.headless import HeadlessApp
+from tests.support.driven_app import DrivenApp
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
@@ -53,7 +53,7 @@ def run_window(
     )
 
 
-def hide_panels(app: HeadlessApp) -> None:
+def hide_panels(app: DrivenApp) -> None:
     app.press(imgui.Key.h)
     assert not app.session.window.show_panels
 
@@ -69,8 +69,8 @@ def scene(scene_path: Path) -> Scene:
 
 
 @pytest.fixture
-def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
-    made = HeadlessApp(
+def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
+    made = DrivenApp(
         scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", ViewerSettings(live_figures=False)
     )
     made.settle()

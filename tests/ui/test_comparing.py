@@ -13,9 +13,9 @@ from imgui_bundle import imgui
 
 from ntc.codec.color import linear_to_srgb8
 from ntc.metrics.metrics import psnr_db
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
-from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.inspect import live_comparison
 from viewer.inspect.comparison import Comparison, PicturePair, compare
@@ -31,7 +31,7 @@ MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 PATIENCE_SECONDS = 60.0
 
 
-def until(app: HeadlessApp, reached: Callable[[], bool]) -> None:
+def until(app: DrivenApp, reached: Callable[[], bool]) -> None:
     start = time.monotonic()
     while not reached():
         assert time.monotonic() - start < PATIENCE_SECONDS
@@ -50,11 +50,11 @@ def shared_process() -> Iterator[ComparisonProcess]:
 @pytest.fixture
 def live(
     scene: Scene, scene_path: Path, tmp_path: Path, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[HeadlessApp]:
+) -> Iterator[DrivenApp]:
     """With live figures; the camera looks at both squares from the front."""
     monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
     monkeypatch.setattr(shared_process, "close", lambda: None)
-    made = HeadlessApp(
+    made = DrivenApp(
         scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path, ViewerSettings(coarse_while_moving=False)
     )
     camera = replace(made.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
@@ -65,11 +65,11 @@ def live(
     made.close()
 
 
-def labels(app: HeadlessApp) -> tuple[str, ...]:
+def labels(app: DrivenApp) -> tuple[str, ...]:
     return app.widgets.labels()
 
 
-def hide_panels(app: HeadlessApp) -> None:
+def hide_panels(app: DrivenApp) -> None:
     app.session.window.show_panels = False
     app.settle()
 
@@ -78,12 +78,12 @@ def hide_panels(app: HeadlessApp) -> None:
     ("label", "mode"),
     [("Wipe across", "wipe-horizontal"), ("Side by side", "side-by-side"), ("Difference", "difference")],
 )
-def test_modes(app: HeadlessApp, label: str, mode: str) -> None:
+def test_modes(app: DrivenApp, label: str, mode: str) -> None:
     app.click(label)
     assert app.session.view.compare == mode
 
 
-def test_the_difference_is_chosen_in_the_panel(app: HeadlessApp) -> None:
+def test_the_difference_is_chosen_in_the_panel(app: DrivenApp) -> None:
     app.click("Difference")
     app.click("difference")
     app.click("difference: relative")
@@ -96,7 +96,7 @@ def test_the_difference_is_chosen_in_the_panel(app: HeadlessApp) -> None:
     assert "gain" in labels(app)
 
 
-def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: HeadlessApp) -> None:
+def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: DrivenApp) -> None:
     hide_panels(app)
     run_line(app.context, "compare.mode wipe-horizontal")
     app.settle()
@@ -114,7 +114,7 @@ def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: Headless
 
 
 @pytest.mark.parametrize("mode", ["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"])
-def test_space_shows_the_other_slot_in_every_mode(app: HeadlessApp, mode: CompareMode) -> None:
+def test_space_shows_the_other_slot_in_every_mode(app: DrivenApp, mode: CompareMode) -> None:
     hide_panels(app)
     view = replace(app.session.view, compare=mode)
     app.session.view = view
@@ -138,7 +138,7 @@ def test_space_shows_the_other_slot_in_every_mode(app: HeadlessApp, mode: Compar
     assert (held != before).any()
 
 
-def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flicker_composes_and_decodes_nothing(app: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
     hide_panels(app)
     for mode in ("a", "b", "a"):
         run_line(app.context, f"compare.mode {mode}")
@@ -172,7 +172,7 @@ def test_flicker_composes_and_decodes_nothing(app: HeadlessApp, monkeypatch: pyt
     assert app.frontend.seconds_until_change == math.inf
 
 
-def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
+def test_figures_of_the_view_come_when_it_rests(live: DrivenApp) -> None:
     until(live, lambda: live.frontend.facts().live.is_current)
     found = live.frontend.facts().live.comparison
     renderer = live.frontend.picture.renderer
@@ -204,7 +204,7 @@ def test_figures_of_the_view_come_when_it_rests(live: HeadlessApp) -> None:
         assert not live.frontend.live.is_computing
 
 
-def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_dropped(live: HeadlessApp) -> None:
+def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_dropped(live: DrivenApp) -> None:
     started = time.monotonic()
     number = 0
     while time.monotonic() - started < 0.8:
@@ -227,7 +227,7 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
     assert found.pixels == renderer.covered().sum()
 
 
-def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
+def test_no_figures_where_both_slots_show_the_same(live: DrivenApp) -> None:
     live.session.view = replace(live.session.view, slot_a=Slot(), slot_b=Slot())
     until(live, lambda: not live.frontend.needs_frame(SIZE))
     time.sleep(0.35)
@@ -236,7 +236,7 @@ def test_no_figures_where_both_slots_show_the_same(live: HeadlessApp) -> None:
     assert not live.frontend.live.is_computing
 
 
-def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> None:
+def test_the_errors_are_sorted_coloured_and_highlighted(live: DrivenApp) -> None:
     until(live, lambda: live.frontend.facts().live.is_current)
     live.click("show histogram")
     assert "histogram" in labels(live)
@@ -269,7 +269,7 @@ def test_the_errors_are_sorted_coloured_and_highlighted(live: HeadlessApp) -> No
     assert live.session.inspection.errors.highlighted_decoder == decoder
 
 
-def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> None:
+def test_one_pixel_is_read_when_it_or_the_picture_changes(app: DrivenApp) -> None:
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
     app.session.view = replace(app.session.view, camera=camera)
@@ -304,7 +304,7 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: HeadlessApp) -> N
     assert app.frontend.reader.pixels.reads > reads
 
 
-def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:
+def test_pixels_at_the_edge_and_beside_each_other(app: DrivenApp) -> None:
     run_line(app.context, "pixel.keep 0 0")
     app.settle()
     pixel = app.frontend.facts().pixel
@@ -321,7 +321,7 @@ def test_pixels_at_the_edge_and_beside_each_other(app: HeadlessApp) -> None:
         assert hovered[0] == pytest.approx(seen, abs=0.004)
 
 
-def test_a_click_keeps_the_pixel(app: HeadlessApp) -> None:
+def test_a_click_keeps_the_pixel(app: DrivenApp) -> None:
     run_line(app.context, "pixel.panel")
     hide_panels(app)
     app.click_at(MIDDLE[0] + 60, MIDDLE[1] + 30)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
-from viewer.app.headless import HeadlessApp
 from viewer.scene.cameras_file import read_cameras
 from viewer.state.view_state import Overlay, Slot
 from viewer.state.zoom import WHOLE
@@ -18,7 +18,7 @@ MEETING = (SIZE[0] / 2, SIZE[1] / 2)
 
 
 @pytest.fixture
-def mapped(app: HeadlessApp) -> HeadlessApp:
+def mapped(app: DrivenApp) -> DrivenApp:
     """Both squares seen from the front, with the map."""
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
@@ -33,11 +33,11 @@ def mapped(app: HeadlessApp) -> HeadlessApp:
     return app
 
 
-def labels(app: HeadlessApp) -> tuple[str, ...]:
+def labels(app: DrivenApp) -> tuple[str, ...]:
     return app.widgets.labels()
 
 
-def wheel(app: HeadlessApp, at: tuple[float, float], notches: int) -> None:
+def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
     app.move(*at)
     for key in (imgui.Key.left_ctrl, imgui.Key.mod_ctrl):
         app.key(key, True)
@@ -49,13 +49,13 @@ def wheel(app: HeadlessApp, at: tuple[float, float], notches: int) -> None:
     app.settle()
 
 
-def test_the_panel_is_there_with_the_map_only(mapped: HeadlessApp) -> None:
+def test_the_panel_is_there_with_the_map_only(mapped: DrivenApp) -> None:
     assert {"color bar", "divergence figures", "blocks with D", "up to D"} <= set(labels(mapped))
     mapped.press(imgui.Key.o)
     assert "color bar" not in labels(mapped)
 
 
-def test_block_shape_and_palette_are_chosen(mapped: HeadlessApp) -> None:
+def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
     mapped.click("block")
     mapped.click("block: 16x4")
     assert mapped.session.view.overlay.block == "16x4"
@@ -68,7 +68,7 @@ def test_block_shape_and_palette_are_chosen(mapped: HeadlessApp) -> None:
     assert mapped.session.view.overlay.palette == "green-red"
 
 
-def test_both_sides_and_the_cut_are_shown(mapped: HeadlessApp) -> None:
+def test_both_sides_and_the_cut_are_shown(mapped: DrivenApp) -> None:
     mapped.session.view = replace(mapped.session.view, compare="wipe")
     mapped.settle()
     figures = mapped.frontend.facts().divergence
@@ -79,7 +79,7 @@ def test_both_sides_and_the_cut_are_shown(mapped: HeadlessApp) -> None:
     assert mapped.frontend.facts().skipped.get("passes", 0) == before
 
 
-def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
+def test_pointing_at_a_block_says_what_is_in_it(mapped: DrivenApp) -> None:
     mapped.session.window.show_panels = False
     mapped.move(MEETING[0], MEETING[1])
     mapped.settle()
@@ -98,7 +98,7 @@ def test_pointing_at_a_block_says_what_is_in_it(mapped: HeadlessApp) -> None:
     assert seen.maximum == 2
 
 
-def test_a_click_keeps_the_block_and_lets_it_go(mapped: HeadlessApp) -> None:
+def test_a_click_keeps_the_block_and_lets_it_go(mapped: DrivenApp) -> None:
     mapped.session.window.show_panels = False
     mapped.click_at(MEETING[0] - 20, MEETING[1] + 60)
     mapped.session.window.show_panels = True
@@ -115,7 +115,7 @@ def test_a_click_keeps_the_block_and_lets_it_go(mapped: HeadlessApp) -> None:
     assert mapped.session.inspection.block is None
 
 
-def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: HeadlessApp) -> None:
+def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: DrivenApp) -> None:
     mapped.session.window.show_panels = False
     camera = mapped.session.view.camera
     mapped.drag((MEETING[0], MEETING[1] + 60), (MEETING[0] + 30, MEETING[1] + 80))
@@ -123,13 +123,13 @@ def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: HeadlessApp) -> None
     assert mapped.session.inspection.block is None
 
 
-def test_without_the_map_a_click_keeps_nothing(app: HeadlessApp) -> None:
+def test_without_the_map_a_click_keeps_nothing(app: DrivenApp) -> None:
     app.session.window.show_panels = False
     app.click_at(MEETING[0] - 20, MEETING[1] + 60)
     assert app.session.inspection.block is None
 
 
-def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: HeadlessApp) -> None:
+def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: DrivenApp) -> None:
     mapped.session.window.show_panels = False
     mapped.settle()
     whole = mapped.screenshot()
@@ -149,7 +149,7 @@ def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: HeadlessApp) -> No
     assert mapped.session.view.zoom == WHOLE
 
 
-def test_a_path_is_recorded_as_a_cameras_file(app: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_is_recorded_as_a_cameras_file(app: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frontend, "RECORDING_SECONDS", 0.0)
     app.press(imgui.Key.r)
     for x in (0.1, 0.2, 0.3):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from tests.support.driven_app import DrivenApp
 from tests.support.picture_scenes import Part, scene_of, texture
 from tests.ui.conftest import SIZE
-from viewer.app.headless import HeadlessApp
 from viewer.commands import find_command
 from viewer.inspect.texture_table import TextureRow
 from viewer.scene.model import Material, Scene
@@ -20,19 +20,19 @@ from viewer.state.event_handlers import notify
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 
-Opener = Callable[..., HeadlessApp]
+Opener = Callable[..., DrivenApp]
 
 
 @pytest.fixture
 def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
     """Opens a window's content at some size, of some scene."""
-    opened: list[HeadlessApp] = []
+    opened: list[DrivenApp] = []
 
     def open_app(
         size: tuple[int, int] = SIZE, shown: Scene | None = None, settings: ViewerSettings | None = None
-    ) -> HeadlessApp:
+    ) -> DrivenApp:
         packs = {} if shown is not None else open_packs(packs_beside(scene_path))
-        made = HeadlessApp(shown or scene, packs, size, tmp_path, settings)
+        made = DrivenApp(shown or scene, packs, size, tmp_path, settings)
         opened.append(made)
         made.settle()
         return made
@@ -42,22 +42,22 @@ def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
         made.close()
 
 
-def labels(app: HeadlessApp) -> tuple[str, ...]:
+def labels(app: DrivenApp) -> tuple[str, ...]:
     return app.widgets.labels()
 
 
-def run(app: HeadlessApp, command: str, *arguments: str) -> None:
+def run(app: DrivenApp, command: str, *arguments: str) -> None:
     app.run(command, *find_command(command).parse(arguments))
     app.settle()
 
 
-def shown_textures(app: HeadlessApp) -> list[str]:
+def shown_textures(app: DrivenApp) -> list[str]:
     """Rows of the table from top to bottom."""
     found = [label for label in labels(app) if label.startswith("texture ") and label.split()[1].isdecimal()]
     return sorted(found, key=lambda label: app.widgets.centre(label)[1])
 
 
-def wait_for_background(app: HeadlessApp) -> None:
+def wait_for_background(app: DrivenApp) -> None:
     for _ in range(500):
         app.frame()
         if not app.frontend.interface.background.is_busy:
@@ -72,7 +72,7 @@ def many_textures(count: int) -> Scene:
     return scene_of(parts, [Material(f"m{number}", number, (1.0, 1.0, 1.0, 1.0)) for number in range(count)], textures)
 
 
-def test_textures_are_filtered_sorted_and_selected(app: HeadlessApp) -> None:
+def test_textures_are_filtered_sorted_and_selected(app: DrivenApp) -> None:
     app.show_panel("Textures")
     assert shown_textures(app) == ["texture 0", "texture 1"]
     app.click("texture 1")
@@ -110,7 +110,7 @@ def test_thumbnails_are_made_for_rows_in_sight_only(opener: Opener) -> None:
     assert len(labels(few)) == pytest.approx(widgets, abs=3), "a frame costs what is in sight"
 
 
-def test_a_double_click_shows_a_texture_flat(app: HeadlessApp) -> None:
+def test_a_double_click_shows_a_texture_flat(app: DrivenApp) -> None:
     app.show_panel("Textures")
     app.double_click("texture 1")
     assert app.session.inspection.flat_texture == 1
@@ -147,7 +147,7 @@ def test_the_flat_view_shows_the_original_pixels(opener: Opener) -> None:
     assert np.median(distance) <= 1
 
 
-def test_groups_have_members_distances_and_a_way_to_train(app: HeadlessApp) -> None:
+def test_groups_have_members_distances_and_a_way_to_train(app: DrivenApp) -> None:
     app.show_panel("Groups")
     assert {"group 0", "group 1", "Train group", "member 0"} <= set(labels(app))
     app.click("group 1")
@@ -160,7 +160,7 @@ def test_groups_have_members_distances_and_a_way_to_train(app: HeadlessApp) -> N
     assert "group 0" not in labels(app)
 
 
-def test_nodes_and_materials_are_found_and_lead_to_textures(app: HeadlessApp) -> None:
+def test_nodes_and_materials_are_found_and_lead_to_textures(app: DrivenApp) -> None:
     app.show_panel("Scene")
     app.click("materials")
     app.click("scene filter")
@@ -181,7 +181,7 @@ def test_nodes_and_materials_are_found_and_lead_to_textures(app: HeadlessApp) ->
     assert app.session.inspection.selected_texture is not None
 
 
-def test_reports_and_tables_are_copied(app: HeadlessApp) -> None:
+def test_reports_and_tables_are_copied(app: DrivenApp) -> None:
     app.show_panel("Scene")
     app.click("copy report")
     assert "triangles" in imgui.get_clipboard_text()
@@ -193,7 +193,7 @@ def test_reports_and_tables_are_copied(app: HeadlessApp) -> None:
     assert "composite" in imgui.get_clipboard_text()
 
 
-def test_messages_stay_in_the_log_with_details(app: HeadlessApp) -> None:
+def test_messages_stay_in_the_log_with_details(app: DrivenApp) -> None:
     notify(app.session, "all is well")
     notify(app.session, "it broke", "error", "line one\nline two")
     app.session.window.toasts = ()
@@ -225,7 +225,7 @@ def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     assert again == first
 
 
-def test_an_unknown_panel_is_a_message(app: HeadlessApp) -> None:
+def test_an_unknown_panel_is_a_message(app: DrivenApp) -> None:
     run(app, "window.panel", "Nonsense", "on")
     assert "Compare" in app.session.window.toasts[-1].text
 
@@ -255,7 +255,7 @@ def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, i
     assert app.session.view.camera != camera
 
 
-def test_theme_and_scale_are_applied_and_kept(app: HeadlessApp, tmp_path: Path) -> None:
+def test_theme_and_scale_are_applied_and_kept(app: DrivenApp, tmp_path: Path) -> None:
     dark, places = app.screenshot(), app.frontend.interface.rects
     lower = places.centre("B source")[1]
     run(app, "window.theme", "light")
@@ -285,7 +285,7 @@ def test_settings_that_make_no_sense_are_refused(tmp_path: Path, content: dict[s
     assert problem is not None
 
 
-def test_a_panel_is_hidden_and_shown_by_its_title_and_no_other_with_it(app: HeadlessApp) -> None:
+def test_a_panel_is_hidden_and_shown_by_its_title_and_no_other_with_it(app: DrivenApp) -> None:
     run(app, "overlay.kind", "divergence")
     titles = app.session.window.panel_titles
 

@@ -10,8 +10,8 @@ import pytest
 from imgui_bundle import imgui
 
 from ntc.pack.file import read_pack
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, write_scene
-from viewer.app.headless import HeadlessApp
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import PictureKind
@@ -27,25 +27,25 @@ def own(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def window(own: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
+def window(own: Path, tmp_path: Path) -> Iterator[DrivenApp]:
     settings = ViewerSettings(live_figures=False)
-    made = HeadlessApp(load_scene(own), open_packs(packs_beside(own)), SIZE, tmp_path / "pictures", settings)
+    made = DrivenApp(load_scene(own), open_packs(packs_beside(own)), SIZE, tmp_path / "pictures", settings)
     made.settle()
     yield made
     made.close()
 
 
-def errors(app: HeadlessApp) -> list[str]:
+def errors(app: DrivenApp) -> list[str]:
     return [entry.text for entry in app.session.window.log if entry.kind == "error"]
 
 
-def picture(app: HeadlessApp) -> np.ndarray:
+def picture(app: DrivenApp) -> np.ndarray:
     app.session.window.show_panels, app.session.window.toasts = False, ()
     app.settle()
     return app.screenshot()
 
 
-def test_all_files_are_gone(window: HeadlessApp, own: Path) -> None:
+def test_all_files_are_gone(window: DrivenApp, own: Path) -> None:
     before = picture(window)
     names = [own, *own.parent.glob("*.ntc")]
     shutil.rmtree(own.parent)
@@ -56,7 +56,7 @@ def test_all_files_are_gone(window: HeadlessApp, own: Path) -> None:
     np.testing.assert_array_equal(picture(window), before)
 
 
-def test_a_pack_is_replaced_by_half_of_itself(window: HeadlessApp, own: Path) -> None:
+def test_a_pack_is_replaced_by_half_of_itself(window: DrivenApp, own: Path) -> None:
     before, pack = picture(window), own.with_name("scene.clustered.ntc")
     pack.write_bytes(pack.read_bytes()[:2000])
     window.drop(pack)
@@ -69,7 +69,7 @@ def test_a_pack_is_replaced_by_half_of_itself(window: HeadlessApp, own: Path) ->
     read_pack(own.with_name("scene.single.ntc"))
 
 
-def test_pictures_go_to_a_folder_that_is_no_more(window: HeadlessApp, tmp_path: Path) -> None:
+def test_pictures_go_to_a_folder_that_is_no_more(window: DrivenApp, tmp_path: Path) -> None:
     pictures = tmp_path / "pictures"
     for spoil in (lambda: None, lambda: shutil.rmtree(pictures)):
         spoil()
@@ -86,7 +86,7 @@ def test_pictures_go_to_a_folder_that_is_no_more(window: HeadlessApp, tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["~nobody-at-all/scene.glb", "x" * 300 + ".glb"])
-def test_what_is_typed_need_not_be_a_file(window: HeadlessApp, name: str) -> None:
+def test_what_is_typed_need_not_be_a_file(window: DrivenApp, name: str) -> None:
     window.show_panel("Scene")
     window.click("path")
     window.type(name)

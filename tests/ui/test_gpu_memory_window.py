@@ -9,41 +9,41 @@ from numpy.typing import NDArray
 
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
-from viewer.app.headless import HeadlessApp
 from viewer.gl.allocation import GpuMemoryError
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 
-Refuse = Callable[[HeadlessApp, str], None]
+Refuse = Callable[[DrivenApp, str], None]
 
 
 @pytest.fixture
 def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
     """From now on the GPU has no memory for what has this in its name; "" for anything."""
 
-    def begin(app: HeadlessApp, word: str) -> None:
+    def begin(app: DrivenApp, word: str) -> None:
         monkeypatch.setattr(app.graphics.memory, "allows", lambda what, _size: word not in what)
 
     return begin
 
 
 @pytest.fixture
-def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[HeadlessApp]:
+def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
     """A window that has drawn nothing yet."""
     settings = ViewerSettings(live_figures=False)
-    made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", settings)
+    made = DrivenApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", settings)
     yield made
     made.close()
 
 
-def errors(app: HeadlessApp) -> list[str]:
+def errors(app: DrivenApp) -> list[str]:
     return [entry.text for entry in app.session.window.log if entry.kind == "error"]
 
 
-def picture(app: HeadlessApp) -> NDArray[np.uint8]:
+def picture(app: DrivenApp) -> NDArray[np.uint8]:
     """The scene's part of the window: messages and panels lie elsewhere."""
     app.settle()
     frontend = app.frontend
@@ -52,7 +52,7 @@ def picture(app: HeadlessApp) -> NDArray[np.uint8]:
     return np.frombuffer(image.read(), np.uint8).reshape(image.height, image.width, 4).copy()
 
 
-def test_a_pack_is_refused_by_name_and_the_others_stay(app: HeadlessApp, scene_path: Path, refuse: Refuse) -> None:
+def test_a_pack_is_refused_by_name_and_the_others_stay(app: DrivenApp, scene_path: Path, refuse: Refuse) -> None:
     before, view, packs = picture(app), app.session.view, app.session.packs
     more = scene_path.with_name("scene.more.ntc")
     write_pack(more, read_pack(scene_path.with_name("scene.single.ntc")))
@@ -67,7 +67,7 @@ def test_a_pack_is_refused_by_name_and_the_others_stay(app: HeadlessApp, scene_p
 
 
 @pytest.mark.parametrize("word", ["vertices", "visibility buffer", "colours of a picture", "draw commands", ""])
-def test_a_scene_is_refused_and_the_old_one_stays(app: HeadlessApp, tmp_path: Path, refuse: Refuse, word: str) -> None:
+def test_a_scene_is_refused_and_the_old_one_stays(app: DrivenApp, tmp_path: Path, refuse: Refuse, word: str) -> None:
     before, scene = picture(app), app.session.scene
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, word)
@@ -82,7 +82,7 @@ def test_a_scene_is_refused_and_the_old_one_stays(app: HeadlessApp, tmp_path: Pa
     np.testing.assert_array_equal(picture(app), before)
 
 
-def test_a_window_without_any_memory_stays_open(app: HeadlessApp, tmp_path: Path, refuse: Refuse) -> None:
+def test_a_window_without_any_memory_stays_open(app: DrivenApp, tmp_path: Path, refuse: Refuse) -> None:
     before = picture(app)
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, "draw commands")
@@ -102,7 +102,7 @@ def test_a_window_without_any_memory_stays_open(app: HeadlessApp, tmp_path: Path
     np.testing.assert_array_equal(picture(app), before)
 
 
-def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Refuse) -> None:
+def test_a_larger_window_shows_the_smaller_picture(app: DrivenApp, refuse: Refuse) -> None:
     before = picture(app)
     larger = (SIZE[0] + 100, SIZE[1] + 60)
     app.resize(larger)
@@ -123,7 +123,7 @@ def test_a_larger_window_shows_the_smaller_picture(app: HeadlessApp, refuse: Ref
     assert picture(app).shape == before.shape
 
 
-def test_without_its_reference_a_scene_shows_its_pack(bare: HeadlessApp, refuse: Refuse) -> None:
+def test_without_its_reference_a_scene_shows_its_pack(bare: DrivenApp, refuse: Refuse) -> None:
     assert bare.session.view.slot_b.source == REFERENCE
     refuse(bare, "source images")
     bare.settle()
@@ -139,7 +139,7 @@ def test_without_its_reference_a_scene_shows_its_pack(bare: HeadlessApp, refuse:
     np.testing.assert_array_equal(picture(bare), shown)
 
 
-def test_panels_show_grey_where_there_is_no_memory(app: HeadlessApp, tmp_path: Path, refuse: Refuse) -> None:
+def test_panels_show_grey_where_there_is_no_memory(app: DrivenApp, tmp_path: Path, refuse: Refuse) -> None:
     other = two_squares(9).write(tmp_path / "other.glb")
     refuse(app, "thumbnail")
     app.run("file.open", other)
@@ -149,7 +149,7 @@ def test_panels_show_grey_where_there_is_no_memory(app: HeadlessApp, tmp_path: P
     assert all(line.startswith("thumbnail ") for line in errors(app))
 
 
-def test_what_cannot_begin_ends_with_one_line(bare: HeadlessApp, refuse: Refuse) -> None:
+def test_what_cannot_begin_ends_with_one_line(bare: DrivenApp, refuse: Refuse) -> None:
     refuse(bare, "vertices")
     with pytest.raises(GpuMemoryError, match=r"vertices of .*: the GPU has no memory for"):
         bare.settle()

@@ -9,13 +9,13 @@ from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import hide_panels, write_scene
-from viewer.app.headless import HeadlessApp
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
 
-def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp_path: Path) -> None:
+def test_a_dropped_pack_goes_into_slot_a(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
     pack = read_pack(scene_path.with_name("scene.single.ntc"))
     write_pack(tmp_path / "mine.ntc", pack)
     app.drop(tmp_path / "mine.ntc")
@@ -23,7 +23,7 @@ def test_a_dropped_pack_goes_into_slot_a(app: HeadlessApp, scene_path: Path, tmp
     assert "mine" in app.session.sources
 
 
-def test_a_dropped_scene_replaces_the_old_one(app: HeadlessApp, tmp_path: Path) -> None:
+def test_a_dropped_scene_replaces_the_old_one(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=8)
     app.drop(path)
     assert app.session.scene.path == path
@@ -32,7 +32,7 @@ def test_a_dropped_scene_replaces_the_old_one(app: HeadlessApp, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", ["missing.glb", "broken.glb", "broken.ntc", "words.txt"])
-def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_path: Path, name: str) -> None:
+def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: DrivenApp, tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     if name != "missing.glb":
         path.write_bytes(b"nothing that could be opened")
@@ -45,7 +45,7 @@ def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: HeadlessApp, tmp_p
     assert app.screenshot().std() > 5
 
 
-def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, tmp_path: Path) -> None:
+def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=10)
     path.with_name("scene.clustered.ntc").write_bytes(b"")
     app.drop(path)
@@ -54,14 +54,14 @@ def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: HeadlessApp, 
     assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
 
 
-def test_a_pack_of_another_scene_is_refused(app: HeadlessApp, tmp_path: Path) -> None:
+def test_a_pack_of_another_scene_is_refused(app: DrivenApp, tmp_path: Path) -> None:
     other = write_scene(tmp_path, seed=9)
     app.drop(other.with_name("scene.single.ntc"))
     assert app.session.view.slot_a.source == "clustered"
     assert "0 of 2 textures match" in app.session.window.toasts[-1].text
 
 
-def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
+def test_a_path_can_be_typed(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=11)
     app.click("path")
     app.type(str(path))
@@ -70,7 +70,7 @@ def test_a_path_can_be_typed(app: HeadlessApp, tmp_path: Path) -> None:
 
 
 def test_a_scene_that_cannot_be_drawn_is_put_away(
-    app: HeadlessApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise InputError("other.glb: has too many textures")
@@ -89,7 +89,7 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
     assert (app.screenshot() == shown).all()
 
 
-def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: HeadlessApp, scene: Scene, tmp_path: Path) -> None:
+def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: DrivenApp, scene: Scene, tmp_path: Path) -> None:
     hashes = [texture.pixel_hash for texture in scene.textures]
     hide_panels(app)
     pictures = []

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from imgui_bundle import imgui
 
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
-from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context
 from viewer.commands.keys import Chord
@@ -25,9 +25,9 @@ Seen = list[tuple[str, tuple[Any, ...]]]
 
 
 @pytest.fixture(scope="module")
-def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[HeadlessApp]:
+def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
     """One app for all: what reaches a command here is noted and not carried out."""
-    made = HeadlessApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path_factory.mktemp("pictures"))
+    made = DrivenApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path_factory.mktemp("pictures"))
     here = Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
     made.session.navigation.bookmarks = {made.session.scene_key: {"here": here}}
     made.session.scene = replace(scene, cameras=scene.cameras or tuple(made.session.bookmarks.values()))
@@ -37,7 +37,7 @@ def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def seen(shared: HeadlessApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
+def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
     """What was reached; gestures are carried out all the same."""
     reached: Seen = []
 
@@ -65,7 +65,7 @@ def chosen(command: Command, session: Session) -> tuple[str, ...]:
     )
 
 
-def press_chord(app: HeadlessApp, chord: Chord) -> None:
+def press_chord(app: DrivenApp, chord: Chord) -> None:
     for _ in press(chord):
         app.frame()
 
@@ -74,7 +74,7 @@ every_command = pytest.mark.parametrize("command", COMMANDS, ids=lambda command:
 
 
 @every_command
-def test_by_script(shared: HeadlessApp, seen: Seen, command: Command) -> None:
+def test_by_script(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     quoted = " ".join(f"'{argument}'" for argument in arguments)
     shared.play(parse_script(f"{command.id} {quoted}", "line"))
@@ -82,7 +82,7 @@ def test_by_script(shared: HeadlessApp, seen: Seen, command: Command) -> None:
 
 
 @every_command
-def test_by_palette(shared: HeadlessApp, seen: Seen, command: Command) -> None:
+def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     shared.session.window.palette = ""
     shared.frame(2)
@@ -97,7 +97,7 @@ def test_by_palette(shared: HeadlessApp, seen: Seen, command: Command) -> None:
 
 
 @every_command
-def test_by_menu(shared: HeadlessApp, seen: Seen, command: Command) -> None:
+def test_by_menu(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     shared.click(f"menu: {command.menu}")
     if not command.needs_arguments:
@@ -119,18 +119,18 @@ def test_by_menu(shared: HeadlessApp, seen: Seen, command: Command) -> None:
     [(command, chord) for command in COMMANDS for chord in bindings({}).chords.get(command.id, ())],
     ids=lambda value: value.id if isinstance(value, Command) else str(value),
 )
-def test_by_key(shared: HeadlessApp, seen: Seen, command: Command, chord: Chord) -> None:
+def test_by_key(shared: DrivenApp, seen: Seen, command: Command, chord: Chord) -> None:
     press_chord(shared, chord)
     assert seen == [(command.id, ())]
 
 
-def test_a_key_with_other_modifiers_does_nothing(shared: HeadlessApp, seen: Seen) -> None:
+def test_a_key_with_other_modifiers_does_nothing(shared: DrivenApp, seen: Seen) -> None:
     press_chord(shared, Chord("F", ctrl=True, alt=True))
     press_chord(shared, Chord("F", shift=True))
     assert seen == []
 
 
-def test_a_click_beside_the_palette_and_escape_close_it(shared: HeadlessApp, seen: Seen) -> None:
+def test_a_click_beside_the_palette_and_escape_close_it(shared: DrivenApp, seen: Seen) -> None:
     for close in (lambda: shared.click_at(5.0, SIZE[1] - 5.0), lambda: shared.press(imgui.Key.escape)):
         shared.session.window.palette = ""
         shared.settle()
@@ -139,7 +139,7 @@ def test_a_click_beside_the_palette_and_escape_close_it(shared: HeadlessApp, see
     assert seen == []
 
 
-def test_the_palette_is_gone_through_with_arrows_and_the_mouse(shared: HeadlessApp, seen: Seen) -> None:
+def test_the_palette_is_gone_through_with_arrows_and_the_mouse(shared: DrivenApp, seen: Seen) -> None:
     shared.session.window.palette = "compare.mode"
     shared.settle()
     shared.press(imgui.Key.down_arrow)
@@ -152,7 +152,7 @@ def test_the_palette_is_gone_through_with_arrows_and_the_mouse(shared: HeadlessA
     assert seen[1:] == [("camera.frame-all", ())]
 
 
-def test_the_palette_says_what_does_not_fit(shared: HeadlessApp, seen: Seen) -> None:
+def test_the_palette_says_what_does_not_fit(shared: DrivenApp, seen: Seen) -> None:
     shared.session.window.palette = "overlay.opacity"
     shared.settle()
     for text in ("", "much"):
@@ -167,7 +167,7 @@ def test_the_palette_says_what_does_not_fit(shared: HeadlessApp, seen: Seen) -> 
     assert seen == []
 
 
-def test_the_key_sheet_is_searched_and_closed(shared: HeadlessApp, seen: Seen) -> None:
+def test_the_key_sheet_is_searched_and_closed(shared: DrivenApp, seen: Seen) -> None:
     shared.session.window.show_help = True
     shared.settle()
     shared.type("divergence")

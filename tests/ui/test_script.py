@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
-from viewer.app.headless import HeadlessApp
+from tests.support.driven_app import DrivenApp
 from viewer.commands import COMMANDS
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
@@ -17,11 +17,11 @@ from viewer.script.parse import parse_script
 from viewer.state.zoom import Zoom
 
 
-def play(app: HeadlessApp, *lines: str) -> None:
+def play(app: DrivenApp, *lines: str) -> None:
     app.play(parse_script("\n".join(lines), "test"))
 
 
-def test_inputs(app: HeadlessApp) -> None:
+def test_inputs(app: DrivenApp) -> None:
     play(
         app,
         "key H",
@@ -47,14 +47,14 @@ def test_inputs(app: HeadlessApp) -> None:
     assert app.screenshot().shape == (300, 400, 3)
 
 
-def test_the_mouse_with_a_modifier(app: HeadlessApp) -> None:
+def test_the_mouse_with_a_modifier(app: DrivenApp) -> None:
     play(app, "window.panels", "move 40% 50%", "hold Ctrl", "wheel 3", "release Ctrl")
     assert app.session.view.zoom.factor == pytest.approx(1.25**3)
     play(app, "view.magnify 8 0.25 0.75")
     assert app.session.view.zoom == Zoom(8.0, (0.25, 0.75))
 
 
-def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:
+def test_pictures(app: DrivenApp, tmp_path: Path) -> None:
     play(
         app,
         "overlay.kind divergence",
@@ -81,7 +81,7 @@ def test_pictures(app: HeadlessApp, tmp_path: Path) -> None:
         play(app, "file.screenshot a.jpg")
 
 
-def test_the_window_shows_the_same_after_a_picture_of_something_else(app: HeadlessApp) -> None:
+def test_the_window_shows_the_same_after_a_picture_of_something_else(app: DrivenApp) -> None:
     play(app, "wait settled")
     before = app.screenshot()
     play(app, "file.screenshot-picture b b.png", "wait settled")
@@ -90,7 +90,7 @@ def test_the_window_shows_the_same_after_a_picture_of_something_else(app: Headle
     np.testing.assert_array_equal(app.screenshot(), before)
 
 
-def test_views_go_through_files_and_the_clipboard(app: HeadlessApp, tmp_path: Path) -> None:
+def test_views_go_through_files_and_the_clipboard(app: DrivenApp, tmp_path: Path) -> None:
     changes = ("slot.path a cached", "compare.divider 0.3", "view.resolution 0.5", "camera.bookmark here")
     play(app, *changes, "view.save v.json", "view.copy")
     view, bookmarks = app.session.view, app.session.bookmarks
@@ -103,7 +103,7 @@ def test_views_go_through_files_and_the_clipboard(app: HeadlessApp, tmp_path: Pa
     play(app, "camera.look 0 0 9 0 0 0", "camera.go-bookmark here", "expect camera here")
 
 
-def test_a_view_with_a_source_that_is_not_open(app: HeadlessApp) -> None:
+def test_a_view_with_a_source_that_is_not_open(app: DrivenApp) -> None:
     play(app, "view.copy")
     content = json.loads(app.context.read_clipboard())
     content["slots"]["a"]["source"], content["scene"] = "elsewhere", "another"
@@ -116,7 +116,7 @@ def test_a_view_with_a_source_that_is_not_open(app: HeadlessApp) -> None:
     assert app.session.view == before
 
 
-def test_a_turntable_turns_until_it_is_stopped(app: HeadlessApp) -> None:
+def test_a_turntable_turns_until_it_is_stopped(app: DrivenApp) -> None:
     eye = app.session.view.camera.eye
     play(app, "camera.turntable 90", "wait frames 60", "expect moving on")
     turned = app.session.view.camera.eye
@@ -133,7 +133,7 @@ def test_a_turntable_turns_until_it_is_stopped(app: HeadlessApp) -> None:
     )
 
 
-def test_paths_are_played(app: HeadlessApp, tmp_path: Path) -> None:
+def test_paths_are_played(app: DrivenApp, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no path has been recorded"):
         play(app, "camera.play")
     ends = tuple(Camera(f"p{x}", (float(x), 0.0, 5.0), (0.0, 0.0, 0.0)) for x in range(3))
@@ -144,7 +144,7 @@ def test_paths_are_played(app: HeadlessApp, tmp_path: Path) -> None:
     play(app, "camera.play", "wait frames 30", "expect camera p1")
 
 
-def test_what_is_recorded_can_be_played(app: HeadlessApp) -> None:
+def test_what_is_recorded_can_be_played(app: DrivenApp) -> None:
     play(app, "camera.record", "wait frames 2", "camera.next", "wait seconds 0.3", "camera.record", "wait frames 1")
     assert app.session.navigation.last_path
     play(app, "camera.play", "wait frames 60", "expect moving off")
@@ -164,34 +164,34 @@ def test_what_is_recorded_can_be_played(app: HeadlessApp) -> None:
         (("camera.bookmark ''",), "one line"),
     ],
 )
-def test_what_ends_a_script(app: HeadlessApp, lines: tuple[str, ...], message: str) -> None:
+def test_what_ends_a_script(app: DrivenApp, lines: tuple[str, ...], message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         play(app, *lines)
     assert "\n" not in str(caught.value)
 
 
-def test_errors_that_are_expected_do_not_end_it(app: HeadlessApp) -> None:
+def test_errors_that_are_expected_do_not_end_it(app: DrivenApp) -> None:
     play(app, "file.open missing.glb", "expect toast missing.glb", "slot.source a no", "expect toast 'one of'", "key H")
     assert not app.session.window.show_panels
 
 
-def test_closing_ends_a_script(app: HeadlessApp) -> None:
+def test_closing_ends_a_script(app: DrivenApp) -> None:
     play(app, "window.close", "expect source nothing-of-the-kind")
     assert app.session.requests.close
 
 
-def test_keys_of_the_users_own(app: HeadlessApp) -> None:
+def test_keys_of_the_users_own(app: DrivenApp) -> None:
     app.session.settings = replace(app.session.settings, keys={"window.panels": "Ctrl+H", "slot.source": "Ctrl+G"})
     play(app, "key H", "expect panels on", "key Ctrl+H", "expect panels off")
     play(app, "key Ctrl+G", "expect palette on", "type b", "key Enter", "type single", "key Enter")
     play(app, "expect source-b single", "expect palette off")
 
 
-def test_tab_is_a_key_of_commands_even_after_a_click_into_a_panel(app: HeadlessApp) -> None:
+def test_tab_is_a_key_of_commands_even_after_a_click_into_a_panel(app: DrivenApp) -> None:
     play(app, "click divergence", "key Tab", "key Tab", "key H", "expect panels off")
 
 
-def test_no_command_breaks_the_window(app: HeadlessApp) -> None:
+def test_no_command_breaks_the_window(app: DrivenApp) -> None:
     """Without arguments each runs, or says in one line what it lacks."""
     for command in COMMANDS:
         app.session.window.toasts = ()

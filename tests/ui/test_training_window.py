@@ -15,8 +15,8 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.model import Pack
 from tests.end_to_end.conftest import two_squares
+from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import blocks
-from viewer.app.headless import HeadlessApp
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
 from viewer.state.view_state import REFERENCE
@@ -36,15 +36,15 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def app(folder: Path) -> Iterator[HeadlessApp]:
-    made = HeadlessApp(load_scene(folder / "scene.glb"), {}, SIZE, folder / "pictures")
+def app(folder: Path) -> Iterator[DrivenApp]:
+    made = DrivenApp(load_scene(folder / "scene.glb"), {}, SIZE, folder / "pictures")
     made.settle()
     yield made
     made.close()
     assert not blocks()
 
 
-def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraining:
+def wait(app: DrivenApp, done: Callable[[LiveTraining], object]) -> LiveTraining:
     training, began = app.training, time.monotonic()
     while not done(training):
         app.frame()
@@ -53,13 +53,13 @@ def wait(app: HeadlessApp, done: Callable[[LiveTraining], object]) -> LiveTraini
     return training
 
 
-def run(app: HeadlessApp, line: str) -> LiveTraining:
+def run(app: DrivenApp, line: str) -> LiveTraining:
     """Run a command that trains, to its end."""
     run_line(app.context, line)
     return wait(app, lambda training: training.active is None)
 
 
-def messages(app: HeadlessApp) -> str:
+def messages(app: DrivenApp) -> str:
     return "\n".join(toast.text for toast in app.session.window.toasts)
 
 
@@ -76,7 +76,7 @@ def fingerprint(pack: Pack, group: int) -> str:
     return digest.hexdigest()
 
 
-def picture_at_rest(app: HeadlessApp) -> np.ndarray:
+def picture_at_rest(app: DrivenApp) -> np.ndarray:
     app.session.window.show_panels = False
     app.session.window.toasts = ()
     app.settle()
@@ -86,7 +86,7 @@ def picture_at_rest(app: HeadlessApp) -> np.ndarray:
     return shot
 
 
-def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
     session = app.session
     before = picture_at_rest(app)
@@ -171,7 +171,7 @@ def test_encode_accept_retrain_discard(app: HeadlessApp, folder: Path, monkeypat
 
 
 @pytest.mark.timing
-def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
+def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     session = app.session
     run_line(app.context, "training.encode single auto 32 600s")
     with pytest.raises(InputError, match="another one is under way"):
@@ -214,7 +214,7 @@ def test_pause_resume_cancel_and_a_killed_process(app: HeadlessApp) -> None:
     assert not blocks()
 
 
-def test_cancel_while_preparing(app: HeadlessApp) -> None:
+def test_cancel_while_preparing(app: DrivenApp) -> None:
     run_line(app.context, "training.encode clustered 2 32 600s")
     run_line(app.context, "training.cancel")
     training = wait(app, lambda t: t.active is None)
@@ -222,7 +222,7 @@ def test_cancel_while_preparing(app: HeadlessApp) -> None:
     assert "it made no pack" in messages(app)
 
 
-def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None:
+def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
     other = two_squares(6).write(folder / "other.glb")
     run_line(app.context, "training.encode single auto 32 600s")
     app.run("file.open", other)
@@ -249,12 +249,12 @@ def test_another_scene_ends_the_training(app: HeadlessApp, folder: Path) -> None
         ("training.show 3 a", "no such run"),
     ],
 )
-def test_what_cannot_be_is_said(app: HeadlessApp, line: str, message: str) -> None:
+def test_what_cannot_be_is_said(app: DrivenApp, line: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         run_line(app.context, line)
 
 
-def test_more_groups_than_textures(app: HeadlessApp) -> None:
+def test_more_groups_than_textures(app: DrivenApp) -> None:
     run(app, "training.encode clustered 9 32 10steps")
     assert "only 2 textures" in messages(app)
     assert not app.session.packs

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, hide_panels
-from viewer.app.headless import HeadlessApp
 from viewer.commands import COMMANDS
 from viewer.commands.command import Command
 from viewer.commands.keys import parse_chord
@@ -27,13 +27,13 @@ from viewer.state.zoom import Zoom
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
 
-def test_the_first_look_compares_clustered_with_the_reference(app: HeadlessApp) -> None:
+def test_the_first_look_compares_clustered_with_the_reference(app: DrivenApp) -> None:
     assert app.session.view.slot_a == Slot("clustered", "deferred")
     assert app.session.view.slot_b == Slot(REFERENCE)
     assert app.session.view.compare == "wipe"
 
 
-def test_slots_are_chosen_from_lists(app: HeadlessApp) -> None:
+def test_slots_are_chosen_from_lists(app: DrivenApp) -> None:
     app.click("A source")
     app.click("A source: single")
     app.click("A path")
@@ -46,7 +46,7 @@ def test_slots_are_chosen_from_lists(app: HeadlessApp) -> None:
     assert app.session.view.slot_b == Slot("clustered")
 
 
-def test_a_precision_that_the_driver_lacks_is_a_message(app: HeadlessApp) -> None:
+def test_a_precision_that_the_driver_lacks_is_a_message(app: DrivenApp) -> None:
     app.click("A precision")
     app.click("A precision: fp16-accumulate")
     app.settle()
@@ -56,7 +56,7 @@ def test_a_precision_that_the_driver_lacks_is_a_message(app: HeadlessApp) -> Non
     assert any("no half arithmetic" in toast.text for toast in app.session.window.toasts)
 
 
-def test_auto_finds_the_cheapest_precision_beside_the_frames(app: HeadlessApp) -> None:
+def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> None:
     app.click("A precision")
     app.click("A precision: auto")
     for _ in range(2000):
@@ -68,7 +68,7 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(app: HeadlessApp) -
     assert any("clustered: precision fp16" in toast.text for toast in app.session.window.toasts)
 
 
-def test_auto_lasts_until_another_precision_is_asked_for(app: HeadlessApp) -> None:
+def test_auto_lasts_until_another_precision_is_asked_for(app: DrivenApp) -> None:
     app.run("slot.precision", "a", "auto")
     assert not app.frontend.is_settled(app.size)
     app.run("slot.precision", "a", "fp32")
@@ -78,18 +78,18 @@ def test_auto_lasts_until_another_precision_is_asked_for(app: HeadlessApp) -> No
     assert app.session.view.slot_a.precision == "fp32"
 
 
-def test_the_reference_has_no_precision(app: HeadlessApp) -> None:
+def test_the_reference_has_no_precision(app: DrivenApp) -> None:
     app.run("slot.precision", "b", "auto")
     assert any("slot B shows the reference" in toast.text for toast in app.session.window.toasts)
 
 
 @pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])
-def test_modes(app: HeadlessApp, label: str, mode: str) -> None:
+def test_modes(app: DrivenApp, label: str, mode: str) -> None:
     app.click(label)
     assert app.session.view.compare == mode
 
 
-def test_the_picture_is_what_the_mode_says(app: HeadlessApp) -> None:
+def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
     hide_panels(app)
     shots = {}
     for mode in ("wipe", "a", "b"):
@@ -103,7 +103,7 @@ def test_the_picture_is_what_the_mode_says(app: HeadlessApp) -> None:
     assert np.abs(shots["a"] - shots["b"])[rows].max() > 20
 
 
-def test_the_picture_stands_upright(app: HeadlessApp) -> None:
+def test_the_picture_stands_upright(app: DrivenApp) -> None:
     hide_panels(app)
     app.session.view = replace(app.session.view, compare="b")
     app.settle()
@@ -114,7 +114,7 @@ def test_the_picture_stands_upright(app: HeadlessApp) -> None:
     assert picture[shown[:quarter]].mean() < picture[shown[-quarter:]].mean()
 
 
-def test_space_held_shows_the_other_slot(app: HeadlessApp) -> None:
+def test_space_held_shows_the_other_slot(app: DrivenApp) -> None:
     hide_panels(app)
     app.session.view = replace(app.session.view, compare="a")
     app.settle()
@@ -129,7 +129,7 @@ def test_space_held_shows_the_other_slot(app: HeadlessApp) -> None:
     np.testing.assert_array_equal(app.screenshot(), before)
 
 
-def test_the_divider_is_dragged_and_recentred(app: HeadlessApp) -> None:
+def test_the_divider_is_dragged_and_recentred(app: DrivenApp) -> None:
     hide_panels(app)
     app.drag((MIDDLE[0] + 8, MIDDLE[1]), (SIZE[0] * 0.75, MIDDLE[1]))
     assert app.session.view.wipe_position == pytest.approx(0.75, abs=0.01)
@@ -140,7 +140,7 @@ def test_the_divider_is_dragged_and_recentred(app: HeadlessApp) -> None:
     assert app.session.view.wipe_position == 0.5
 
 
-def test_beside_the_divider_the_mouse_moves_the_camera(app: HeadlessApp) -> None:
+def test_beside_the_divider_the_mouse_moves_the_camera(app: DrivenApp) -> None:
     hide_panels(app)
     before = app.session.view
     app.drag((MIDDLE[0] + 60, MIDDLE[1]), (MIDDLE[0] + 100, MIDDLE[1] + 10))
@@ -152,7 +152,7 @@ def test_beside_the_divider_the_mouse_moves_the_camera(app: HeadlessApp) -> None
     assert app.session.view.camera.target != panned.target
 
 
-def test_flying(app: HeadlessApp) -> None:
+def test_flying(app: DrivenApp) -> None:
     hide_panels(app)
     app.press(imgui.Key.v)
     assert app.session.settings.camera_mode == "fly"
@@ -165,7 +165,7 @@ def test_flying(app: HeadlessApp) -> None:
     assert np.dot(np.subtract(after.eye, before.eye), forward) > 0
 
 
-def test_nothing_is_drawn_when_nothing_changed(app: HeadlessApp) -> None:
+def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
     drawn = app.frontend.frames_drawn
     app.frame(5)
     assert app.frontend.frames_drawn == drawn
@@ -174,7 +174,7 @@ def test_nothing_is_drawn_when_nothing_changed(app: HeadlessApp) -> None:
     assert app.frontend.frames_drawn == drawn + 1
 
 
-def test_measuring_fills_the_table(app: HeadlessApp) -> None:
+def test_measuring_fills_the_table(app: DrivenApp) -> None:
     # So that the edge between the two squares falls inside blocks.
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.view = replace(app.session.view, camera=camera)
@@ -190,7 +190,7 @@ def test_measuring_fills_the_table(app: HeadlessApp) -> None:
     assert app.session.inspection.measured_view == app.session.view
 
 
-def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -> None:
+def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> None:
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
     app.session.view = replace(app.session.view, camera=camera, compare="a")
@@ -212,7 +212,7 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: HeadlessApp) -
     np.testing.assert_array_equal(app.screenshot().astype(int), plain)
 
 
-def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
+def test_the_overlay_is_switched_in_the_panel(app: DrivenApp) -> None:
     app.click("divergence")
     assert app.session.view.overlay.kind == "divergence"
     assert "opacity" in app.widgets.labels()
@@ -220,7 +220,7 @@ def test_the_overlay_is_switched_in_the_panel(app: HeadlessApp) -> None:
     assert app.session.view.overlay.kind == "none"
 
 
-def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) -> None:
+def test_messages_end_after_they_have_been_seen_for_a_while(app: DrivenApp) -> None:
     notify(app.session, "hello")
     assert app.session.window.toasts[0].until is None
     app.frame()
@@ -230,14 +230,14 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: HeadlessApp) ->
     assert not app.session.window.toasts
 
 
-def test_typing_runs_no_commands(app: HeadlessApp) -> None:
+def test_typing_runs_no_commands(app: DrivenApp) -> None:
     app.click("path")
     app.key(imgui.Key.h, True)
     app.key(imgui.Key.h, False)
     assert app.session.window.show_panels
 
 
-def test_screenshots_are_written_with_the_interface_in_them(app: HeadlessApp, tmp_path: Path) -> None:
+def test_screenshots_are_written_with_the_interface_in_them(app: DrivenApp, tmp_path: Path) -> None:
     app.press(imgui.Key.f12)
     app.settle()
     (file,) = (tmp_path / "pictures").iterdir()
@@ -248,7 +248,7 @@ def test_screenshots_are_written_with_the_interface_in_them(app: HeadlessApp, tm
     assert any(str(file) in toast.text for toast in app.session.window.toasts)
 
 
-def test_cameras_of_the_scene_and_frame_all(app: HeadlessApp) -> None:
+def test_cameras_of_the_scene_and_frame_all(app: DrivenApp) -> None:
     before = app.session.view.camera
     app.session.view = replace(app.session.view, camera=replace(before, eye=(5.0, 5.0, 5.0)))
     app.click("Frame all")
@@ -260,7 +260,7 @@ def test_cameras_of_the_scene_and_frame_all(app: HeadlessApp) -> None:
     np.testing.assert_allclose(way / np.linalg.norm(way), np.full(3, 3**-0.5), atol=0.2)
 
 
-def test_resolution(app: HeadlessApp) -> None:
+def test_resolution(app: DrivenApp) -> None:
     app.click("resolution")
     app.click("resolution: 25%")
     assert app.session.resolution == 0.25
@@ -276,7 +276,7 @@ def state_of(session: Session) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.key], ids=lambda command: command.id)
-def test_every_key_runs_its_command(app: HeadlessApp, command: Command) -> None:
+def test_every_key_runs_its_command(app: DrivenApp, command: Command) -> None:
     moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
     app.session.view = replace(app.session.view, camera=moved, zoom=Zoom(2.0))
     before = state_of(app.session)
@@ -286,12 +286,12 @@ def test_every_key_runs_its_command(app: HeadlessApp, command: Command) -> None:
         assert state_of(app.session) != before or app.session.window.toasts
 
 
-def test_help_lists_the_keys(app: HeadlessApp) -> None:
+def test_help_lists_the_keys(app: DrivenApp) -> None:
     app.press(imgui.Key.f1)
     assert "help" in app.widgets.labels()
 
 
-def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None:
+def test_escape_closes_an_open_list_and_not_the_window(app: DrivenApp) -> None:
     app.click("A source")
     app.press(imgui.Key.escape)
     assert not app.session.requests.close
@@ -300,7 +300,7 @@ def test_escape_closes_an_open_list_and_not_the_window(app: HeadlessApp) -> None
     assert app.session.requests.close
 
 
-def test_what_panels_hide_is_not_drawn(app: HeadlessApp) -> None:
+def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:
     area = app.frontend.interface.picture_area
     assert area is not None
     assert app.session.window.picture_size == (area.width, area.height)
@@ -315,7 +315,7 @@ def test_what_panels_hide_is_not_drawn(app: HeadlessApp) -> None:
 
 
 def test_the_first_picture_is_as_large_as_panels_leave_room(scene: Scene, tmp_path: Path) -> None:
-    app = HeadlessApp(scene, {}, SIZE, tmp_path, ViewerSettings(live_figures=False))
+    app = DrivenApp(scene, {}, SIZE, tmp_path, ViewerSettings(live_figures=False))
     app.settle()
     assert app.frontend.frames_drawn == 1
     app.close()

@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -14,6 +14,7 @@ from ntc.errors import InputError
 from viewer.scene.cameras_file import Viewpoint
 from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera
+from viewer.state.session import Session
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
     REFERENCE,
@@ -24,9 +25,6 @@ from viewer.state.view_state import (
     ViewState,
 )
 from viewer.state.zoom import LARGEST, Zoom
-
-if TYPE_CHECKING:
-    from viewer.state.session import Session
 
 FORMAT = "ntc-viewer view"
 VERSION = 1
@@ -51,7 +49,7 @@ class SavedView:
     bookmarks: Mapping[str, Camera]
 
 
-def present_view(session: "Session") -> SavedView:
+def present_view(session: Session) -> SavedView:
     """The current view of a session."""
     return SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
 

@@ -1,26 +1,18 @@
 """What is drawn over the picture: the divider with its labels, messages, help, a line of hints."""
 
-from collections.abc import Callable
-
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Toast
 from viewer.state.view_state import REFERENCE, Slot, ViewState
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import Area, counted
+from viewer.ui.widgets import Area, counted, packed
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
-
-Text = Callable[[ImVec2, str], None]
-
-
-def _color(rgba: tuple[float, float, float, float]) -> int:
-    return imgui.color_convert_float4_to_u32(imgui.ImVec4(*rgba))
 
 
 def slot_label(slot: Slot) -> str:
@@ -32,19 +24,18 @@ def slot_label(slot: Slot) -> str:
 
 def _boxed_text(
     draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0
-) -> float:
-    """Text on a dark plate with its upper left corner at `at`; its height."""
+) -> None:
+    """Text on a plate, with its upper left corner at `at`."""
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
     low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
-    draw.add_rect_filled(low, high, _color(fill), 4.0)
-    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, _color(WHITE), text, wrap_width=wrap)
-    return float(high.y - low.y)
+    draw.add_rect_filled(low, high, packed(fill), 4.0)
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, packed(WHITE), text, wrap_width=wrap)
 
 
 def _line(start: ImVec2, end: ImVec2) -> None:
     draw = imgui.get_background_draw_list()
-    draw.add_line(start, end, _color(SHADE), 4.0)
-    draw.add_line(start, end, _color(WHITE), 1.5)
+    draw.add_line(start, end, packed(SHADE), 4.0)
+    draw.add_line(start, end, packed(WHITE), 1.5)
 
 
 def _difference_label(view: ViewState) -> str:
@@ -64,10 +55,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
     top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
 
     def plate(left: float, top: float, text: str) -> None:
-        extent = imgui.calc_text_size(text)
-        low, high = ImVec2(left - 6, top - 3), ImVec2(left + extent.x + 6, top + extent.y + 3)
-        draw.add_rect_filled(low, high, _color(SHADE), 4.0)
-        draw.add_text(ImVec2(left, top), _color(WHITE), text)
+        _boxed_text(draw, ImVec2(left, top), text, SHADE)
 
     sides = shown_sides(view)
     names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
@@ -78,7 +66,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
     elif not split.vertical:
         y = area.at(0.0, split.position)[1]
         _line(ImVec2(area.left, y), ImVec2(area.right, y))
-        draw.add_circle_filled(ImVec2(middle.x, y), 7.0, _color(WHITE))
+        draw.add_circle_filled(ImVec2(middle.x, y), 7.0, packed(WHITE))
         for text, text_top in ((names[0], y - MARGIN - imgui.get_text_line_height()), (names[1], y + MARGIN)):
             plate(middle.x - imgui.calc_text_size(text).x / 2, text_top, text)
         ui.rects.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
@@ -88,7 +76,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
         plate(x - MARGIN - imgui.calc_text_size(names[0]).x, top, names[0])
         plate(x + MARGIN, top, names[1])
         if view.compare in WIPES:
-            draw.add_circle_filled(ImVec2(x, middle.y), 7.0, _color(WHITE))
+            draw.add_circle_filled(ImVec2(x, middle.y), 7.0, packed(WHITE))
             ui.rects.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
 
 
@@ -102,8 +90,8 @@ def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) ->
         x, y = area.at(*shown)
         low = ImVec2(x - extent[0] / 2.0, y - extent[1] / 2.0)
         high = ImVec2(low.x + extent[0], low.y + extent[1])
-        draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), _color(SHADE), 0.0, 3.0)
-        draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), _color(WHITE), 0.0, 1.0)
+        draw.add_rect(ImVec2(low.x - 1.5, low.y - 1.5), ImVec2(high.x + 1.5, high.y + 1.5), packed(SHADE), 0.0, 3.0)
+        draw.add_rect(ImVec2(low.x - 1.0, low.y - 1.0), ImVec2(high.x + 1.0, high.y + 1.0), packed(WHITE), 0.0, 1.0)
     draw.pop_clip_rect()
 
 

@@ -106,6 +106,13 @@ def combo(label: str, current: str, choices: tuple[str, ...], items: WidgetRects
     return chosen
 
 
+def cells(*texts: str) -> None:
+    """Texts in the next columns of a table's row."""
+    for text in texts:
+        imgui.table_next_column()
+        imgui.text(text)
+
+
 def counted(number: int, noun: str) -> str:
     """`1 texture`, `2 textures`."""
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

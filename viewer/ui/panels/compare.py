@@ -11,7 +11,7 @@ from viewer.commands.window import OPENED_ON_REQUEST
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side, Slot
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import combo
+from viewer.ui.widgets import cells, combo
 
 GAINS = (1.0, 64.0)
 """Ends of the slider."""
@@ -238,9 +238,7 @@ def _figures(ui: UiFrame) -> None:
         rows["decode ms"].append(f"{ui.facts.slot_ms[slot]:.2f}" if slot in ui.facts.slot_ms else "-")
     for name, values in rows.items():
         imgui.table_next_row()
-        for text in (name, *values):
-            imgui.table_next_column()
-            imgui.text(text)
+        cells(name, *values)
     imgui.end_table()
 
 

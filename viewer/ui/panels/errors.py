@@ -11,6 +11,7 @@ from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.panels.compare import decibels, figures_state
+from viewer.ui.widgets import cells
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
@@ -98,16 +99,13 @@ def _row(named: NamedRow, ui: UiFrame) -> None:
     if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
         ui.emit("errors.highlight", by, row.number)
     ui.rects.note(f"error {by} {row.number}")
-    texts = (
+    cells(
         str(row.decoder) if row.decoder >= 0 else "-",
         f"{row.pixels:,}",
         decibels(row.psnr_db) if math.isfinite(row.psnr_db) else "equal",
         f"{row.mean:.2f}",
         str(row.largest),
     )
-    for text in texts:
-        imgui.table_next_column()
-        imgui.text(text)
 
 
 def draw_errors_panel(ui: UiFrame) -> None:

@@ -9,7 +9,7 @@ from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances
 from viewer.jobs.background import Background
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import counted
+from viewer.ui.widgets import cells, counted
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
@@ -92,9 +92,7 @@ class GroupsPanel:
                     self._chosen = row.group
                 ui.rects.note(f"group {row.group}")
                 absent = f" + {row.absent} not here" if row.absent else ""
-                for text in (f"{len(row.members)}{absent}", _decibels(row.mean_db), _decibels(row.worst_db)):
-                    imgui.table_next_column()
-                    imgui.text(text)
+                cells(f"{len(row.members)}{absent}", _decibels(row.mean_db), _decibels(row.worst_db))
         imgui.end_table()
 
     def _sort(self) -> None:

@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import REFERENCE, Slot
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS
+from viewer.ui.widgets import SLOT_COLORS, cells
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 12.0
@@ -45,10 +45,7 @@ def _values(pixel: PixelContent) -> None:
         if patch is None:
             continue
         linear, srgb = patch.middle
-        imgui.table_next_column()
-        imgui.text(" ".join(f"{value:3d}" for value in srgb))
-        imgui.table_next_column()
-        imgui.text("  ".join(f"{value:.4f}" for value in linear))
+        cells(" ".join(f"{value:3d}" for value in srgb), "  ".join(f"{value:.4f}" for value in linear))
     if pixel.a is not None and pixel.b is not None:
         first, second = pixel.a.middle, pixel.b.middle
         imgui.table_next_row()
@@ -95,8 +92,7 @@ def _facts(pixel: PixelContent, ui: UiFrame) -> None:
             imgui.table_next_row()
             imgui.table_next_column()
             imgui.text_disabled(name)
-            imgui.table_next_column()
-            imgui.text(text)
+            cells(text)
         imgui.end_table()
 
 

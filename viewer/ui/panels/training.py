@@ -11,7 +11,7 @@ from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.training_curves import TrainingCurves
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.widgets import SLOT_COLORS, Area
+from viewer.ui.widgets import SLOT_COLORS, Area, cells
 
 STATES = {
     "preparing": "preparing textures and groups",
@@ -131,18 +131,12 @@ def _log(ui: UiFrame) -> None:
     shown = {"a": ui.session.view.slot_a.source, "b": ui.session.view.slot_b.source}
     for run in reversed(ui.training.log.runs):
         imgui.table_next_row()
-        imgui.table_next_column()
-        imgui.text(str(run.number))
-        imgui.table_next_column()
-        imgui.text(run.title)
+        cells(str(run.number), run.title)
         if imgui.is_item_hovered():
             saved = (f"written to {run.saved}",) if run.saved is not None else ()
             about = (run.title, run.settings, f"{run.groups} groups, {run.outcome}", *saved, *run.lines[:12])
             imgui.set_tooltip("\n".join(about))
-        imgui.table_next_column()
-        imgui.text("-" if run.psnr_db is None else f"{run.psnr_db:.2f}")
-        imgui.table_next_column()
-        imgui.text(_duration(run.seconds))
+        cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", _duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):
             imgui.begin_disabled(run.pack is None or shown[side] == run.name)
