@@ -13,15 +13,8 @@ SCENE_ROOTS_VARIABLE = "NTC_VIEWER_SCENE_ROOTS"
 
 
 def config_folder() -> Path:
-    """Where settings and window layout lie: NTC_VIEWER_CONFIG_DIR, else the platform's folder for it."""
-    given = os.environ.get(CONFIG_FOLDER_VARIABLE)
-    return Path(given) if given else Path(platformdirs.user_config_dir("ntc-viewer", appauthor=False))
-
-
-def cache_folder() -> Path:
-    """Where things lie that can be computed again: NTC_VIEWER_CACHE_DIR, else the platform's folder for it."""
-    given = os.environ.get(CACHE_FOLDER_VARIABLE)
-    return Path(given) if given else Path(platformdirs.user_cache_dir("ntc-viewer", appauthor=False))
+    """Folder of settings and window layout: NTC_VIEWER_CONFIG_DIR, else the platform's folder for it."""
+    return Path(os.environ.get(CONFIG_FOLDER_VARIABLE) or platformdirs.user_config_dir("ntc-viewer", appauthor=False))
 
 
 def scene_roots() -> tuple[Path, ...]:
@@ -31,8 +24,9 @@ def scene_roots() -> tuple[Path, ...]:
 
 
 def features_cache() -> Path:
-    """Where features of textures are kept, by pixel hash."""
-    return cache_folder() / "features"
+    """Where features of textures are cached by pixel hash: in NTC_VIEWER_CACHE_DIR, else the platform's cache folder."""
+    given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
+    return Path(given, "features")
 
 
 def _installed_folder(name: str) -> Path:

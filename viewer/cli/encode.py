@@ -188,21 +188,14 @@ def encode(options: EncodeOptions) -> int:
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
         highlight=False,
     )
+    training = training_config(options)
+    # Written where the training diverges to NaN.
+    rescued_state = options.out.with_name(f"{options.out.name}.state")
     with _ProgressReport(console) as report:
         began = time.monotonic()
-        training = training_config(options)
         with deferred_interrupt() as interrupted:
             try:
-                pack = train(
-                    textures,
-                    grouping,
-                    codec,
-                    training,
-                    report,
-                    interrupted,
-                    options.state,
-                    _state_rescue_path(options.out),
-                )
+                pack = train(textures, grouping, codec, training, report, interrupted, options.state, rescued_state)
             except TrainingCancelledError:
                 # What a shell expects of Ctrl-C.
                 raise KeyboardInterrupt from None
@@ -224,11 +217,6 @@ def write_or_rescue(out: Path, pack: Pack) -> None:
         except InputError:
             raise error from None
         raise InputError(f"{error}; the pack is in {spare} instead") from error
-
-
-def _state_rescue_path(out: Path) -> Path:
-    """Where the state of a training is written that has diverged to NaN."""
-    return out.with_name(f"{out.name}.state")
 
 
 def _effort(pack: Pack, seconds: float) -> str:

@@ -51,6 +51,11 @@ _SIGNATURES = (
     (b"8BPS", ".psd"),
 )
 
+# Some readers of OpenImageIO allocate the whole picture when they open a file, before its size can be checked.
+OpenImageIO.attribute("limits:imagesize_MB", LARGEST_MEGABYTES)
+OpenImageIO.attribute("limits:resolution", MAX_SIDE)
+OpenImageIO.attribute("limits:channels", MOST_CHANNELS)
+
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -72,16 +77,6 @@ def _suffix(data: bytes, name: str) -> str:
 def values_allowed(byte_count: int) -> int:
     """Channel values (bytes, once decoded) that an image file of `byte_count` bytes may hold."""
     return min(FREE_VALUES + MAX_EXPANSION * byte_count, max(LARGE_VALUES, LARGE_EXPANSION * byte_count))
-
-
-def _limit_library() -> None:
-    # Some of its readers take memory for the whole picture when they open a file, before its size can be looked at.
-    OpenImageIO.attribute("limits:imagesize_MB", LARGEST_MEGABYTES)
-    OpenImageIO.attribute("limits:resolution", MAX_SIDE)
-    OpenImageIO.attribute("limits:channels", MOST_CHANNELS)
-
-
-_limit_library()
 
 
 def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:

@@ -39,11 +39,6 @@ class Accessors:
         self._buffers = buffers
         self._implied = 0
 
-    def count(self, index: object, where: str) -> int:
-        """Number of elements of accessor `index`, not yet checked against the bytes there are."""
-        entry, name = self._entry(index, where)
-        return self._file.integer(entry, "count", name)
-
     def raw(self, index: object, where: str, kinds: tuple[str, ...]) -> NDArray[Any]:
         """Elements [count, components] of accessor `index` in the type stored; matrices in column order.
 

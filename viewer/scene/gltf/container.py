@@ -1,6 +1,6 @@
 """A .gltf or .glb file as checked JSON plus the GLB's binary chunk."""
 
-import json
+import codecs
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Any
 from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.locations import scene_roots
-from viewer.scene.json_text import describe, printable
+from viewer.scene.json_text import describe, parse_json, printable
 
 GLB_MAGIC = b"glTF"
 CHUNK_JSON = 0x4E4F534A
@@ -168,10 +168,7 @@ class GltfFile:
 def _parse_json(data: bytes, name: str) -> dict[str, Any]:
     if len(data) > MAX_JSON_BYTES:
         raise InputError(f"{name}: {len(data)} bytes of JSON, at most {MAX_JSON_BYTES} are read; split the scene")
-    try:
-        content = json.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: not valid JSON ({error}); export the file again") from error
+    content = parse_json(data.removeprefix(codecs.BOM_UTF8), name, "export the file again")
     if not isinstance(content, dict):
         raise InputError(f"{name}: not a glTF file (the JSON is no object)")
     return content

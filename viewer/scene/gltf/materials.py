@@ -129,11 +129,6 @@ def _uv_transform(
     return uv_set, UvTransform((offset[0], offset[1]), rotation, (scale[0], scale[1]))
 
 
-def _factor(file: GltfFile, owner: dict[str, Any], key: str, where: str) -> tuple[float, float, float, float]:
-    red, green, blue, alpha = file.numbers(owner, key, where, (1.0, 1.0, 1.0, 1.0))
-    return red, green, blue, alpha
-
-
 def _note_unused(entry: dict[str, Any], pbr: dict[str, Any], notes: ReportNotes) -> None:
     for key, what in UNUSED_TEXTURES.items():
         notes.ignored(what, int(key in entry))
@@ -182,10 +177,11 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
         category = _category(file, textures[number]) or category
         if image is not None:
             category = _category(file, file.entries("images")[image]) or category
+    red, green, blue, alpha = file.numbers(owner, factor_key, owner_name, (1.0, 1.0, 1.0, 1.0))
     material = Material(
         name=file.label(entry, f"material {index}"),
         texture_id=-1,
-        factor=_factor(file, owner, factor_key, owner_name),
+        factor=(red, green, blue, alpha),
         sampler=sampler,
         alpha_mode=ALPHA_MODES[mode],
         alpha_cutoff=file.number(entry, "alphaCutoff", where, 0.5),
