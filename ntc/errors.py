@@ -29,4 +29,4 @@ class MetadataError(Exception):
 
 
 class WireError(ValueError):
-    """Bytes from another process that are no message, or a message that cannot be encoded."""
+    """Bytes from another process that are not a message, or a message that cannot be encoded."""

@@ -63,7 +63,7 @@ def _lock(handle: int) -> None:
 
 
 def _is_stale(leftover: Path) -> bool:
-    """Whether nobody writes `leftover` any more: its writer would hold the lock. Raises OSError without locks."""
+    """Whether no process writes `leftover` any more: its writer would hold the lock. Raises OSError without locks."""
     if sys.platform == "win32":
         return time.time() - leftover.stat().st_mtime > STALE_SECONDS
     handle = os.open(leftover, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)

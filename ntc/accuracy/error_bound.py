@@ -34,7 +34,7 @@ class ErrorBound:
     """Bounds of a texture in one precision; of a pack, the worst of its textures."""
 
     error: float
-    """Largest difference from the exact decode, in [0, 1] of the colour space. 1 where numbers may overflow, which says nothing."""
+    """Largest difference from the exact decode, in [0, 1] of the colour space; 1, the largest possible, where numbers may overflow."""
     position: float
     """The part of `error` that comes from inputs, most of it because positions are fp32 numbers."""
     activations: tuple[float, float, float]
@@ -123,7 +123,7 @@ def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> Error
 
 
 def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
-    """The worst in every respect; of none, nothing."""
+    """The largest of each bound; zeros for an empty list."""
     if not bounds:
         return ErrorBound(0.0, 0.0, (0.0, 0.0, 0.0), False)
     activations = np.array([bound.activations for bound in bounds]).max(axis=0)

@@ -66,7 +66,7 @@ def decode_texels_in_half(
 ) -> Single:
     """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.codec.reference.decode_texels`, in half precision.
 
-    With `rescale`, as the viewer does, weights are kept such that nothing overflows (`ntc.accuracy.rescale`); what is no number is 0.
+    With `rescale`, as the viewer does, weights are rescaled so that nothing overflows (`ntc.accuracy.rescale`); NaN becomes 0.
     """
     if rescale:
         pack = stored_pack(pack, "fp16-accumulate" if accumulate else "fp16-arithmetic")

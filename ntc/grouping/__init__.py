@@ -26,7 +26,7 @@ class GroupingInputs:
     views: Sequence[NDArray[np.int32]] = ()
     """For covisible: pictures of texture ids, each [H, W] int32, row 0 on top, -1 for none; id = index of the texture."""
     labels: Mapping[int, str] = field(default_factory=dict)
-    """For category: category by index of the texture; they come before the textures' own (`ntc.grouping.labels`)."""
+    """For category: category by index of the texture; they come before the textures' own (`ntc.grouping.category.read_labels`)."""
     features: FeatureOptions = field(default_factory=FeatureOptions)
 
 

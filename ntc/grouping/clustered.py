@@ -23,7 +23,8 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
 
 
 def random_grouping(like: Grouping, seed: int) -> Grouping:
-    """The groups of `like` with their textures shuffled."""
+    """As many groups of the same sizes as `like` has, with the textures shuffled. The same seed gives the same groups;
+    they are numbered by their first texture."""
     shuffled = np.random.default_rng(seed).permutation(np.array(like.groups, dtype=np.int64))
     parameters = {"clusters": like.group_count, "sizes_of": like.name, "seed": seed}
     return Grouping.of_labels("random", shuffled.tolist(), parameters)

@@ -66,7 +66,7 @@ def merged_start(seen: SeenBlocks, textures: int, clusters: int, bound: int) -> 
 
 
 def _starts(problem: SearchProblem, chains: int, given: Groups | None, random: np.random.Generator) -> Groups:
-    """[chains, textures]: in turn the merged groups, the given ones if any, and two by chance."""
+    """[chains, textures]: in turn the merged groups, the given ones if any, and two random ones."""
     textures = len(problem.features)
     merged = merged_start(problem.seen, textures, problem.clusters, problem.bound)
     starts = np.stack([random.permutation(np.arange(textures) % problem.clusters) for _ in range(chains)])

@@ -30,7 +30,7 @@ class BlockCompressed:
 
     @property
     def bits_per_texel(self) -> float:
-        """Bits of all blocks per texel of the picture: 4 (BC1) or 8 (BC7), more where a side is no multiple of 4."""
+        """Bits of all blocks per texel of the picture: 4 (BC1) or 8 (BC7), more where a side is not a multiple of 4."""
         height, width, _ = self.decoded.shape
         return float(8.0 * len(self.blocks) / (height * width))
 
@@ -85,7 +85,7 @@ def compress(pixels: NDArray[np.uint8], block_format: BlockFormat) -> BlockCompr
     BC1 is by quicktex 0.3.1 (rgbcx), level 18 of 18; BC7 by etcpak 0.9.15 (bc7enc), uber level 4 of 4 with all 64
     partitions, which knows four of BC7's eight modes (1, 5, 6 and 7), so that the format can do a little better still.
     Of one or two channels the first is grey: repeated, and read from green, which BC1 keeps finest. The second and the
-    fourth one are alpha: kept by BC7, left out of BC1. Sides that are no multiple of 4 are filled up by their last
+    fourth one are alpha: kept by BC7, left out of BC1. Sides that are not a multiple of 4 are padded with their last
     texels. Raises InputError for another shape, type or format, and where the encoders are not installed.
     """
     check_image(pixels)

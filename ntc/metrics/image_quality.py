@@ -39,7 +39,7 @@ def _luma(image: Image) -> NDArray[np.float64]:
 
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture goes on mirrored."""
+    """[H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture is mirrored at its edges."""
     return np.asarray(ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS))
 
 
@@ -63,7 +63,7 @@ def ssim(a: Image, b: Image) -> float:
 
     Luma is BT.601's, as in the authors' program, but not rounded; of one or two channels the first is grey; alpha is left out.
     Windows are 11x11 Gaussians (sigma 1.5) that lie inside the picture, as theirs. Along a side
-    shorter than 11 texels none does: there a window stands on every texel, and the picture goes on mirrored.
+    shorter than 11 texels none does: there a window stands on every texel, and the picture is mirrored at its edges.
     Raises InputError for pictures of two shapes, of another type, or without texels.
     """
     windows = ssim_map(a, b)
@@ -112,7 +112,7 @@ def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: Im
     encoded = pack.textures[texture_index]
     expected = (encoded.height, encoded.width, encoded.channels)
     if source.pixels.shape != expected:
-        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it anew")
+        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it again")
     levels = len(latent_levels(encoded.width, encoded.height, pack.config))
     mips = mip_chain(source.pixels, source.color_space)[:levels]
     return tuple(psnr_db(decode(texture_index, level), mip) for level, mip in enumerate(mips))

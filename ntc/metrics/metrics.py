@@ -13,7 +13,7 @@ from ntc.pack.model import Adapter, Pack
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """`value`, or None for what JSON cannot say: the PSNR of equal images is infinite."""
+    """`value`, or None where JSON cannot hold it: the PSNR of equal images is infinite."""
     return value if value is not None and math.isfinite(value) else None
 
 

@@ -7,7 +7,7 @@ from ntc.errors import InputError
 from ntc.pack.model import Pack
 
 NAMES_SHOWN = 5
-"""Names listed in a message before it says how many more there are."""
+"""Names listed in a message before the number of the others."""
 
 
 def _listed(names: Sequence[str]) -> str:

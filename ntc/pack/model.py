@@ -23,7 +23,7 @@ class Adapter:
     biases: NDArray[np.float32]
     """[2, hidden_width] float32."""
     output_weight: NDArray[np.float32] | None = None
-    """[outputs, hidden_width] float32, in place of the decoder's output layer, where the codec says so."""
+    """[outputs, hidden_width] float32, in place of the decoder's output layer, where codec.adapter_output is set."""
     output_bias: NDArray[np.float32] | None = None
     """[outputs] float32."""
 
@@ -40,7 +40,7 @@ class EncodedTexture:
     height: int
     """Encoded height in texels."""
     channels: int
-    """Channels that mean something, 1 to 4; the decoder's further outputs are to be ignored."""
+    """Channels of the texture, 1 to 4; the decoder's further outputs are unused."""
     color_space: ColorSpace
     """Space of the decoded numbers, in [0, 1]."""
     wrap: tuple[WrapMode, WrapMode]

@@ -1,4 +1,4 @@
-"""Whether a pack, or a part of one, that another process sent is what a codec decodes. Files are checked by `pack_file`."""
+"""Checks of packs, and of parts of one, that came from another process. Files are checked by `ntc.pack.file`."""
 
 import math
 from collections.abc import Iterable
@@ -22,13 +22,13 @@ def check_grouping(grouping: Grouping, textures: int) -> None:
 
 
 def check_decibels(psnr_db: float) -> None:
-    """Raises ValueError for a PSNR that nothing has; infinity, of equal pictures, is one."""
+    """Raises ValueError for a PSNR out of range or NaN; infinity, of equal pictures, is valid."""
     if not -LARGEST_DECIBELS <= psnr_db <= LARGEST_DECIBELS and psnr_db != math.inf:
         raise ValueError(f"a PSNR of {psnr_db} dB")
 
 
 def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
-    """Raises ValueError for latents or an adapter that are not those of such a texture. The rest is plain data."""
+    """Raises ValueError for a size, latents or an adapter that do not fit `config`."""
     if not (1 <= texture.width <= LARGEST_SIDE and 1 <= texture.height <= LARGEST_SIDE):
         raise ValueError(f"{texture.name}: is {texture.width} x {texture.height} texels")
     channels = config.latent_channels
@@ -40,7 +40,7 @@ def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
     if texture.psnr_db is not None:
         check_decibels(texture.psnr_db)
     if (texture.adapter is not None) != config.adapters:
-        raise ValueError("an adapter is there exactly where the codec has adapters")
+        raise ValueError("textures must have an adapter exactly if codec.adapters is set")
     if texture.adapter is not None:
         _check_adapter(texture.adapter, config)
 
@@ -52,7 +52,7 @@ def _check_adapter(adapter: Adapter, config: CodecConfig) -> None:
     _check(adapter.biases, hidden, np.float32, "adapter.biases")
     output = (adapter.output_weight, adapter.output_bias)
     if any((array is not None) != config.adapter_output for array in output):
-        raise ValueError("adapters have an output layer exactly where the codec says so")
+        raise ValueError("adapters must have an output layer exactly if codec.adapter_output is set")
     for array, shape, name in zip(output, (shapes[-1], shapes[-1][:1]), ("output_weight", "output_bias"), strict=True):
         if array is not None:
             _check(array, shape, np.float32, f"adapter.{name}")
@@ -81,7 +81,7 @@ def _check(array: NDArray[Any], shape: tuple[int, ...], kind: type, name: str) -
 
 
 def check_pack(pack: Pack) -> None:
-    """Raises ValueError for a pack that cannot be decoded. Decoders that nobody uses are no reason."""
+    """Raises ValueError for a pack that cannot be decoded. Unused decoders are allowed."""
     if len(pack.grouping.groups) != len(pack.textures):
         raise ValueError(f"{len(pack.grouping.groups)} groups are named for {len(pack.textures)} textures")
     for texture, group in zip(pack.textures, pack.grouping.groups, strict=True):

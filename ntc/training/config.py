@@ -37,7 +37,7 @@ class TrainingConfig:
     hidden_rate: float = 3e-2
     """Learning rate of those matrices with muon; with adam they have the decoder's."""
     latent_start: Literal["chance", "image"] = "image"
-    """Where latents start: uniform at chance, or at a small copy of the texture."""
+    """Where latents start: at random numbers (`chance`), or at a small copy of the texture (`image`)."""
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
     """How the learning rates change over the training (`ntc.training.schedule.rate_scale`)."""
     latent_clip: float | None = 2.5

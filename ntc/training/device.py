@@ -19,7 +19,7 @@ def choose_device(name: str) -> torch.device:
 
 
 def peak_memory_bytes(device: torch.device) -> int | None:
-    """Most memory that this process has held, of the GPU for CUDA. None where the system does not say."""
+    """Most memory that this process has held, of the GPU for CUDA. None where the system does not report it."""
     if device.type == "cuda":
         return int(torch.cuda.max_memory_allocated(device))
     try:

@@ -13,14 +13,14 @@ from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 
 LATENT_SPREAD = 0.02
-"""Latents at chance are uniform in [-LATENT_SPREAD, LATENT_SPREAD]. At the paper's learning rates smaller is no better, and 0.25
+"""Random latents are uniform in [-LATENT_SPREAD, LATENT_SPREAD]. At the paper's learning rates smaller is no better, and 0.25
 costs 0.9 dB after 500 steps."""
 IMAGE_DEVIATION = 0.3
 """Standard deviation of the latents that start at an image."""
 FLAT = 0.02
 """Deviation in [0, 1] below which a channel counts as flat, so that its noise is not blown up."""
-CHANCE_SHARE = 0.02
-"""Share of chance that is added to an image, to tell equal cells apart."""
+RANDOM_SHARE = 0.02
+"""Share of random numbers that is added to an image, so that equal cells differ."""
 
 
 def random_latents(cells: int, config: CodecConfig, generator: torch.Generator) -> Tensor:
@@ -36,10 +36,9 @@ def _pooled(planes: NDArray[np.float32], height: int, width: int) -> Tensor:
 
 def image_latents(texture: SourceTexture, config: CodecConfig, generator: torch.Generator) -> Tensor:
     """[cells, latent_channels] float32 of all levels: for each cell the mean of its texels, channel by channel, and how much
-    they vary; what is left of the latent's channels is at chance. Each of mean 0 and of one deviation over mip 0.
+    they vary; the remaining channels are random. Each channel has mean 0 and standard deviation IMAGE_DEVIATION over mip 0.
 
-    The decoder so starts from inputs that already say what a texture looks like around a texel, instead of noise
-    that it first has to tell apart.
+    So the decoder starts from inputs that already describe the texture around a texel, instead of noise.
     """
     levels = latent_levels(*texture.size, config)
     described: list[Tensor] = []
@@ -53,7 +52,7 @@ def image_latents(texture: SourceTexture, config: CodecConfig, generator: torch.
     mean, deviation = finest.mean(dim=0), finest.std(dim=0, unbiased=False)
     known = (torch.cat(described) - mean) / (deviation + FLAT) * IMAGE_DEVIATION
     latents = random_latents(len(known), config, generator)
-    latents[:, : known.shape[1]] = known + CHANCE_SHARE * latents[:, : known.shape[1]]
+    latents[:, : known.shape[1]] = known + RANDOM_SHARE * latents[:, : known.shape[1]]
     return latents
 
 

@@ -46,7 +46,7 @@ class TrainingRequest:
     codec: CodecConfig
     training: TrainingConfig
     budget: Budget | None = None
-    """None: as long as `training` says."""
+    """None: as many steps as `training` has."""
     start: Pack | None = None
     """A pack of the same textures in the same order and of the same codec, to continue from; None: from nothing."""
     dirty: frozenset[int] | None = None

@@ -1,1 +1,1 @@
-"""Training in another process: the client, the process, and what they say to each other."""
+"""Training in another process: the client, the process, and their messages."""

@@ -41,7 +41,7 @@ from ntc.worker.shared_arrays import SharedBlock
 NICENESS = 19
 """Priority of the process, below the window's."""
 LONGEST_DETAILS = 8000
-"""Characters of a traceback: its end says what happened."""
+"""Characters of a traceback: its end holds the error."""
 NOT_A_COMMAND = 3
 """Exit status after bytes that are not a command. The window sees it, and starts another process."""
 
@@ -172,7 +172,7 @@ def read_request(start: StartTraining) -> TrainingRequest:
     request = checked_request(request)
     missing = (request.dirty or frozenset()) - start.regions.keys()
     if missing:
-        raise ValueError(f"there is no room for snapshots of group {min(missing)}")
+        raise ValueError(f"no region is given for snapshots of group {min(missing)}")
     return request
 
 

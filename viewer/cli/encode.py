@@ -19,7 +19,7 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.grouping.labels import read_labels
+from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
 from ntc.pack.model import Pack

@@ -13,8 +13,8 @@ from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
+from ntc.features.efficientnet import square_images
 from ntc.features.extractor import centred_directions, standardised_columns
-from ntc.features.network_input import square_images
 from ntc.features.spectral import (
     DIRECTIONS,
     color_features,

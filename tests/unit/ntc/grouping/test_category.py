@@ -8,8 +8,7 @@ import pytest
 
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.grouping.category import UNKNOWN, category_grouping, guessed_category
-from ntc.grouping.labels import read_labels
+from ntc.grouping.category import UNKNOWN, category_grouping, guessed_category, read_labels
 
 
 def texture(name: str, category: str | None = None) -> SourceTexture:

@@ -237,5 +237,5 @@ def test_level_psnr_of_one_texel_and_of_a_single_level() -> None:
 
 def test_level_psnr_of_another_size_is_one_line() -> None:
     pack = random_pack()
-    with pytest.raises(InputError, match="encode it anew"):
+    with pytest.raises(InputError, match="encode it again"):
         level_psnr(pack, 0, source_of(pack, 0, noise(32, 64)), cpu_decode(pack))
