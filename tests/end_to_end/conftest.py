@@ -22,7 +22,9 @@ def two_squares(seed: int = 5) -> GltfBuilder:
         pixels = np.clip(ramp + random.normal(0, 12, (32, 32, 3)), 0, 255).astype(np.uint8)
         material = builder.material(builder.image(png(pixels), name=f"picture {number}"))
         primitives.append(
-            builder.triangle(material, POSITION=SQUARE + np.float32([number - 1, -0.5, 0]), TEXCOORD_0=SQUARE_UVS)
+            builder.triangle(
+                material, POSITION=SQUARE + np.array([number - 1, -0.5, 0], np.float32), TEXCOORD_0=SQUARE_UVS
+            )
         )
     return builder.drawn(*primitives)
 

@@ -23,6 +23,7 @@ from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import framed
 from ntc.worker.protocol import (
     Cancel,
+    Command,
     Failed,
     Finished,
     Pause,
@@ -87,7 +88,8 @@ def test_reports_arrive_as_they_were_sent(message: WorkerReport) -> None:
 
 
 def test_orders_arrive_as_they_were_sent() -> None:
-    for order in (*starts(), Pause(), Cancel(), SnapshotTaken(3), ProgressTaken()):
+    orders: tuple[Command, ...] = (*starts(), Pause(), Cancel(), SnapshotTaken(3), ProgressTaken())
+    for order in orders:
         assert encode(decode_command(encode(order))) == encode(order)
 
 

@@ -6,7 +6,7 @@ import time
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -103,10 +103,7 @@ BAD_ORDERS: dict[str, Any] = {
         ORDER,
         request=replace(
             ORDER.request,
-            textures=tuple(
-                replace(t, pixels=replace(t.pixels, dtype="|O"))
-                for t in ORDER.request.textures  # type: ignore[type-var]
-            ),
+            textures=tuple(replace(t, pixels=replace(cast(Any, t.pixels), dtype="|O")) for t in ORDER.request.textures),
         ),
     ),
 }

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +72,8 @@ def scene_of(parts: Sequence[Part], materials: Sequence[Material], textures: Seq
         rows += [number] * len(part.transforms)
         transforms += [np.asarray(matrix, np.float32) for matrix in part.transforms]
 
-    def joined(arrays: Sequence[NDArray[np.generic]], columns: int, dtype: type) -> NDArray[np.generic]:
-        empty = np.zeros((0, columns) if columns else 0, dtype)
+    def joined(arrays: Sequence[NDArray[Any]], columns: int, dtype: type) -> NDArray[Any]:
+        empty: NDArray[Any] = np.zeros((0, columns) if columns else 0, dtype)
         return np.concatenate([empty, *(np.asarray(array, dtype) for array in arrays)])
 
     colors = [np.ones((len(p.positions), 4), np.float32) if p.colors is None else p.colors for p in parts]

@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -34,7 +34,12 @@ def write_scene(folder: Path, seed: int = 5) -> Path:
 
 
 def run_window(
-    display: str, folder: Path, *arguments: str, cwd: Path | None = None, timeout: float = 120.0, **variables: str
+    display: str,
+    folder: Path,
+    *arguments: str,
+    cwd: Path | None = None,
+    timeout: float = 120.0,
+    variables: Mapping[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
     """What `python ARGUMENTS` does with its settings in `folder`; run there, or in `cwd`, with further environment variables."""
     return subprocess.run(
@@ -44,7 +49,7 @@ def run_window(
             **os.environ,
             "DISPLAY": display,
             "NTC_VIEWER_CONFIG_DIR": str(folder / "settings"),
-            **variables,
+            **(variables or {}),
         },
         capture_output=True,
         text=True,

@@ -62,7 +62,7 @@ def die(app: WindowApp) -> None:
     """From now on OpenGL calls go nowhere, as those on a lost context do."""
     assert app._window is not None
     app._window.context.reset._blame = "innocent"
-    glfw.make_context_current(None)
+    glfw.make_context_current(None)  # type: ignore[arg-type]
 
 
 def often(app: WindowApp, losses: int) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def often(app: WindowApp, losses: int) -> dict[str, Any]:
     def dying() -> bool:
         struck = next_is_lost()
         if struck:
-            glfw.make_context_current(None)
+            glfw.make_context_current(None)  # type: ignore[arg-type]
         return struck
 
     checks.next_is_lost = dying  # type: ignore[method-assign]
@@ -141,7 +141,8 @@ def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     """Losses while the worker trains: it goes on to its end."""
     app.show(FRAMES)
     app.run("training.encode", "single", "auto", 32, "40steps")
-    workers, states = set(), []
+    workers: set[int | None] = set()
+    states: list[str] = []
     began = time.monotonic()
     while app.training.active is not None and time.monotonic() - began < PATIENCE:
         app.show(3)
@@ -164,7 +165,7 @@ def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
         raise errors.pop()
 
     app.show(FRAMES)
-    app.frontend.reader.thumbnail = fails  # type: ignore[method-assign]
+    app.frontend.reader.thumbnail = fails  # type: ignore[method-assign, assignment]
     app.run("window.panel", "Textures")
     app.show(FRAMES)
     return {"told": [entry.text for entry in session.window.log], "raised": not errors}

@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 1) -> dict[str, Any]:
     """What a deed of lost_windows.py finds."""
     command = ("-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"), str(losses))
-    ran = run_window(display, folder, *command, cwd=ROOT, timeout=280, **{LOSE_VARIABLE: ""})
+    ran = run_window(display, folder, *command, cwd=ROOT, timeout=280, variables={LOSE_VARIABLE: ""})
     assert ran.returncode == 0, ran.stderr
     assert "Traceback" not in ran.stderr
     found: dict[str, Any] = json.loads(ran.stdout)
@@ -45,7 +45,7 @@ def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 
 
 
 def play(display: str, folder: Path, at: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return run_window(display, folder, "-m", "viewer", "view", *arguments, timeout=200, **{LOSE_VARIABLE: at})
+    return run_window(display, folder, "-m", "viewer", "view", *arguments, timeout=200, variables={LOSE_VARIABLE: at})
 
 
 def test_a_new_window_shows_the_same(display: str, scene_path: Path, tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ print(glfw.get_window_size(window._window))
 def test_a_robust_context_is_asked_for_and_can_be_refused(
     display: str, tmp_path: Path, code: str, expected: list[str]
 ) -> None:
-    ran = run_window(display, tmp_path, "-c", code, cwd=ROOT, **{LOSE_VARIABLE: ""})
+    ran = run_window(display, tmp_path, "-c", code, cwd=ROOT, variables={LOSE_VARIABLE: ""})
     if code == ROBUST_UNDER_EGL and (ran.returncode != 0 or ran.stdout.split() == ["False", "False"]):
         pytest.skip("EGL on this screen has no robust contexts")
     assert ran.stdout.splitlines() == expected, ran.stderr

@@ -14,7 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tmp_path: Path) -> None:
     result = run_window(
-        display, tmp_path, "-m", "viewer", str(scene_path), NTC_VIEWER_EXIT_AFTER_FRAMES="4", timeout=100.0
+        display,
+        tmp_path,
+        "-m",
+        "viewer",
+        str(scene_path),
+        variables={"NTC_VIEWER_EXIT_AFTER_FRAMES": "4"},
+        timeout=100.0,
     )
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
@@ -35,8 +41,10 @@ def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scen
         display,
         tmp_path,
         *("-m", "viewer", str(scene_path)),
-        NTC_VIEWER_CONFIG_DIR=str(tmp_path / "file" / "settings"),
-        NTC_VIEWER_EXIT_AFTER_FRAMES="2",
+        variables={
+            "NTC_VIEWER_CONFIG_DIR": str(tmp_path / "file" / "settings"),
+            "NTC_VIEWER_EXIT_AFTER_FRAMES": "2",
+        },
     )
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr

@@ -14,6 +14,7 @@ from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
 from viewer.scene.model import Camera
 from viewer.script.parse import parse_script
+from viewer.state.session import Toast
 from viewer.state.zoom import Zoom
 
 
@@ -197,4 +198,5 @@ def test_no_command_breaks_the_window(app: DrivenApp) -> None:
         app.session.window.toasts = ()
         app.run(command.id)
         app.frame()
-        assert not any("\n" in toast.text for toast in app.session.window.toasts)
+        toasts: tuple[Toast, ...] = app.session.window.toasts
+        assert not any("\n" in toast.text for toast in toasts)

@@ -146,11 +146,15 @@ def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: Progr
     decode = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0})
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
-        assert decode[block].binding == StorageBinding[binding]
+        member = decode[block]
+        assert isinstance(member, moderngl.StorageBlock)
+        assert member.binding == StorageBinding[binding]
     defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
     composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
-    assert composite["albedo_a"].value == TextureUnit.ALBEDO_A
-    assert composite["albedo_b"].value == TextureUnit.ALBEDO_B
+    for name, unit in (("albedo_a", TextureUnit.ALBEDO_A), ("albedo_b", TextureUnit.ALBEDO_B)):
+        sampler = composite[name]
+        assert isinstance(sampler, moderngl.Uniform)
+        assert sampler.value == unit
 
 
 def library_of(**files: str) -> ShaderLibrary:

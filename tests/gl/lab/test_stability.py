@@ -71,7 +71,7 @@ def test_half_arithmetic_keeps_to_its_bounds(bench: StabilityBench, name: str, p
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_weights_show_numbers(bench: StabilityBench, name: str) -> None:
     for precision in ("fp32", "fp16", "fp16-accumulate"):
-        require_bounds(bench.texels(fewer(CASES[name], 100), precision))  # type: ignore[arg-type]
+        require_bounds(bench.texels(fewer(CASES[name], 100), precision))
 
 
 def test_pictures_bear_the_same(bench: StabilityBench) -> None:

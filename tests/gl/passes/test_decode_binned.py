@@ -1,6 +1,7 @@
 """The binned path: every pixel is put into the list once, at its decoder's place, and decoded as the deferred path decodes it."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,7 +86,8 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
         np.testing.assert_array_equal(bins["pixels"], expected)
         np.testing.assert_array_equal(bins["first"], np.cumsum(expected) - expected)
         np.testing.assert_allclose(targets[1].read(), targets[0].read(), atol=2e-5, rtol=0.0)
-    for made in (*targets, material, binned, ranges, buffers, programs):
+    everything: tuple[Any, ...] = (*targets, material, binned, ranges, buffers, programs)
+    for made in everything:
         made.release()
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.config import GroupingConfig
+from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import create_headless_context
@@ -20,7 +20,7 @@ from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
 from viewer.state.view_state import BLOCKS, ViewState
 
-NAMES = ("baseline", "single", "random", "category", "clustered", "covisible")
+NAMES: tuple[GroupingName, ...] = ("baseline", "single", "random", "category", "clustered", "covisible")
 SIZES = ((640, 360), (331, 187))
 """The second is odd: blocks at the right and lower edge are partial."""
 

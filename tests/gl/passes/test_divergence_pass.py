@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -33,7 +34,9 @@ def visibility_of(context: GraphicsContext, texture_ids: np.ndarray) -> Visibili
     target = VisibilityTarget(context, texture_ids.shape[::-1], SurfaceContent(colors=False, gradients=False))
     words = np.zeros((*texture_ids.shape, 4), np.uint32)
     words[..., 0] = np.where(texture_ids < 0, 0, (texture_ids + 1) | (1 << MATERIAL_SHIFT))
-    target.framebuffer.color_attachments[0].write(np.ascontiguousarray(words[::-1]).tobytes())
+    image = target.framebuffer.color_attachments[0]
+    assert isinstance(image, moderngl.Texture)
+    image.write(np.ascontiguousarray(words[::-1]).tobytes())
     return target
 
 

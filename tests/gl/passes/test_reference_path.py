@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -58,12 +59,14 @@ def cases() -> dict[str, Case]:
         "lod 2.3": PixelMap((-2.2, 0.7), (5 / 16, 0.0), (1 / 32, 1 / 8)),
         "lod 6": PixelMap((0.0, 0.3), (4.0, 0.0), (0.0, 1.0)),
     }
-    filters = product((True, False), (True, False), ("none", "nearest", "linear"))
+    mips: tuple[Literal["none", "nearest", "linear"], ...] = ("none", "nearest", "linear")
+    filters = product((True, False), (True, False), mips)
     for magnify, minify, mipmap in filters:
         sampler = Sampler(("mirror", "repeat"), magnify, minify, mipmap)
         for name, pixel_map in maps.items():
             found[f"{name} {magnify} {minify} {mipmap}"] = Case("16x16", pixel_map, sampler)
-    for name, wrap in product(maps, (("clamp", "mirror"), ("repeat", "clamp"))):
+    wraps: tuple[tuple[WrapMode, WrapMode], ...] = (("clamp", "mirror"), ("repeat", "clamp"))
+    for name, wrap in product(maps, wraps):
         found[f"{name} {wrap}"] = Case("16x8", maps[name], Sampler(wrap))
         found[f"{name} {wrap} odd"] = Case("5x3", maps[name], Sampler(wrap))
     found["factor"] = Case("16x16", one_to_one("16x16"), factor=(0.5, 0.25, 0.9, 1.0))

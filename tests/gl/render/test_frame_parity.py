@@ -80,7 +80,8 @@ def shown(renderer: Renderer, name: str, path: DecodePath, precision: Precision 
     slot = Slot("p", path, precision)
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, slot))
     assert renderer.covered().all()
-    return linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
+    pixels: NDArray[np.float64] = renderer.albedo(slot).astype(np.float64)
+    return np.asarray(linear_to_srgb(pixels).reshape(-1, 3), np.float64)
 
 
 def expected(pack: Pack, name: str) -> NDArray[np.float64]:

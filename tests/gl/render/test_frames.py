@@ -18,7 +18,7 @@ from viewer.gl.program import ShaderLibrary
 from viewer.render.frame_result import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.state.view_state import DecodePath, Overlay, Slot, ViewState
+from viewer.state.view_state import CompareMode, DecodePath, Overlay, Slot, ViewState
 from viewer.state.zoom import Zoom
 
 SIZE = (64, 40)
@@ -153,7 +153,8 @@ def test_a_is_left_of_the_divider_and_b_right(renderer: Renderer, share: float, 
 
 
 def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
-    for compare, slot in (("a", VIEW.slot_a), ("b", VIEW.slot_b)):
+    alone: tuple[tuple[CompareMode, Slot], ...] = (("a", VIEW.slot_a), ("b", VIEW.slot_b))
+    for compare, slot in alone:
         shown = picture(renderer.render(replace(VIEW, compare=compare))).astype(int)
         assert np.abs(shown - linear_to_srgb8(renderer.albedo(slot))).max() <= 1
 

@@ -116,7 +116,7 @@ def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
     for kind in (moderngl.Buffer, moderngl.Texture):
         write = kind.write
 
-        def counted(made: object, data: bytes, *rest: object, write: Callable = write, **named: object) -> None:  # type: ignore[type-arg]
+        def counted(made: object, data: bytes, *rest: object, write: Callable = write, **named: object) -> None:
             written.append(len(data))
             write(made, data, *rest, **named)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import moderngl
@@ -144,7 +145,7 @@ class Window:
         renderer.set_packs({"p": self._packs[0]})
         self._try(lambda: renderer.prepare(FORWARD))
         for name in VIEWS:
-            self._try(lambda name=name: self._draw(name))
+            self._try(partial(self._draw, name))
             self._try(renderer.prepare_slots)
             self._try(renderer.prepare_comparison)
 
@@ -284,13 +285,13 @@ def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) 
     array = next(iter(reference._arrays))
     material = next(index for index, place in reference._places.items() if place.array == array)
     reference._drop(array)
-    memory.allows = allows  # type: ignore[method-assign]
+    memory.allows = allows  # type: ignore[method-assign, assignment]
     reference.upload([material])
     assert set(reference._arrays) == {array}
     others = [index for index in reference._places if index != material]
     with pytest.raises(GpuMemoryError):
         reference.upload([material, *others])
-    del memory.allows  # type: ignore[method-assign]
+    del memory.allows
     renderer.render(replace(VIEWS["reference"], size=LARGER))
     np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), whole)
     assert memory.objects_given == held

@@ -4,7 +4,7 @@ import errno
 import io
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -152,7 +152,7 @@ def test_what_changes_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: p
     class Changing(io.FileIO):
         """Changes when it is read."""
 
-        def read(self, size: int = -1) -> bytes:
+        def read(self, size: int | None = -1) -> bytes:
             change()
             return super().read(size)
 
@@ -212,7 +212,7 @@ def test_encode_while_its_images_are_spoilt(
         (tmp_path / f"{number}.png").write_bytes(png(pixels))
     sort = sorted
 
-    def spoilt(paths: object) -> list[Path]:
+    def spoilt(paths: Iterable[Path]) -> list[Path]:
         """Between listing and reading."""
         found = sort(paths)
         if (tmp_path / "1.png") in found:

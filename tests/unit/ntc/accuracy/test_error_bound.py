@@ -190,7 +190,8 @@ def test_rescaling_prevents_overflow(precision: Precision) -> None:
 
 
 def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    pack, halves = CASES["adapted"], ("fp32", "fp16-accumulate")
+    pack = CASES["adapted"]
+    halves: tuple[Precision, ...] = ("fp32", "fp16-accumulate")
     for share, chosen in ((0.3, "fp16-accumulate"), (0.5, "fp32")):
         monkeypatch.setattr("ntc.accuracy.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
         assert chosen_precision(pack, halves).precision == chosen
@@ -198,7 +199,8 @@ def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.Mo
 
 def test_the_cheapest_precision_that_does_not_show() -> None:
     trained = replace(CASES["adapted"])
-    assert chosen_precision(trained, ("fp32",)).precision == "fp32"
+    only: tuple[Precision, ...] = ("fp32",)
+    assert chosen_precision(trained, only).precision == "fp32"
     assert chosen_precision(trained, ("fp32", "fp16")).precision == "fp16", "its weights are halves"
     assert chosen_precision(trained, ALL, limit=1.0).precision == "fp16-accumulate"
     assert chosen_precision(CASES["2^20"], ALL).precision == "fp32", "sums overflow"

@@ -39,7 +39,7 @@ def problem(samples: int, spread: float) -> Problem:
     adapters = AdapterStack(CONFIG, 5).double()
     with torch.no_grad():
         for values in adapters.parameters():
-            values += torch.randn(values.shape, generator=generator, dtype=torch.float64) * 0.3
+            values.add_(torch.randn(values.shape, generator=generator, dtype=torch.float64) * 0.3)
     latents = torch.randn(5, samples, 4, generator=generator, dtype=torch.float64) * spread
     mask = (torch.rand(5, 3, generator=generator) < 0.7).double()
     return Problem(

@@ -309,12 +309,13 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True, adapter_output=True)
     pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
-    adapters = [encoded.adapter for encoded in pack.textures]
-    for adapter in adapters:
-        assert adapter is not None
-        assert adapter.output_weight is not None
-        assert adapter.output_weight.shape == (3, 16)
-    assert not np.array_equal(adapters[0].output_weight, adapters[1].output_weight)  # type: ignore[union-attr]
+    weights = []
+    for encoded in pack.textures:
+        assert encoded.adapter is not None
+        assert encoded.adapter.output_weight is not None
+        assert encoded.adapter.output_weight.shape == (3, 16)
+        weights.append(encoded.adapter.output_weight)
+    assert not np.array_equal(weights[0], weights[1])
     assert not pack.decoders[0].weights[2].any()
     for index, source in enumerate(textures):
         assert pack.textures[index].psnr_db == pytest.approx(psnr_db(decode_image(pack, index), source.pixels), abs=0.1)

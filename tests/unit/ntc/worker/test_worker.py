@@ -6,9 +6,11 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ntc.codec.reference import decode_image
 from ntc.metrics.metrics import psnr_db
@@ -41,7 +43,7 @@ pytestmark = pytest.mark.process
 def digest(pack: Pack, texture_index: int) -> str:
     """Over everything that decodes a texture."""
     encoded = pack.textures[texture_index]
-    arrays = [encoded.latents, encoded.scale, encoded.offset]
+    arrays: list[NDArray[Any]] = [encoded.latents, encoded.scale, encoded.offset]
     arrays += [part for part in vars(encoded.adapter).values() if part is not None]
     decoder = pack.decoders[encoded.group]
     return hashlib.sha256(b"".join(a.tobytes() for a in (*arrays, *decoder.weights, *decoder.biases))).hexdigest()

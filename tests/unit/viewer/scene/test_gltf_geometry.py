@@ -39,7 +39,9 @@ def test_world_positions_agree_with_trimesh() -> None:
     builder = grid_builder()
     scene = built(builder)
     other = trimesh.load_scene(io.BytesIO(builder.glb()), file_type="glb", process=False)
-    expected = other.to_geometry().triangles
+    mesh = other.to_geometry()
+    assert isinstance(mesh, trimesh.Trimesh)
+    expected = mesh.triangles
     ours, theirs = sorted_triangles(world_triangles(scene)), sorted_triangles(np.asarray(expected))
     np.testing.assert_allclose(ours, theirs, atol=1e-3)
     assert len(scene.primitives) == 1
@@ -54,7 +56,9 @@ def test_world_positions_agree_with_trimesh() -> None:
 def test_real_scenes_agree_with_trimesh(data_folder: Path, name: str) -> None:
     path = data_folder / "scenes" / name
     scene = load_scene(path)
-    other = trimesh.load_scene(path, process=False, skip_materials=True).to_geometry().triangles
+    mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_geometry()
+    assert isinstance(mesh, trimesh.Trimesh)
+    other = mesh.triangles
     ours = world_triangles(scene)
     assert len(ours) == len(other)
     centers, expected = np.sort(ours.mean(axis=1), axis=0), np.sort(np.asarray(other).mean(axis=1), axis=0)
@@ -135,7 +139,7 @@ def test_vertex_colours() -> None:
     colors = scene.geometry.colors
     assert colors is not None
     np.testing.assert_array_equal(colors[:3], 1.0)
-    np.testing.assert_allclose(colors[3:6], [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 0.2, 1]], atol=1e-6)
+    np.testing.assert_allclose(colors[3:6], np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 0.2, 1]]), atol=1e-6)
     np.testing.assert_array_equal(colors[6:], 1.0)
     single = GltfBuilder()
     assert built(single.drawn(single.triangle())).geometry.colors is None

@@ -45,6 +45,7 @@ def test_other_formats(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     stored = srgb_to_linear(pixels / 255.0).astype(np.float32) if suffix == ".exr" else pixels
     output = OpenImageIO.ImageOutput.create(str(path))
+    assert output is not None
     spec = OpenImageIO.ImageSpec(32, 32, 3, "float" if suffix == ".exr" else "uint8")
     assert output.open(str(path), spec)
     assert output.write_image(stored)
@@ -157,6 +158,7 @@ def test_values_above_one_are_refused(tmp_path: Path, largest: float, refused: b
     values[3, 4, 1] = largest
     path = str(tmp_path / "a.exr")
     output = OpenImageIO.ImageOutput.create(path)
+    assert output is not None
     output.open(path, OpenImageIO.ImageSpec(8, 8, 3, "float"))
     output.write_image(values)
     output.close()
