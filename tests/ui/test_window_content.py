@@ -166,12 +166,12 @@ def test_flying(app: DrivenApp) -> None:
 
 
 def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
-    drawn = app.frontend.frames_drawn
+    drawn = app.frontend.picture.frames_drawn
     app.frame(5)
-    assert app.frontend.frames_drawn == drawn
+    assert app.frontend.picture.frames_drawn == drawn
     assert not app.frontend.needs_frame(SIZE)
     app.click("B")
-    assert app.frontend.frames_drawn == drawn + 1
+    assert app.frontend.picture.frames_drawn == drawn + 1
 
 
 def test_measuring_fills_the_table(app: DrivenApp) -> None:
@@ -197,10 +197,10 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> 
     app.settle()
     hide_panels(app)
     plain = app.screenshot().astype(int)
-    assert app.frontend.skipped["divergence_passes"] == 1
+    assert app.frontend.facts().skipped["divergence_passes"] == 1
     app.press(imgui.Key.o)
     assert app.session.view.overlay.kind == "divergence"
-    assert "divergence_passes" not in app.frontend.skipped
+    assert "divergence_passes" not in app.frontend.facts().skipped
     covered = app.screenshot().astype(int)
     changed = np.abs(covered - plain).max(axis=2) > 5
     assert 0.1 < changed[60:-60].mean() < 0.9
@@ -317,5 +317,5 @@ def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:
 def test_the_first_picture_is_as_large_as_panels_leave_room(scene: Scene, tmp_path: Path) -> None:
     app = DrivenApp(scene, {}, SIZE, tmp_path, ViewerSettings(live_figures=False))
     app.settle()
-    assert app.frontend.frames_drawn == 1
+    assert app.frontend.picture.frames_drawn == 1
     app.close()

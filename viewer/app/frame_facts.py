@@ -45,7 +45,6 @@ class FactsReader:
             divergence=last.divergence if last else {},
             block=self._block(),
             thumbnail=self.thumbnail if thumbnails is not None else None,
-            gpu_bytes={slot: of_slot.total for slot, of_slot in memory.items()},
             frames_drawn=self._picture.frames_drawn,
             live=live,
             is_training=is_training,

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Mapping
 from functools import partial
 
 import moderngl
@@ -61,16 +60,6 @@ class Frontend:
         self._recorded_at = -math.inf
         self.live = LiveComparison()
 
-    @property
-    def frames_drawn(self) -> int:
-        """Frames in which the renderer had something to do."""
-        return self.picture.frames_drawn
-
-    @property
-    def skipped(self) -> Mapping[str, int]:
-        """What the last drawn frame left out."""
-        return self.picture.last.skipped if self.picture.last is not None else {}
-
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
         return self.reader.read(self.live.figures, self._is_training)
@@ -114,10 +103,6 @@ class Frontend:
         self._times.end()
         self._graphics.reset.check()
         self._writer.write_requested(framebuffer)
-
-    def prepare_next(self) -> bool:
-        """Compile the next thing that the user may toggle to: for when there is nothing else to do. False when all is ready."""
-        return self.picture.prepare_next()
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture is out of date, a message is about to end, or a request is open."""

@@ -100,11 +100,6 @@ class ImguiWindow:
     def _address(name: str) -> int:
         return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
 
-    @property
-    def is_robust(self) -> bool:
-        """Whether the driver reports the loss of the context."""
-        return bool(glfw.get_window_attrib(self.handle, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
-
     def _place(self, placement: Placement) -> None:
         # Under Wayland programs cannot place windows: glfw warns.
         with warnings.catch_warnings():

@@ -184,7 +184,7 @@ class WindowApp(App):
             self._awake = max(0, self._awake - 1)
             self._frame(window, size)
             return 1
-        if not self.frontend.prepare_next():
+        if not self.frontend.picture.prepare_next():
             glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
         return 0
 

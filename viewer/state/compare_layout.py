@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from viewer.state.view_state import CompareMode, Side, Slot, ViewState
 
 WIPES: tuple[CompareMode, ...] = ("wipe", "wipe-horizontal")
-BOTH: tuple[CompareMode, ...] = (*WIPES, "side-by-side", "difference")
-"""Modes that show both slots at once."""
 
 
 @dataclass(frozen=True)

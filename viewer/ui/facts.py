@@ -54,14 +54,11 @@ class FrameFacts:
     """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Small picture of a texture by its id."""
-    gpu_bytes: Mapping[Slot, int] = field(default_factory=dict)
     frames_drawn: int = 0
     paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
     """The path by which each slot is drawn: what `auto` chose, else its own."""
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
     """The tile caches of slots that have one."""
-    picture: tuple[float, float] = (1.0, 1.0)
-    """Size of the picture in window units."""
     history: FrameHistory | None = None
     """Times of the last frames."""
     gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)

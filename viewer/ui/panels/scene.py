@@ -32,11 +32,6 @@ class SceneLists:
         self._filter = ""
         self._materials: list[int] = []
 
-    @property
-    def tree(self) -> SceneTree | None:
-        """The rows of nodes, for scripts."""
-        return self._tree
-
     def draw(self, ui: UiFrame) -> None:
         """Filter, nodes and materials."""
         scene = ui.session.scene

@@ -44,10 +44,6 @@ class TexturesPanel:
         self._rows: list[tuple[TextureRow, tuple[str, ...]]] = []
         self._scrolled_to: int | None = None
 
-    def shown_names(self) -> tuple[str, ...]:
-        """Names of the rows in their order, for scripts."""
-        return tuple(row.name for row, _ in self._rows)
-
     def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
         source = ui.session.view.slot_a.source

@@ -1,9 +1,11 @@
 """The registry: ids, keys and usage are in order, and text becomes calls or one clear line."""
 
+from typing import Any
+
 import pytest
 
 from ntc.errors import InputError
-from viewer.commands import COMMANDS, find_command, run_line
+from viewer.commands import COMMANDS, find_command, run, run_line, run_or_notify
 from viewer.commands.command import Context, words
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
@@ -74,3 +76,48 @@ def test_what_does_not_fit_is_one_line(context: Context, line: str, part: str) -
 def test_usage_shows_what_may_be_left_out() -> None:
     assert find_command("compare.divider").usage == "compare.divider [POSITION]"
     assert words("a 'b c' # d") == ["a", "b c"]
+
+
+@pytest.mark.parametrize(
+    ("line", "command_id", "values"),
+    [
+        ("overlay.opacity 2", "overlay.opacity", (2.0,)),
+        ("compare.gain 0", "compare.gain", (0.0,)),
+        ("compare.mode c", "compare.mode", ("c",)),
+        ("slot.source a missing", "slot.source", ("a", "missing")),
+        ("compare.divider nan", "compare.divider", (float("nan"),)),
+        ("filter.anisotropy 3", "filter.anisotropy", (3,)),
+        ("window.ui-scale 9", "window.ui-scale", (9.0,)),
+    ],
+)
+def test_values_of_widgets_are_checked_as_texts_are(
+    context: Context, line: str, command_id: str, values: tuple[Any, ...]
+) -> None:
+    with pytest.raises(InputError) as typed:
+        run_line(context, line)
+    with pytest.raises(InputError) as given:
+        run(context, command_id, *values)
+    assert str(typed.value).replace("'", "") == str(given.value).replace("'", "")
+
+
+def test_a_divider_beyond_the_edge_stays_at_the_edge(context: Context) -> None:
+    run_line(context, "compare.divider 1.5")
+    assert context.session.view.wipe_position == 1.0
+    run(context, "compare.divider", -0.2)
+    assert context.session.view.wipe_position == 0.0
+
+
+def test_gestures_have_no_text_form_and_are_in_no_table(context: Context) -> None:
+    camera = context.session.view.camera
+    run_line(context, "camera.look 1 2 3 4 5 6")
+    run(context, "camera.set", camera)
+    assert context.session.view.camera == camera
+    assert "camera.set" not in {command.id for command in COMMANDS}
+    with pytest.raises(InputError, match="no such command"):
+        run_line(context, "camera.set here")
+
+
+def test_what_keeps_a_command_from_running_becomes_a_message(context: Context) -> None:
+    run_or_notify(context, "overlay.opacity", 2.0)
+    (entry,) = context.session.window.log
+    assert (entry.kind, entry.text) == ("error", "overlay.opacity: opacity 2: must be 0 to 1")
