@@ -6,23 +6,23 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(std430, binding = BINDING_PAGE_USED) writeonly buffer PageUsed {
     uint page_used[];   // number of the last frame that read each page
 };
-layout(std430, binding = BINDING_RESULTS) buffer AskedFor {
-    uint asked_count;
-    uint asked_for[];   // entries
+layout(std430, binding = BINDING_RESULTS) buffer Requests {
+    uint request_count;
+    uint requests[];   // indices into tile_entries
 };
 uniform uint frame;
 
 // Whether the tile is resident; else it is requested.
-bool ask_for(int entry) {
+bool request_tile(int entry) {
     uint page = tile_entries[entry];
     if (is_resident(page)) {
         page_used[page - 1u] = frame;
         return true;
     }
     // Only the first pixel that needs a tile lists it.
-    if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_ASKED_FOR) == 0u) {
-        uint place = atomicAdd(asked_count, 1u);
-        if (place < MOST_TILES_ASKED_FOR) asked_for[place] = uint(entry);
+    if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_REQUESTED) == 0u) {
+        uint place = atomicAdd(request_count, 1u);
+        if (place < MAX_TILE_REQUESTS) requests[place] = uint(entry);
         else tile_entries[entry] = 0u;
     }
     return false;
@@ -40,11 +40,11 @@ void main() {
     bool complete = true;
     for (int number = 0; number < probes.count; ++number) {
         vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
-        complete = ask_for(tile_place(first, wanted.texture_id, filtered.lower, uv).entry) && complete;
+        complete = request_tile(tile_place(first, wanted.texture_id, filtered.lower, uv).entry) && complete;
         if (filtered.share > 0.0)
-            complete = ask_for(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
+            complete = request_tile(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
     }
     int coarse = single_tile_level(wanted.texture_id);
     if (!complete && coarse > filtered.lower)
-        ask_for(tile_place(first, wanted.texture_id, coarse, wrapped_place(wanted, vec2(0.0))).entry);
+        request_tile(tile_place(first, wanted.texture_id, coarse, wrapped_place(wanted, vec2(0.0))).entry);
 }

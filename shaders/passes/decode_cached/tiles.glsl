@@ -87,7 +87,7 @@ TilePlace tile_place(int first, int texture_id, int level, vec2 uv) {
 }
 
 bool is_resident(uint entry) {
-    return entry != 0u && entry != TILE_ASKED_FOR;
+    return entry != 0u && entry != TILE_REQUESTED;
 }
 
 // The finest level that is a single tile: the first substitute for missing tiles.

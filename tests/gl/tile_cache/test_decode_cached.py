@@ -241,8 +241,8 @@ def test_a_changed_group_costs_its_own_tiles_only(graphics: GraphicsContext) -> 
 def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = opened(graphics)
     truth = picture(plain)
-    monkeypatch.setattr(layout, "MOST_TILES_ASKED_FOR", 5)
-    monkeypatch.setattr(decode_cached, "MOST_TILES_ASKED_FOR", 5)
+    monkeypatch.setattr(layout, "MAX_TILE_REQUESTS", 5)
+    monkeypatch.setattr(decode_cached, "MAX_TILE_REQUESTS", 5)
     few = opened(graphics)
     np.testing.assert_allclose(picture(few), truth, atol=ELSEWHERE)
     assert counts(render(few)).waiting == 0

@@ -106,10 +106,10 @@ PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
 """Side in texels of a page of the tile atlas: a tile and its border."""
 PAGES_ACROSS = 30
 """Pages along a side of a layer of the tile atlas."""
-TILE_ASKED_FOR = 0xFFFFFFFF
-"""Entry of a tile that is not there and has been asked for. 0: not there; else its page + 1."""
-MOST_TILES_ASKED_FOR = 1 << 16
-"""Tiles that one frame can ask for; the others ask again."""
+TILE_REQUESTED = 0xFFFFFFFF
+"""Table entry of a missing tile that has been requested. 0: missing; other values: the tile's page + 1."""
+MAX_TILE_REQUESTS = 1 << 16
+"""Most tiles that one frame can request; the others are requested again."""
 PALETTE_STEPS = 32
 """Entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
@@ -268,8 +268,8 @@ def scene_layout_glsl() -> str:
         f"#define TILE_BORDER {TILE_BORDER}",
         f"#define PAGE_SIDE {PAGE_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",
-        f"#define TILE_ASKED_FOR {TILE_ASKED_FOR}u",
-        f"#define MOST_TILES_ASKED_FOR {MOST_TILES_ASKED_FOR}u",
+        f"#define TILE_REQUESTED {TILE_REQUESTED}u",
+        f"#define MAX_TILE_REQUESTS {MAX_TILE_REQUESTS}u",
         f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",

@@ -15,7 +15,7 @@ from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
     BIN_GROUP,
     GROUP_SIDE,
-    MOST_TILES_ASKED_FOR,
+    MAX_TILE_REQUESTS,
     PAGE_SIDE,
     PAGES_ACROSS,
     TEXEL_GROUP,
@@ -85,7 +85,7 @@ class DecodeCachedPass:
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
-        asked = min(MOST_TILES_ASKED_FOR, table.entries)
+        asked = min(MAX_TILE_REQUESTS, table.entries)
         self._places: dict[StorageBinding, moderngl.Buffer] = {
             StorageBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
             StorageBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
@@ -141,7 +141,7 @@ class DecodeCachedPass:
         self._gl.memory_barrier()
         self._drop_unseen_stale()
         asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
-        count = min(asked_count, MOST_TILES_ASKED_FOR)
+        count = min(asked_count, MAX_TILE_REQUESTS)
         self._unheard = asked_count - count
         entries = (
             np.frombuffer(asked.read(4 * count, offset=4), np.uint32).astype(np.int64) if count else self._waiting[:0]
