@@ -1,41 +1,32 @@
 """What differs between two versions of a pack."""
 
-from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
 
+DECODED_PARTS = ("latents", "scale", "offset", "adapter")
+"""What of a texture changes how it decodes, besides its channels and colour space."""
 
-def _equal(first: NDArray[np.generic] | None, second: NDArray[np.generic] | None) -> bool:
+
+def _same(first: Any, second: Any) -> bool:
+    """Whether two arrays, decoders, adapters or tuples of them hold the same values; None is the same as None alone."""
     if first is second:
         return True
+    if isinstance(first, tuple):
+        return all(map(_same, first, second))
+    if isinstance(first, Decoder | Adapter) and second is not None:
+        return all(_same(getattr(first, field.name), getattr(second, field.name)) for field in fields(first))
     return first is not None and second is not None and np.array_equal(first, second)
-
-
-def _same_decoder(first: Decoder, second: Decoder) -> bool:
-    pairs = (*zip(first.weights, second.weights, strict=True), *zip(first.biases, second.biases, strict=True))
-    return first is second or all(_equal(a, b) for a, b in pairs)
-
-
-def _same_adapter(first: Adapter | None, second: Adapter | None) -> bool:
-    if first is None or second is None or first is second:
-        return first is second
-    return (
-        _equal(first.scales, second.scales)
-        and _equal(first.biases, second.biases)
-        and _equal(first.output_weight, second.output_weight)
-        and _equal(first.output_bias, second.output_bias)
-    )
 
 
 def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
     if first is second:
         return True
-    shown = (first.channels, first.color_space) == (second.channels, second.color_space)
-    arrays = ((first.latents, second.latents), (first.scale, second.scale), (first.offset, second.offset))
-    return shown and all(_equal(a, b) for a, b in arrays) and _same_adapter(first.adapter, second.adapter)
+    space = (first.channels, first.color_space) == (second.channels, second.color_space)
+    return space and all(_same(getattr(first, part), getattr(second, part)) for part in DECODED_PARTS)
 
 
 def same_shape(old: Pack, new: Pack) -> bool:
@@ -51,8 +42,8 @@ def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
     def decodes_alike(first: EncodedTexture, second: EncodedTexture) -> bool:
         groups = (first.group, second.group)
         if groups not in same:
-            same[groups] = _same_decoder(old.decoders[groups[0]], new.decoders[groups[1]])
+            same[groups] = _same(old.decoders[groups[0]], new.decoders[groups[1]])
         return same[groups] and _same_texture(first, second)
 
-    pairs: Iterable[tuple[EncodedTexture, EncodedTexture]] = zip(old.textures, new.textures, strict=True)
+    pairs = zip(old.textures, new.textures, strict=True)
     return frozenset(index for index, pair in enumerate(pairs) if not decodes_alike(*pair))
