@@ -122,10 +122,6 @@ class GpuPack:
             self._paths[name] = DECODE_PATHS[name](self)
         return self._paths[name]
 
-    def used_path(self, name: str) -> AlbedoPath | None:
-        """The same, where it has been used."""
-        return next((path for known, path in self._paths.items() if known == name), None)
-
     def upload_latents(self, inputs: VisibilityInputs) -> None:
         """Upload the mips that the pixels of this view read, where the textures in sight are not there whole."""
         decoders = self.buffers.decoder_of_texture

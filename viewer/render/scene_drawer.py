@@ -29,6 +29,7 @@ class SceneDrawer:
         self._pass = VisibilityPass(context, programs, scene_buffers)
         self._texture_of_material = np.array([material.texture_id for material in scene.materials], np.int64)
         self._culled: CulledScene | None = None
+        self._drawn: VisibilityInputs | None = None
 
     @property
     def draw_list(self) -> DrawList:
@@ -51,8 +52,13 @@ class SceneDrawer:
                 draw_list = self._culling.draw_list(camera, matrix)
                 self._buffers.upload(draw_list)
             culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
-        self._scheduler.run(self._pass, culled, target)
-        return self._inputs(culled, target)
+        if (
+            self._scheduler.run(self._pass, culled, target)
+            or self._drawn is None
+            or self._drawn.visibility is not target
+        ):
+            self._drawn = self._inputs(culled, target)
+        return self._drawn
 
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size: nothing is culled for it."""

@@ -12,7 +12,7 @@ from tests.gl.small_scenes import CAMERAS, FLAT, INSIDE, SCENES
 from tests.support.ray_caster import cast_scene
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
-from viewer.render.resources import clusters, culling
+from viewer.render.resources import culling
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import Slot, ViewState
 
@@ -25,7 +25,7 @@ def drawn(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator
     scene = SCENES[request.param]()
     with pytest.MonkeyPatch.context() as patched:
         # Small clusters, so that small scenes have many.
-        patched.setattr(clusters, "CLUSTER_TRIANGLES", 12)
+        patched.setattr(culling, "CLUSTER_TRIANGLES", 12)
         renderer = Renderer(graphics, scene)
     sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     groups = tuple(index % 2 for index in range(len(sizes)))

@@ -1,4 +1,4 @@
-"""Latents on the GPU: the mips that are needed of the textures that are seen, within a budget."""
+"""Latents on the GPU: the mips that visible pixels need, within a budget."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,22 +18,22 @@ from viewer.render.resources.layout import LEVEL_RECORD, cell_words
 
 @dataclass(frozen=True)
 class LatentBudget:
-    """How much may lie on the GPU."""
+    """Limit of GPU memory for latents."""
 
     budget_bytes: int = 1 << 30
 
 
 @dataclass(frozen=True)
 class LatentCounts:
-    """What lies on the GPU, and what was left out."""
+    """Which latents are on the GPU, and which are not."""
 
     bytes_uploaded: int
     bytes_left_out: int
-    """Of mips that nobody has needed so far."""
+    """Bytes of mips that no view has needed so far."""
     textures_left_out: int
-    """Textures of which nothing has been needed so far."""
+    """Textures of which no view has needed any mip so far."""
     levels_without_room: int
-    """Mips that are seen and for which the budget has no room: a coarser one is shown."""
+    """Visible mips that do not fit into the budget: a coarser one is shown."""
     out_of_memory: bool = False
     """Whether the GPU had less memory than the budget, which has been lowered."""
 
@@ -103,7 +103,7 @@ class LatentStore:
 
     @property
     def counts(self) -> LatentCounts:
-        """What is there."""
+        """What is on the GPU."""
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
@@ -150,7 +150,7 @@ class LatentStore:
         return True
 
     def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
-        """Forget all that is there; what of `wanted` there is room for, and its cells."""
+        """Drop all latents; the part of `wanted` that fits, and its number of cells."""
         self.finest[:] = self._mips
         self._used = 0
         fitting = self._fitting(wanted)

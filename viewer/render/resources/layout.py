@@ -117,7 +117,7 @@ MATERIAL_SHIFT = 16
 LARGEST_ID = 65534
 """Most textures, and most materials, that the visibility buffer can name."""
 BUCKET_DEPTHS = 4096
-"""Texture arrays of the reference pass are told apart by depth, in steps of 1 / BUCKET_DEPTHS."""
+"""Texture arrays of the reference pass are distinguished by depth, in steps of 1 / BUCKET_DEPTHS."""
 
 MATERIAL_RECORD = np.dtype(
     [

@@ -1,4 +1,4 @@
-"""What shaders are told about a precision."""
+"""Defines of the decoding shaders for a precision."""
 
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
@@ -9,11 +9,11 @@ LEVELS: dict[Precision, int] = {"fp32": 0, "fp16": 0, "fp16-arithmetic": 1, "fp1
 """HALF_ARITHMETIC of shaders/ntc/half.glsl."""
 
 EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
-"""Precisions that need nothing of the driver."""
+"""Precisions that every driver supports."""
 
 
 def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
-    """What this driver can compute in."""
+    """Precisions that this driver supports."""
     return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE
 
 

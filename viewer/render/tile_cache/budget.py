@@ -1,44 +1,45 @@
-"""Limits and figures of the cache of decoded tiles (path `cached`)."""
+"""Limits and statistics of the cache of decoded tiles (path `cached`)."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class TileCacheConfig:
-    """How large the cache of one pack may become, and how long a frame may decode for it."""
+    """Memory limit of one pack's tile cache, and decoding time of a frame."""
 
     budget_bytes: int = 256 << 20
-    """Of the atlas; at least one page."""
+    """Size limit of the atlas in bytes; one page is always allowed."""
     milliseconds: float | None = None
-    """Decoding time of a frame, in ms. What is left comes in the next frames; until then a coarser tile is shown. None: no limit."""
+    """Time in ms that a frame may spend on decoding tiles; None: no limit. The next frames decode the rest; coarser tiles are
+    shown until then."""
     least_tiles: int = 8
-    """Tiles that a frame decodes whatever the time: what is missing arrives within ceil(missing / least_tiles) frames."""
+    """Tiles that a frame decodes however long it takes: missing tiles are there after at most ceil(missing / least_tiles) frames."""
 
 
 FRAME_MS = 25.0
-"""What a frame that decodes tiles should take, all in all."""
+"""Target time in ms of a whole frame that decodes tiles."""
 LEAST_MILLISECONDS = 4.0
 LEAST_SHARE = 0.125
-"""Of what a frame takes besides: where that is long, tiles are not what makes it so."""
+"""Share of the rest of a frame's time that tiles may take where that rest alone exceeds FRAME_MS."""
 
 
 class TileBudget:
-    """How long a frame may decode for tiles now: what the rest of a frame leaves, whatever that goes to."""
+    """Adapts the decoding time of a frame to the measured time of the rest of the frame."""
 
     def __init__(self, config: TileCacheConfig) -> None:
         self._most = config.milliseconds
         self.milliseconds = config.milliseconds
-        """As TileCacheConfig's, now."""
+        """Decoding time of the next frame in ms; None: no limit."""
         self.is_tight = False
-        """Whether a frame is long without any tiles: the picture is then not drawn anew for every few of them."""
+        """Whether frames take FRAME_MS without decoding tiles. Then the picture is redrawn once for several frames of decoding."""
         self._spent = 0.0
 
     def note_tiles(self, milliseconds: float) -> None:
-        """Tiles took so long in the frame that is being drawn."""
+        """Add decoding time of the current frame, in ms."""
         self._spent += milliseconds
 
     def note_frame(self, milliseconds: float) -> None:
-        """That frame took so long, all in all."""
+        """End the frame, which took `milliseconds` in all, and set the decoding time of the next one."""
         rest, self._spent = max(milliseconds - self._spent, 0.0), 0.0
         if self._most is None or self.milliseconds is None:
             return
@@ -50,21 +51,21 @@ class TileBudget:
 
 @dataclass(frozen=True)
 class TileCounts:
-    """The state of the cache."""
+    """State of a tile cache: numbers of tiles."""
 
     resident: int
-    """Tiles that are decoded and kept."""
+    """Decoded tiles in the cache."""
     waiting: int
-    """Tiles that the last view asked for and that are still to come."""
+    """Tiles that the last view requested and that are not decoded yet."""
     starved: int
-    """Tiles that cannot come, because all others in the budget are seen too."""
+    """Requested tiles that cannot be decoded, because all pages of the budget are visible too."""
     kept: int
-    """Tiles that were there when the last view asked."""
+    """Tiles that were in the cache when the last view made its request."""
     decoded: int
     """Tiles decoded so far."""
     evicted: int
-    """Tiles that others have taken the place of so far."""
+    """Tiles evicted so far to make room for others."""
     out_of_memory: bool = False
-    """Whether the GPU had less memory than the budget: the cache stays as large as it could become."""
+    """Whether the GPU had less memory than the budget: the cache keeps the size that it reached."""
     coarse_latents: bool = False
-    """Whether there are or were tiles that were decoded from coarser latents than they need, because there was no room for those."""
+    """Whether tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""

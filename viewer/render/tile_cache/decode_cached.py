@@ -34,9 +34,9 @@ FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
 AHEAD_MILLISECONDS = 8.0
-"""Of a frame, for tiles that are shown in an older version."""
+"""Decoding time of a frame, in ms, for tiles that are shown in an older version."""
 TILES_AT_ONCE = 8192
-"""Of one dispatch: OpenGL lets none have more than 65535 work groups."""
+"""Tiles of one dispatch: OpenGL allows at most 65535 work groups."""
 
 
 def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
@@ -93,12 +93,12 @@ class DecodeCachedPass:
             StorageBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
             StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
         }
-        # For as many tiles as any call can name: what the GPU was told of must not fail to be noted for want of memory.
+        # Large enough for any call: recording what the GPU has requested must not fail for lack of memory.
         self._tiles = memory.buffer(what, reserve=TILE_RECORD.itemsize * max(asked, self._pool.pages))
 
     @property
     def counts(self) -> TileCounts:
-        """What the cache holds now."""
+        """State of the cache."""
         return TileCounts(
             self._pool.taken,
             len(self._waiting) + len(self._stale) + self._unheard,
@@ -122,11 +122,11 @@ class DecodeCachedPass:
 
     @property
     def request_overflowed(self) -> bool:
-        """Whether the last view asked for more tiles than one request can list, and all that it lists have come."""
+        """Whether the last view needs more tiles than one request can list, and all listed ones are decoded: request again."""
         return self._unheard > 0 and not len(self._waiting)
 
     def request(self, inputs: VisibilityInputs) -> None:
-        """Find out which tiles this view reads and which of them are missing. Reads back their number, and the missing ones."""
+        """Find out which tiles this view reads and which of them are missing. Reads back the list of missing tiles."""
         visibility = inputs.visibility
         program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
         self._invalidate_entries(self._waiting)
@@ -152,20 +152,20 @@ class DecodeCachedPass:
 
     @property
     def only_stale(self) -> bool:
-        """Whether tiles are shown in an older version, and nothing else is to come."""
+        """Whether no tile is missing, but some are shown in an older version."""
         return bool(len(self._stale)) and not len(self._waiting) and not self._unheard
 
     @property
     def is_missing_tiles(self) -> bool:
-        """Whether there are tiles to decode that are shown coarser, and are known."""
+        """Whether the last request listed tiles that are not decoded yet; coarser ones are shown in their place."""
         return bool(len(self._waiting))
 
     def tiles_now(self, whole: bool) -> int:
-        """How many of the waiting tiles the next `decode` should take; all where the picture must be `whole`."""
+        """Number of waiting tiles to decode in this frame; all where the picture must be `whole`."""
         return self._fitting(None if whole else self._budget.milliseconds, self._config.least_tiles)
 
     def tiles_ahead(self) -> int:
-        """How many tiles to decode in a frame that shows the picture before: few where nobody waits for them."""
+        """Number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
         least = self._config.least_tiles if self.is_missing_tiles else 1
         return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, least)
 
@@ -176,7 +176,7 @@ class DecodeCachedPass:
         return min(waiting, max(least, 0 if self._tile_ms is None else int(milliseconds / self._tile_ms)))
 
     def decode(self, count: int) -> int:
-        """Decode the next `count` waiting tiles; how many it were, fewer where the budget is full of tiles that are seen."""
+        """Decode the next `count` waiting tiles; the number decoded, less where all pages of the budget are visible."""
         missing = min(count, len(self._waiting))
         return self._decode_missing(missing) + self._decode_stale(count - missing)
 
@@ -206,7 +206,7 @@ class DecodeCachedPass:
         return len(pages)
 
     def _decode_stale(self, count: int) -> int:
-        """Decode tiles anew where they are."""
+        """Decode stale tiles into the pages that they have."""
         entries = self._stale[:count]
         if len(entries):
             self._decode_into(entries, self._pool.pages_of(entries))
@@ -229,7 +229,7 @@ class DecodeCachedPass:
         self._coarse_latents |= not self._buffers.latent_store.has(levels)
 
     def _drop_unseen_stale(self) -> None:
-        """What the last request did not read need not be decoded anew."""
+        """Drop stale tiles that the last request did not read."""
         if not len(self._stale):
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
@@ -240,7 +240,7 @@ class DecodeCachedPass:
         self._stale = stale[seen]
 
     def note_time(self, tiles: int, milliseconds: float) -> None:
-        """Learn how long decoding takes."""
+        """Record that decoding `tiles` tiles took `milliseconds`."""
         if tiles:
             self._tile_ms = milliseconds / tiles
             self._budget.note_tiles(milliseconds)

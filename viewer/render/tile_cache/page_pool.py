@@ -25,11 +25,11 @@ class PagePool:
         return len(self._entry_of_page)
 
     def reach(self, count: int) -> int:
-        """Pages from the first to the last that was ever taken, once `count` more tiles are placed: what has to exist."""
+        """Number of pages that must exist to place `count` more tiles: all up to the last one ever used."""
         return min(self.pages, self._fresh + max(0, count - len(self._free)))
 
     def shrink(self, pages: int) -> None:
-        """Have no more than `pages` pages, at least as many as were ever taken, from now on: there is no memory for others."""
+        """Limit the pool to `pages` pages, where there is no memory for more. Pages that were ever used stay."""
         self._entry_of_page = self._entry_of_page[: max(pages, self._fresh, 1)]
         self._placed_in = self._placed_in[: len(self._entry_of_page)]
 
@@ -65,7 +65,7 @@ class PagePool:
         return placed, gone
 
     def drop(self, entries: NDArray[np.int64]) -> None:
-        """These tiles are void."""
+        """Free the pages of these tiles."""
         pages = np.nonzero(np.isin(self._entry_of_page, entries))[0]
         self._entry_of_page[pages] = FREE
         self._free += pages.tolist()
@@ -80,6 +80,6 @@ class PagePool:
         return np.asarray((last_read[pages] == frame) | (self._placed_in[pages] == frame), np.bool_)
 
     def held(self) -> NDArray[np.int64]:
-        """Entries that have a page."""
+        """Entries of the tiles that have a page."""
         held: NDArray[np.int64] = self._entry_of_page[self._entry_of_page != FREE]
         return held
