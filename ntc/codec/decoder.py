@@ -39,12 +39,12 @@ class AdapterStack(nn.Module):
         """Weight [count, outputs, inputs] and bias [count, outputs], or nothing."""
 
     def load(self, adapters: Sequence[Adapter]) -> None:
-        """Take over the adapters of a pack, for decoders whose output layer is 0 where adapters have their own."""
+        """Copy the adapters of a pack, for decoders whose output layer is 0 where adapters have their own."""
         for index, adapter in enumerate(adapters):
             self.set(index, adapter)
 
     def set(self, index: int, adapter: Adapter) -> None:
-        """Take over one adapter of a pack."""
+        """Copy one adapter of a pack."""
         with torch.no_grad():
             for layer in range(len(self.scales)):
                 self.scales[layer][index] = torch.from_numpy(adapter.scales[layer].copy())
@@ -116,12 +116,12 @@ class DecoderStack(nn.Module):
         return values
 
     def load(self, decoders: tuple[Decoder, ...]) -> None:
-        """Take over the weights of a pack."""
+        """Copy the weights of a pack."""
         for index, decoder in enumerate(decoders):
             self.set(index, decoder)
 
     def set(self, index: int, decoder: Decoder) -> None:
-        """Take over the weights of one decoder of a pack."""
+        """Copy the weights of one decoder of a pack."""
         with torch.no_grad():
             for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
                 weight[index] = torch.from_numpy(decoder.weights[layer].copy())

@@ -1,4 +1,4 @@
-"""What is to be trained, and whether it can be. Needs no torch."""
+"""Training requests and their checks. Needs no torch."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ Budget = StepBudget | TimeBudget | QualityBudget
 
 @dataclass(frozen=True, eq=False)
 class TrainingRequest:
-    """What is to be trained."""
+    """What to train, for how long, and what to start from."""
 
     textures: tuple[SourceTexture, ...]
     grouping: Grouping
