@@ -7,7 +7,7 @@ from ntc.codec import reference
 from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.scene.model import Sampler
 
 Array = NDArray[np.float64]

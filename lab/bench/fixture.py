@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.tiles import Tiling
+from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer

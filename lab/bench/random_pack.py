@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_cell_count
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 
 
 def _random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:

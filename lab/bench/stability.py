@@ -15,9 +15,9 @@ from lab.bench.tiles import Tiling
 from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
+from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from ntc.metrics.metrics import finite_or_none
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer

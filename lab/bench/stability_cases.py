@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
-from ntc.pack.model import Adapter, Decoder, Pack
+from ntc.codec.model import Adapter, Decoder, Pack
 from ntc.pack.schema import LARGEST_SIDE as LARGEST_PACK_SIDE
 
 Array = NDArray[np.float64]

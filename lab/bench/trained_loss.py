@@ -7,9 +7,9 @@ import numpy as np
 
 from lab.bench.stability import StabilityBench
 from ntc.codec.config import Precision
+from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from ntc.codec.textures import SourceTexture
-from ntc.pack.model import Pack
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import Any
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
-from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from viewer.gl.context import GraphicsContext, create_headless_context

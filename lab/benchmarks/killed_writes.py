@@ -20,10 +20,10 @@ import numpy as np
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import is_partial, write_text
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Pack
 
 LONGEST_WAIT = 0.05
 """Seconds from the first whole write to the kill, at most; one write takes a few milliseconds."""

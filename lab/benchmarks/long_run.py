@@ -24,8 +24,8 @@ import numpy as np
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Pack
 from ntc.io import write_text
-from ntc.pack.model import Pack
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import create_headless_context
 from viewer.render.frame_result import read_picture

@@ -18,8 +18,8 @@ from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from ntc.training.config import recipe_codec
 from viewer.cli.sources import open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context

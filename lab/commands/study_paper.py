@@ -13,11 +13,11 @@ from lab.studies.paper_tables import BEST, PAPER, gap_table, paper_runs
 from lab.studies.quality_table import quality_figure, quality_table
 from lab.studies.runs import Report, Run, RunResult, block_compressed
 from ntc.codec.config import GroupingConfig, GroupingName
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.pack.model import Grouping
 from viewer.cli.encode import Source, read_source
 from viewer.locations import features_cache
 from viewer.state.pack_files import PACK_SUFFIX

@@ -19,10 +19,10 @@ from lab.studies.quality_table import quality_figure, quality_table
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.config import GroupingConfig
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.pack.model import Grouping
 from viewer.cli.encode import read_source
 from viewer.locations import features_cache
 

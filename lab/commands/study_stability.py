@@ -16,8 +16,8 @@ from lab.bench.trained_loss import TrainedLoss, trained_loss
 from lab.commands.options import StabilityStudyOptions
 from lab.commands.study_output import check_output, write_study
 from lab.studies.bound_check import BoundCheck, check_bounds
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.cli.sources import open_scene, packs_for
 from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context

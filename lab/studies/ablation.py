@@ -9,7 +9,7 @@ from lab.studies.quality_table import COLUMNS, by_key, quality_row, textures_db
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 from ntc.training.config import FreezingConfig, TrainingConfig, in_the_manner_of, recipe_codec
 from viewer.cli.table import Cell, Column, Table
 

@@ -11,8 +11,8 @@ from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Adapter, Decoder, Pack
 from ntc.codec.reference import decoder_inputs, run_decoder
-from ntc.pack.model import Adapter, Decoder, Pack
 
 TEXELS_AT_ONCE = 1 << 14
 Single = NDArray[np.float32]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping.category import category_grouping
@@ -17,7 +18,6 @@ from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
 from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import feature_spread
 from ntc.metrics.divergence import cut_percent
-from ntc.pack.model import Grouping
 from viewer.cli.table import Cell, Column, Table
 
 Groups = NDArray[np.int64]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from lab.studies.quality_table import by_key
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 from ntc.training.config import FreezingConfig
 
 STARTS = (0.25, 0.5, 0.75)

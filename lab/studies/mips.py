@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.metrics import PsnrSummary
-from ntc.pack.model import Grouping
 from viewer.cli.table import Cell, Column, Table
 
 ALL = "all levels"

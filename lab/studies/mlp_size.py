@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from lab.studies.quality_table import by_key, quality_row
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 
 WIDTHS = (16, 32, 64, 128)
 

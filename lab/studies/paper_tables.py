@@ -8,7 +8,7 @@ import numpy as np
 from lab.studies.quality_table import by_key, quality_row, textures_db
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 from viewer.cli.table import Cell, Column, Table
 
 PAPER, EIGHT_BITS, BEST = "paper", "best, 4 channels of 8 bits", "best"

@@ -10,6 +10,7 @@ from typing import Any
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.mips import mip_chain
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.io import write_text
@@ -17,7 +18,6 @@ from ntc.metrics.block_compression import BlockFormat, compress
 from ntc.metrics.image_quality import flip, level_psnr, ssim
 from ntc.metrics.metrics import finite_or_none, psnr_db, psnr_table
 from ntc.pack.file import write_pack
-from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
 from ntc.training.device import choose_device
 from ntc.training.encode import train

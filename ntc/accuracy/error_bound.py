@@ -22,7 +22,7 @@ from ntc.accuracy.rounding_model import (
     sums_of_values,
 )
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 
 Array = NDArray[np.float64]
 OWN_ROUNDING = 1.0 + 1e-9

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.config import LARGEST_HALF
+from ntc.codec.model import Adapter, Decoder, Pack, specialised_layers
 from ntc.codec.reference import decoder_inputs
-from ntc.pack.model import Adapter, Decoder, Pack, specialised_layers
 
 Single = NDArray[np.float32]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig
 from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.model import EncodedTexture
 from ntc.codec.reference import PHASES
-from ntc.pack.model import EncodedTexture
 
 Array = NDArray[np.float64]
 SINGLE_UNIT = 2.0**-24

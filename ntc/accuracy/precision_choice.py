@@ -12,8 +12,8 @@ from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Adapter, Decoder, Pack
 from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
-from ntc.pack.model import Adapter, Decoder, Pack
 
 Array = NDArray[np.float64]
 HALF_STEP = 0.5 / 255.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.input_bounds import InputBounds, input_bounds
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack
 
 LARGEST_SUM = 2.0**15
 """Bounds of sums are brought below this: half of the largest half, which leaves room for roundings."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.input_bounds import SINGLE_UNIT
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.pack.model import Adapter, Decoder, specialised_layers
+from ntc.codec.model import Adapter, Decoder, specialised_layers
 
 Array = NDArray[np.float64]
 HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)

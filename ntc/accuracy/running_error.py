@@ -20,8 +20,8 @@ from ntc.accuracy.rounding_model import (
     sums_of_values,
 )
 from ntc.codec.config import LARGEST_HALF, Precision
+from ntc.codec.model import Pack
 from ntc.codec.reference import decoder_inputs
-from ntc.pack.model import Pack
 
 Array = NDArray[np.float64]
 

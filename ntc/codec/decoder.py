@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ntc.codec.config import LARGEST_HALF, CodecConfig
-from ntc.pack.model import Adapter, Decoder
+from ntc.codec.model import Adapter, Decoder
 
 Layer = tuple[Tensor, Tensor]
 """(weight [T, inputs, outputs], bias [T, 1, outputs]): row t computes x @ weight[t] + bias[t]."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import LOD_INPUT_SCALE, WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack, specialised_layers
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack, specialised_layers
 
 Array = NDArray[np.float64]
 TexelDecoder = Callable[[int, Array, Array], NDArray[np.floating]]

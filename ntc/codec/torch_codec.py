@@ -11,9 +11,9 @@ from torch import Tensor
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.decoder import AdapterStack, DecoderStack
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.reference import image_of_texels
 from ntc.codec.torch_sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows, with_lod
-from ntc.pack.model import EncodedTexture, Pack
 
 TEXELS_AT_ONCE = 1 << 17
 """Texels decoded together, to bound memory."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
-from ntc.pack.model import Grouping
 
 __all__ = ["GroupingInputs", "make_grouping"]
 

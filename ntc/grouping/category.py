@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack.model import Grouping
 
 KEYWORDS: dict[str, tuple[str, ...]] = {
     "aerial": ("aerial", "satellite"),

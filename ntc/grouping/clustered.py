@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
 from ntc.codec.config import FeatureName
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 
 RESTARTS = 20
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Grouping
 from ntc.errors import InputError
 from ntc.grouping.seen_blocks import SeenBlocks
 from ntc.grouping.tabu_search import Floats, Groups, SearchProblem, feature_spread, tabu_search
-from ntc.pack.model import Grouping
 
 SPREAD_WEIGHTS_UNDER_A_LIMIT = (0.01, 4.0)
 """Weights of spread that chains try, from the first to the last, where spread has a limit."""

@@ -9,11 +9,11 @@ from scipy import ndimage
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
+from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image
 from ntc.metrics.metrics import psnr_db
-from ntc.pack.model import Pack
 
 Image = NDArray[np.uint8]
 ImageDecoder = Callable[[int, int], Image]

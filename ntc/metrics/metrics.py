@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Adapter, Pack
 from ntc.errors import InputError
-from ntc.pack.model import Adapter, Pack
 
 
 def finite_or_none(value: float | None) -> float | None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Pack
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack
 
 DECODED_PARTS = ("latents", "scale", "offset", "adapter")
 """What of a texture changes how it decodes, besides its channels and colour space."""

@@ -16,10 +16,10 @@ from safetensors.numpy import save
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import packed_cells, unpacked_cells
 from ntc.errors import InputError, MetadataError
 from ntc.io import read_file, write_bytes
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2

@@ -10,8 +10,8 @@ import msgspec
 from msgspec import Meta
 
 from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+from ntc.codec.model import Pack
 from ntc.errors import MetadataError
-from ntc.pack.model import Pack
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"

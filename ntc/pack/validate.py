@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_SIDE
 
 

@@ -11,10 +11,10 @@ from torch import Tensor
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.codec.model import Adapter, Decoder, EncodedTexture
 from ntc.codec.quantize import QuantizedLatents, quantize_latents
 from ntc.codec.textures import SourceTexture
 from ntc.errors import NotFiniteError
-from ntc.pack.model import Adapter, Decoder, EncodedTexture
 from ntc.training.config import TrainingConfig
 from ntc.training.data import Samples, TrainingData
 from ntc.training.latents import LatentTable, image_latents, random_latents

@@ -12,11 +12,11 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import read_file, write_bytes
 from ntc.pack.file import file_metadata
-from ntc.pack.model import Grouping
 from ntc.training.config import TrainingConfig
 
 METADATA_KEY = "ntc_training"

@@ -6,9 +6,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
-from ntc.pack.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.training.config import TrainingConfig
 from ntc.training.progress import CancelQuestion, ProgressListener, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack.model import Grouping, Pack
 from ntc.pack.validate import check_grouping
 from ntc.training.config import TrainingConfig
 from ntc.training.snapshot import unchanged_groups

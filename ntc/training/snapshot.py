@@ -7,10 +7,10 @@ import numpy as np
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import QuantizedLatents
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 
 
 @dataclass(frozen=True, eq=False)

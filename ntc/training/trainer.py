@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import torch
 
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
 from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse
-from ntc.pack.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.training.batch import StepReport, TrainingBatch
 from ntc.training.checkpoint import BatchProgress, TrainingState, load_state, save_state, training_settings
 from ntc.training.config import TrainingConfig

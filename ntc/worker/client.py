@@ -6,8 +6,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError, WireError
-from ntc.pack.model import Pack
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack

@@ -13,8 +13,8 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
+from ntc.codec.model import Pack
 from ntc.errors import WireError
-from ntc.pack.model import Pack
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot

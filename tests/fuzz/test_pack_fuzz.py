@@ -14,10 +14,10 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import LENGTH_BYTES, PackBytes
 

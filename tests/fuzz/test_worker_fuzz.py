@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lab.benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
+from ntc.codec.model import Decoder
 from ntc.errors import InputError, WireError
-from ntc.pack.model import Decoder
 from ntc.training.progress import Ended, GroupOutcome
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.pipe import framed

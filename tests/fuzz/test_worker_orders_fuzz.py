@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ntc.codec.model import Grouping
 from ntc.errors import WireError
-from ntc.pack.model import Grouping
 from ntc.training.config import TrainingConfig
 from ntc.training.progress import Ended
 from ntc.training.request import StepBudget

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
+from ntc.codec.model import Pack
 from ntc.pack.file import write_pack
-from ntc.pack.model import Pack
 from tests.support.gltf_builder import GltfBuilder, png
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context

@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Grouping, Pack
+from ntc.codec.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
 from ntc.training.request import TrainingRequest
 from ntc.worker.client import TrainingWorker

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack.model import Grouping, Pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from ntc.pack.validate import check_pack
 from ntc.training.config import TrainingConfig

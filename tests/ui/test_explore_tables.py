@@ -8,10 +8,10 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.mips import mip_chain
+from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_db, psnr_table
-from ntc.pack.model import Grouping
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from ntc.pack.model import Pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import blocks

@@ -6,7 +6,7 @@ from pathlib import Path
 import moderngl
 from imgui_bundle import imgui, implot
 
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.app.app import App
 from viewer.gl.context import create_headless_context
 from viewer.scene.model import Scene

@@ -11,8 +11,8 @@ from typing import Any
 import imgui_bundle  # noqa: F401  # isort: skip
 import glfw
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.app.app import App
 from viewer.app.frontend import Frontend
 from viewer.app.imgui_window import ImguiWindow, Placement

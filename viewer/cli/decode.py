@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from ntc.pack.model import Pack
 from viewer.cli.options import DecodeOptions
 from viewer.scene.images import write_png
 

@@ -15,6 +15,7 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
+from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -22,7 +23,6 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.pack.model import Pack
 from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
 from ntc.training.device import peak_memory_bytes
 from ntc.training.encode import train

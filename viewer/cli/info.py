@@ -8,10 +8,10 @@ from typing import Any
 from ntc.accuracy.error_bound import ErrorBound, pack_bounds
 from ntc.accuracy.precision_choice import sampled_bound
 from ntc.codec.config import Precision
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack
-from ntc.pack.model import Pack
 from viewer.cli.info_all import info_all
 from viewer.cli.options import InfoOptions
 from viewer.cli.table import Column, Table

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import psnr_db
-from ntc.pack.model import Pack
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, open_scene, packs_for, resolve_precision

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ntc.accuracy.precision_choice import chosen_precision
 from ntc.codec.config import Precision, PrecisionChoice
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.match import require_match
-from ntc.pack.model import Pack
 from viewer.cli.options import RenderOptions
 from viewer.gl.context import GraphicsContext
 from viewer.locations import assets_folder

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.commands.command import Arg, Context, command
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE, Side

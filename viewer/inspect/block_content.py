@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
 from viewer.state.view_state import BLOCKS, REFERENCE, ViewState

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
+from ntc.codec.model import Pack
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
 from viewer.scene.model import Scene

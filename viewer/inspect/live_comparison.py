@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import Job

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
+from ntc.codec.model import Pack
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.state.session import SlotMeasurement
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from ntc.codec.model import Pack
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 
 BLOCK_SIDE = 4

@@ -4,7 +4,7 @@ from functools import partial
 
 from ntc.accuracy.precision_choice import ChosenPrecision, chosen_precision
 from ntc.codec.config import Precision
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.jobs.background import Background
 from viewer.jobs.job import JobReport
 from viewer.state.events import EmitEvent, Notification, PrecisionFound

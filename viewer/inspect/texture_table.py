@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 
 TextureColumn = Literal["name", "size", "category", "group", "PSNR", "bits/texel", "on GPU"]

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Pack
 from ntc.pack.diff import changed_textures
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer

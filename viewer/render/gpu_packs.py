@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from ntc.codec.model import Pack
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.program import ProgramFactory
 from viewer.render.divergence_overlay import CountedGrouping

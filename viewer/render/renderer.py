@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Pack
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary

@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError

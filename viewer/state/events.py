@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ntc.codec.config import Precision
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.message_log import MessageKind
 from viewer.state.view_state import Side, ViewState

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ntc.codec.config import PrecisionChoice
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, require_match
-from ntc.pack.model import Pack
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.camera import frame_all

@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ntc.codec.model import Pack
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
-from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, ViewState
 

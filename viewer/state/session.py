@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from ntc.codec.model import Pack
 from ntc.metrics.divergence import DivergenceStatistics
-from ntc.pack.model import Pack
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera_motion import Motion
 from viewer.state.message_log import MessageKind, MessageLog

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ntc.codec.config import GroupingConfig
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.pack.model import Grouping
 from ntc.worker.shared_arrays import SharedBlock, without_arrays
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import JobReport

@@ -7,8 +7,8 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot

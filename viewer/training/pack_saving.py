@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Pack
 from viewer.scene.model import Scene
 from viewer.state.pack_files import PACK_SUFFIX, same_place
 

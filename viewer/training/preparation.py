@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 from ntc.codec.config import GroupingConfig
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.pack.model import Grouping, Pack
 from ntc.training.config import recipe_codec, recipe_config
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import moved_texture, unchanged_groups

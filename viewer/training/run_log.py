@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_of_mse
-from ntc.pack.model import Pack
 from ntc.training.progress import TrainingProgress
 
 MOST_POINTS = 400

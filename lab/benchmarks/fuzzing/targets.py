@@ -20,7 +20,7 @@ WATCHED = [
     "viewer.state.settings",
     "ntc.pack.file",
     "ntc.pack.schema",
-    "ntc.pack.model",
+    "ntc.codec.model",
     "ntc.codec.quantize",
 ]
 WATCHED_SCRIPTS = [

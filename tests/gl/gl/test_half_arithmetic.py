@@ -8,10 +8,10 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.accuracy.half_reference import decode_texels_in_half, to_half
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.features import HALF_EXTENSIONS, half_arithmetic
 from viewer.render.passes.decode_texels import GlTexelDecoder

@@ -10,7 +10,7 @@ import pytest
 from lab.bench.float64_error import Float64Error, float64_pixels
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer

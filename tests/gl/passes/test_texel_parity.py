@@ -10,7 +10,7 @@ from lab.bench.random_pack import random_pack
 from ntc.codec import reference
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 

@@ -11,7 +11,7 @@ from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_pack
 from ntc.codec.color import linear_to_srgb
 from ntc.codec.config import WrapMode
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer

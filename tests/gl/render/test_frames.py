@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.color import linear_to_srgb8
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext

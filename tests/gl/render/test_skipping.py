@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, existing
 from viewer.gl.allocation import GpuMemory, GpuMemoryError

@@ -12,8 +12,8 @@ from lab.bench.random_pack import random_pack
 from ntc.codec import reference
 from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from tests.gl.render.test_frame_parity import CASES
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import scene_of, straight_camera, texture

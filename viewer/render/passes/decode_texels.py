@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
-from ntc.pack.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from ntc.accuracy.rescale import stored_pack
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import StorageBinding, UniformBinding
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig, NetworkLayout, weight_bytes

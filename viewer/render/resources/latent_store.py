@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.model import EncodedTexture
 from ntc.codec.quantize import packed_cells
-from ntc.pack.model import EncodedTexture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.layout import LEVEL_RECORD, cell_words

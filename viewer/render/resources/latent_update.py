@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import moderngl
 
-from ntc.pack.model import EncodedTexture
+from ntc.codec.model import EncodedTexture
 from viewer.render.resources.latent_store import LatentStore, stored_words
 
 

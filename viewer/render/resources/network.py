@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Adapter, Decoder
+from ntc.codec.model import Adapter, Decoder
 from viewer.state.view_state import Precision
 
 PARTS = "xyzw"

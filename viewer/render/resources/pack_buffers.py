@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
-from ntc.pack.model import EncodedTexture, Pack
+from ntc.codec.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory

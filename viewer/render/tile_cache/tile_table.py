@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
-from ntc.pack.model import Pack
 from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE, WRAP_CODES
 from viewer.scene.model import Material
 

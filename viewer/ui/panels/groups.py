@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
 from viewer.state.view_state import REFERENCE

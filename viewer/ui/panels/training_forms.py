@@ -5,8 +5,8 @@ from typing import get_args
 from imgui_bundle import ImVec2, imgui
 
 from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.model import Pack
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
 from viewer.ui.facts import UiFrame

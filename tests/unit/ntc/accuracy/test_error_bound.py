@@ -14,8 +14,8 @@ from ntc.accuracy.rescale import Exponents, exponents, rescaled_pack, stored_pac
 from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import CodecConfig, Precision
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Decoder, Pack
 from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
-from ntc.pack.model import Decoder, Pack
 
 TEXELS = 100_000
 SMALL = CodecConfig(hidden_width=16)

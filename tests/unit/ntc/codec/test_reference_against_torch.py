@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, decoder_inputs, run_decoder, texel_centres
 from ntc.codec.torch_codec import TorchCodec
-from ntc.pack.model import Pack
 
 TOLERANCE = 1e-4
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))

@@ -15,12 +15,12 @@ from ntc.codec.color import srgb_to_linear
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
+from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
 from ntc.metrics.image_quality import ImageDecoder, flip, level_psnr, ssim
 from ntc.metrics.metrics import psnr_db, worst_share_db
-from ntc.pack.model import Pack
 
 Image = NDArray[np.uint8]
 HOSTILE_SIZES = [(1, 1), (4096, 1), (1, 4096), (10, 11), (11, 11), (3, 40)]

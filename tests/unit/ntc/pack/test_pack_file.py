@@ -14,9 +14,9 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
-from ntc.pack.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.pack.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, moved_texture, unchanged_groups

@@ -15,12 +15,12 @@ from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
 from ntc.codec.decoder import AdapterStack, DecoderStack
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Grouping, Pack
 from ntc.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
 from ntc.training.device import choose_device
 from ntc.training.encode import train

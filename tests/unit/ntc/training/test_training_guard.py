@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
-from ntc.pack.model import Grouping
 from ntc.training import batch as training_batch
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import Grouping
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.pack.model import Grouping
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from tests.unit.ntc.training.test_train import same, texture

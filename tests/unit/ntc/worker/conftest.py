@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from ntc.training.encode import train
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished

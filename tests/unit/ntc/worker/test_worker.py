@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Grouping, Pack
 from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget

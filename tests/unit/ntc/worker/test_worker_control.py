@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
+from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.model import Grouping, Pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot

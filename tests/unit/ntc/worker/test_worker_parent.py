@@ -26,7 +26,7 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
 import sys, time
 import numpy as np
 from ntc.codec.config import CodecConfig
-from ntc.pack.model import Grouping
+from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.training.config import TrainingConfig
 from ntc.worker.client import TrainingWorker

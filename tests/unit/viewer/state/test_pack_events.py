@@ -3,7 +3,7 @@
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.pack.model import Pack
+from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.scene.model import Material
 from viewer.state.event_handlers import apply_event

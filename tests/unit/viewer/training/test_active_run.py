@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from lab.bench.random_pack import random_pack
-from ntc.pack.model import Decoder, Grouping, Pack
+from ntc.codec.model import Decoder, Grouping, Pack
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from viewer.training.active_run import changed_groups
 
