@@ -14,7 +14,7 @@ from viewer.state.view_state import REFERENCE
     ("megabytes", "size", "words"),
     [
         ("0", "64x64", ("vertices of", "the GPU has no memory for")),
-        ("1", "2000x1000", ("a picture of 2000 x 1000", "the GPU has no memory for 32 MB")),
+        ("1", "2000x1000", ("visibility buffer 2000x1000", "the GPU has no memory for 32 MB")),
         ("much", "64x64", (LIMIT_VARIABLE, "must be a whole number of MB")),
     ],
 )
