@@ -190,14 +190,15 @@ class GpuPack:
     def _finish_update(self, version: PackVersion, stored: Pack, latents: LatentUpdate) -> UploadCounts:
         """Upload what is left, and draw this version from now on."""
         groups = set(version.changed_groups)
-        regrouped = self.match.decoders(self.pack) != self.match.decoders(version.pack)
+        regrouped = [t.group for t in self.pack.textures] != [t.group for t in version.pack.textures]
         if stored is not version.pack or self.buffers.pack is not self.pack:
             # Whether halves are rescaled depends on all groups: others may be stored in another way than before.
             changed = changed_textures(self.buffers.pack, stored)
             groups |= {stored.textures[index].group for index in changed}
         uploaded = self.buffers.replace_weights(stored, groups)
         if self._ranges is not None:
-            uploaded += self._ranges.replace(stored, groups)
+            # Decoders that did not change may have other numbers.
+            uploaded += self._ranges.replace(stored, range(len(stored.decoders)) if regrouped else groups)
         latent_bytes = self.buffers.latent_store.bytes_by_texture
         textures = self.buffers.slots_of_groups(version.changed_groups, stored)
         kept = int(latent_bytes.sum() - latent_bytes[list(textures)].sum())

@@ -236,6 +236,26 @@ def test_textures_may_change_their_groups(graphics: GraphicsContext, groups: tup
     renderer.release()
 
 
+@pytest.mark.parametrize("path", ["forward", "deferred", "binned", "cached"])
+def test_decoders_may_change_their_numbers(graphics: GraphicsContext, path: DecodePath) -> None:
+    old, slot = pack_of(0), Slot("p", path)
+    textures = tuple(replace(texture, group=1 - texture.group) for texture in old.textures)
+    grouping = replace(old.grouping, groups=tuple(texture.group for texture in textures))
+    new = replace(trained(old), grouping=grouping, decoders=old.decoders[::-1], textures=textures)
+    renderer = opened(graphics, old)
+    draw(renderer, slot)
+    before = renderer.albedo(slot)
+    renderer.update_pack("p", new, frozenset())
+    while draw(renderer, slot).waiting:
+        pass
+    np.testing.assert_array_equal(renderer.albedo(slot), before)
+    # Another view reads the decoders anew.
+    draw(renderer, slot, INSIDE, whole=True)
+    tolerance = ELSEWHERE if path == "cached" else 0.0
+    np.testing.assert_allclose(renderer.albedo(slot), fresh(graphics, new, slot, INSIDE), atol=tolerance, rtol=0.0)
+    renderer.release()
+
+
 def test_other_sizes_or_codecs_are_uploaded_whole(graphics: GraphicsContext) -> None:
     old = pack_of(0)
     renderer = opened(graphics, old)
