@@ -250,7 +250,7 @@ def serve(end: socket.socket) -> None:
                 last = encode(run_job(pipe, state, start))
             except (BrokenPipeError, ConnectionResetError):
                 raise
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001  Whatever fails is reported; the process stays for the next training.
                 last = encode(failure(error))
             pipe.send(last)
     os._exit(0)

@@ -15,7 +15,6 @@ from ntc.codec.color import linear_to_srgb8
 from ntc.metrics.metrics import psnr_db
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
-from viewer.app import frontend
 from viewer.commands import run_line
 from viewer.inspect import live_comparison
 from viewer.inspect.comparison import Comparison, PicturePair, compare
@@ -153,7 +152,7 @@ def test_flicker_composes_and_decodes_nothing(app: DrivenApp, monkeypatch: pytes
 
     monkeypatch.setattr(Renderer, "render", counted)
     now = [1000.0]
-    monkeypatch.setattr(frontend.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     run_line(app.context, "compare.flicker 4")
     shown = []
     for _ in range(16):

@@ -36,11 +36,12 @@ def _open(size: tuple[int, int], robust: bool) -> Window:
 
 
 def _open_robust_if_possible(size: tuple[int, int]) -> Window:
+    # glfw, moderngl and moderngl-window each raise what they like, plain Exception included.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", glfw.GLFWError)
             return _open(size, robust=True)
-    except Exception:
+    except Exception:  # noqa: BLE001
         pass
     try:
         return _open(size, robust=False)
@@ -76,7 +77,7 @@ class ImguiWindow:
         Raises InputError where no window can be opened.
         """
         self._window = _open_robust_if_possible(placement.size)
-        self.handle: Any = self._window._window
+        self.handle: Any = self._window._window  # noqa: SLF001  moderngl-window offers no other way to the glfw handle.
         try:
             self.context: GraphicsContext = wrap_context(self._window.ctx, self._address, losses)
         except InputError:

@@ -88,7 +88,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
     except InputError as error:
         # The table names the file already.
         return FileInfo(name, kind, "refused", str(error).removeprefix(f"{path}: "))
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001  A crash on one file is a row of the table, not its end.
         return FileInfo(name, kind, "crashed", printable(f"{type(error).__name__}: {error}"))
     report = scene.report
     return FileInfo(

@@ -61,7 +61,7 @@ class Job(Generic[Result]):
         if self.future.set_running_or_notify_cancel():
             try:
                 self.future.set_result(self._work(self.report))
-            except BaseException as error:
+            except BaseException as error:  # noqa: BLE001  It is raised again where the result is asked for.
                 self.future.set_exception(error)
 
     def cancel(self) -> None:

@@ -62,7 +62,7 @@ def test_a_shader_reads_what_numpy_wrote(graphics: GraphicsContext, name: str) -
             "layout(local_size_x = 1) in;",
             '#include "generated/layout.glsl"',
             '#include "generated/codec.glsl"',
-            f"layout(std430, binding = 0) readonly buffer Records {{ {name.split(',')[0]} records[]; }};",
+            f"layout(std430, binding = 0) readonly buffer Records {{ {name.split(',', maxsplit=1)[0]} records[]; }};",
             "layout(std430, binding = 1) writeonly buffer Found { int found[]; };",
             "void main() {",
             *reads,

@@ -225,18 +225,21 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
         f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
     for number in range(unrolled):
+        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        stored = [
+            f"        hidden{p}_{k} = k == {k} ? AS_MUL_T(sum{p}) : hidden{p}_{k};"
+            for k in range(number, layout.hidden_blocks, unrolled)
+            for p in pixels
+        ]
         lines += [
             f"        {{ int k = step + {number};",
             f"        int row = k * {layout.inputs};",
             *start(layout.first_bias),
             *products("row", [[f"MUL_SCALAR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
             *finish(0),
+            *stored,
+            "        }",
         ]
-        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
-        for k in range(number, layout.hidden_blocks, unrolled):
-            lines.append(f"        bool at{k} = k == {k};")
-            lines += [f"        hidden{p}_{k} = at{k} ? AS_MUL_T(sum{p}) : hidden{p}_{k};" for p in pixels]
-        lines.append("        }")
     lines.append("    }")
     for p in pixels:
         bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"

@@ -88,9 +88,10 @@ def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, hal
     decoder = pack.decoders[encoded.group]
     values = decoder_inputs(pack, encoded, uv, lod, encoded.wrap).astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
-        for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+        for layer, parameters in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
+            weight, bias = parameters
             if halves:
-                weight, bias = (np.clip(w, -65504, 65504).astype(np.float16).astype(np.float32) for w in (weight, bias))
+                weight, bias = (np.clip(w, -65504, 65504).astype(np.float16).astype(np.float32) for w in parameters)
             sums = np.broadcast_to(bias, (len(values), len(bias))).astype(np.float32)
             for column in range(weight.shape[1]):
                 sums = sums + values[:, column, None] * weight[:, column]

@@ -33,8 +33,8 @@ def assert_equal(a: Pack, b: Pack) -> None:
         *zip(a.decoders, b.decoders, strict=True),
     ]
     for one, other in pairs:
-        for name, value in vars(one).items():
-            twin = vars(other)[name]
+        for name in vars(one):
+            value, twin = vars(one)[name], vars(other)[name]
             if isinstance(value, Adapter):
                 value, twin = (value.scales, value.biases), (twin.scales, twin.biases)
             if isinstance(value, np.ndarray):

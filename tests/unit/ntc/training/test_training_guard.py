@@ -14,6 +14,7 @@ from ntc.errors import TrainingFailedError
 from ntc.training import batch as training_batch
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
+from ntc.training.loss import squared_error
 from ntc.training.progress import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
@@ -28,7 +29,7 @@ PAIR = Grouping("single", (0, 0))
 def spoilt(monkeypatch: pytest.MonkeyPatch, calls: range, value: float) -> None:
     """Let the loss of these calls, and so its gradients, be `value`."""
     count = iter(range(10**9))
-    true_loss = training_batch.squared_error
+    true_loss = squared_error
 
     def loss(*arguments: object) -> torch.Tensor:
         right = true_loss(*arguments)  # type: ignore[arg-type]

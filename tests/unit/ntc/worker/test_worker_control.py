@@ -4,6 +4,7 @@ import math
 import os
 import time
 from dataclasses import replace
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from ntc.pack.file import read_pack, write_pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-from ntc.worker import shared_arrays
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished, Paused, Resumed
 from tests.support.training_workers import (
@@ -123,7 +123,7 @@ def test_what_fails_in_the_process_is_said_in_one_line(shared: TrainingWorker) -
 
 
 def test_without_shared_memory_it_says_so(shared: TrainingWorker, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, made = shared_arrays.SharedMemory, []
+    real, made = SharedMemory, []
 
     def scarce(*arguments: Any, **options: Any) -> Any:
         made.append(1)

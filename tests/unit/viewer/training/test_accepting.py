@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc import io as files
 from ntc.pack.file import read_pack, write_pack
 from tests.support.spoilt_files import (
     Spoil,
@@ -120,7 +119,7 @@ def test_accepting_onto_a_full_disk(context: Context, path: Path, monkeypatch: p
     def full(_handle: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     before = sorted(path.parent.iterdir())
     accept(context)
     assert len(errors(context)) == 1
@@ -128,7 +127,7 @@ def test_accepting_onto_a_full_disk(context: Context, path: Path, monkeypatch: p
     assert sorted(path.parent.iterdir()) == before
     assert context.training.log.undecided == 1
     assert context.training.log[1].pack is not None
-    monkeypatch.setattr(files.os, "fsync", fsync)
+    monkeypatch.setattr(os, "fsync", fsync)
     accept(context, path.with_name("elsewhere.ntc"))
     assert read_pack(path.with_name("elsewhere.ntc")).textures
     assert context.training.log.undecided is None
