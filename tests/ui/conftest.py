@@ -90,7 +90,9 @@ def display() -> Iterator[str]:
         pytest.skip("Xvfb is not installed: no virtual screen for a window")
     reading, writing = os.pipe()
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1024x640x24", "-nolisten", "tcp"],
+        # A number of this process: a server that ends removes the socket of one that has just taken the same number.
+        ["Xvfb", f":{1000 + os.getpid() % 50000}", "-displayfd", str(writing), "-screen", "0", "1024x640x24"]
+        + ["-nolisten", "tcp"],
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

@@ -12,7 +12,7 @@ from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
 from viewer.commands import COMMANDS, bindings, run
-from viewer.commands.command import Command, Context
+from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
 from viewer.scene.model import Camera, Scene
 from viewer.script import parse
@@ -58,11 +58,16 @@ def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
 
 def chosen(command: Command, session: Session) -> tuple[str, ...]:
     """Something to tell a command: the last choice of each list, and what can be typed."""
-    typed = {str: "a name", Path: "a-file.png", int: "2"}
-    return tuple(
-        p.options(session)[-1] if p.is_choice else typed.get(p.type, str(p.arg.minimum or 0.25))
-        for p in command.parameters
-    )
+    typed = {str: "a name", Path: "a-file.png"}
+
+    def text(parameter: Parameter) -> str:
+        if parameter.is_choice:
+            return parameter.options(session)[-1]
+        least = parameter.arg.minimum
+        number = int(least or 2) if parameter.type is int else least or 0.25
+        return typed.get(parameter.type, str(number))
+
+    return tuple(text(parameter) for parameter in command.parameters)
 
 
 def press_chord(app: DrivenApp, chord: Chord) -> None:

@@ -78,7 +78,7 @@ def test_a_snapshot_of_other_textures_is_refused() -> None:
     pack = trained((0, 0, 1, 1))
     snapshot = snapshot_of(pack, 0)
     for members in ((0, 4), (0, -1), (0, 2)):
-        with pytest.raises(ValueError, match="is not that of the pack"):
+        with pytest.raises(ValueError, match="is not the one of the pack"):
             apply_snapshot(pack, replace(snapshot, members=members))
 
 
