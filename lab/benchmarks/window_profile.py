@@ -116,7 +116,7 @@ def profile_frames(app: DrivenApp, moving: bool, count: int) -> list[dict[str, A
 
     with _watched(_Drawing()):
         _frames(app, moving, count, profiled)
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     rows = []
     for (file, line, name), (_, calls, own, whole, _) in pstats.Stats(profiler).stats.items():  # type: ignore[attr-defined]
         path = Path(file)
