@@ -1,0 +1,168 @@
+"""Encoding a group in closed form: principal components, bit allocations, trellis-coded indices. Torch on the CPU, float32."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sklearn.cluster import KMeans
+
+from ntc.codec.block.blocks import blocks_of, packed_codes
+from ntc.codec.block.config import BlockCodecConfig, block_levels
+from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
+from ntc.codec.block.trellis import (
+    LOOKUP_CELLS,
+    LOOKUP_RANGE,
+    TrellisQuantizer,
+    error_table,
+    indices_of,
+    lookup_cells,
+    share_out_bits,
+)
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
+
+Array = NDArray[np.float32]
+LEAST_CONTRAST = 1e-4
+"""Axes of a constant texture are this long, so that nothing is divided by zero."""
+SAMPLED_BLOCKS = 24_000
+"""Blocks that a group's tables are fitted to."""
+MODE_ROUNDS = 6
+"""Alternations between choosing a mode for each block and fitting the modes to their blocks."""
+MODE_FEATURES = 24
+"""Leading coefficients whose energies the first modes are clustered by."""
+BLOCKS_AT_ONCE = 1 << 14
+
+
+@dataclass(frozen=True, eq=False)
+class _Texture:
+    """A texture in blocks of normalised values."""
+
+    source: SourceTexture
+    mean: Array
+    axes: Array
+    blocks: Array
+    """[blocks of all levels, texels x channels]: (value - mean) in units of the axes."""
+
+
+def _colour_axes(pixels: Array) -> tuple[Array, Array]:
+    """(mean [C], axes [C, C]) of `pixels` [N, C]: orthogonal, all of the length of the texture's contrast.
+
+    Of one length, so that an error has the same weight in every direction.
+    """
+    mean = pixels.mean(0, dtype=np.float64)
+    centred = pixels - mean
+    variances, vectors = np.linalg.eigh(centred.T @ centred / len(pixels))
+    vectors = vectors[:, ::-1] * np.where(vectors[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
+    contrast = max(float(np.sqrt(max(variances.sum(), 0.0))), LEAST_CONTRAST)
+    return mean.astype(np.float32), (vectors * contrast).astype(np.float32)
+
+
+def _prepared(source: SourceTexture, config: BlockCodecConfig) -> _Texture:
+    width, height = source.size
+    levels = block_levels(width, height, config)
+    mips = mip_chain(source.pixels, source.color_space)[: len(levels)]
+    values = [mip[..., : config.channels].astype(np.float32) / np.float32(255.0) for mip in mips]
+    mean, axes = _colour_axes(values[0].reshape(-1, config.channels))
+    # The inverse of orthogonal axes of one length.
+    inverse = axes / np.square(np.linalg.norm(axes[:, 0]))
+    blocks = [blocks_of((value - mean) @ inverse, config.block_side, source.wrap) for value in values]
+    return _Texture(source, mean, axes, np.concatenate(blocks).reshape(-1, config.block_values))
+
+
+def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
+    """(basis, basis_scale) of BlockDecoder: leading principal directions of `blocks` about 0, rounded to 8 bits."""
+    covariance = blocks.T.astype(np.float64) @ blocks / len(blocks)
+    vectors = np.linalg.eigh(covariance)[1][:, ::-1].T[: config.coefficients]
+    vectors = vectors * np.where(vectors.sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+    scale = np.abs(vectors).max(1) / 127.0
+    rounded = np.rint(vectors / scale[:, None]).astype(np.int8)
+    return rounded.reshape(len(vectors), config.block_texels, config.channels), scale.astype(np.float32)
+
+
+def _coefficients(blocks: Array, basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:
+    """[blocks, coefficients] float32 with the least squared error under the rounded basis."""
+    rows = (basis.reshape(len(basis), -1) * basis_scale[:, None]).astype(np.float64)
+    return torch.from_numpy(blocks @ np.linalg.pinv(rows).astype(np.float32))
+
+
+def _expected_errors(values: torch.Tensor, depths: NDArray[np.uint8], scales: NDArray[np.float64]) -> torch.Tensor:
+    """[blocks, modes]: about the squared error of each block under each mode, without searching the trellis."""
+    table = error_table()
+    errors = torch.empty((len(values), len(depths)))
+    for mode in range(len(depths)):
+        scale = torch.from_numpy(scales[mode].astype(np.float32))
+        unit = values / scale
+        entries = torch.from_numpy(depths[mode].astype(np.int64)) * LOOKUP_CELLS + lookup_cells(unit)
+        beyond = (unit.abs() - LOOKUP_RANGE).clamp_(min=0.0).square_()
+        errors[:, mode] = (table[entries] + beyond) @ scale.square()
+    return errors
+
+
+def _fitted_modes(
+    squares: torch.Tensor, chosen: NDArray[np.int64], config: BlockCodecConfig
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """(depths, scales) of BlockDecoder for the blocks that chose each mode."""
+    total = squares.mean(0).numpy().astype(np.float64)
+    depths, scales = [], []
+    for mode in range(config.modes):
+        own = squares[torch.from_numpy(chosen == mode)]
+        variance = own.mean(0).numpy().astype(np.float64) if len(own) >= 16 else total
+        variance = np.maximum(variance, 1e-9)
+        depths.append(share_out_bits(variance, config.coefficient_bits))
+        scales.append(stored_scales(np.sqrt(variance)))
+    return np.stack(depths), np.stack(scales)
+
+
+def _modes(
+    coefficients: torch.Tensor, config: BlockCodecConfig, seed: int
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    squares = coefficients.square()
+    energies = torch.log(squares[:, :MODE_FEATURES] + 1e-4).numpy()
+    count = min(config.modes, len(energies))
+    chosen = KMeans(count, n_init=1, max_iter=20, random_state=seed).fit_predict(energies).astype(np.int64)
+    depths, scales = _fitted_modes(squares, chosen, config)
+    for _ in range(MODE_ROUNDS):
+        chosen = _expected_errors(coefficients, depths, scale_values(scales)).argmin(1).numpy()
+        depths, scales = _fitted_modes(squares, chosen, config)
+    return depths, scales
+
+
+def fit_decoder(textures: Sequence[_Texture], config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
+    """The tables of a group of prepared textures; each texture has the same weight, whatever its size."""
+    random = np.random.default_rng(seed)
+    each = max(1, SAMPLED_BLOCKS // len(textures))
+    samples = [t.blocks[random.permutation(len(t.blocks))[:each]] for t in textures]
+    sample = np.concatenate(samples)
+    basis, basis_scale = _basis(sample, config)
+    depths, scales = _modes(_coefficients(sample, basis, basis_scale), config, seed)
+    return BlockDecoder(basis, basis_scale, depths, scales)
+
+
+def encode_texture(
+    texture: _Texture, decoder: BlockDecoder, config: BlockCodecConfig, quantizer: TrellisQuantizer
+) -> BlockTexture:
+    """The codes of a prepared texture under a group's tables."""
+    scales = scale_values(decoder.scales)
+    depths = decoder.depths.astype(np.int64)
+    parts = []
+    for start in range(0, len(texture.blocks), BLOCKS_AT_ONCE):
+        values = _coefficients(texture.blocks[start : start + BLOCKS_AT_ONCE], decoder.basis, decoder.basis_scale)
+        modes = _expected_errors(values, decoder.depths, scales).argmin(1).numpy()
+        own_depths = torch.from_numpy(depths[modes])
+        numbers, _ = quantizer.quantize(values, own_depths, torch.from_numpy(scales[modes].astype(np.float32)))
+        indices = indices_of(numbers.numpy(), depths[modes])
+        parts.append(packed_codes(modes, indices, decoder, config))
+    width, height = texture.source.size
+    return BlockTexture(width, height, np.concatenate(parts), texture.mean, texture.axes)
+
+
+def encode_group(
+    sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0
+) -> tuple[BlockDecoder, tuple[BlockTexture, ...]]:
+    """Tables and codes of textures that share a decoder. `seed` decides which blocks are sampled, and so every byte."""
+    textures = [_prepared(source, config) for source in sources]
+    decoder = fit_decoder(textures, config, seed)
+    quantizer = TrellisQuantizer()
+    return decoder, tuple(encode_texture(texture, decoder, config, quantizer) for texture in textures)

@@ -1,0 +1,60 @@
+"""What codec `block` stores: tables of a group, codes and colour axes of a texture."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE
+
+
+@dataclass(frozen=True, eq=False)
+class BlockDecoder:
+    """What the textures of a group share."""
+
+    basis: NDArray[np.int8]
+    """[coefficients, texels of a block, channels] int8: rows of the transform, -127 to 127."""
+    basis_scale: NDArray[np.float32]
+    """[coefficients] float32: what a row's integers are multiplied by."""
+    depths: NDArray[np.uint8]
+    """[modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH."""
+    scales: NDArray[np.uint8]
+    """[modes, coefficients] uint8: logarithmic scale of each coefficient's levels (`scale_values`)."""
+
+    @property
+    def stored_bits(self) -> int:
+        """Bits of the tables in a pack: depths take 4 bits each."""
+        return 8 * self.basis.size + 32 * self.basis_scale.size + 12 * self.depths.size
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTexture:
+    """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
+
+    width: int
+    """Texels of mip 0 along u."""
+    height: int
+    """Texels of mip 0 along v."""
+    codes: NDArray[np.uint32]
+    """[blocks of all levels, block_words] uint32, least significant bit first."""
+    mean: NDArray[np.float32]
+    """[channels] float32, in the texture's colour space, 0 to 1."""
+    axes: NDArray[np.float32]
+    """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast."""
+
+    @property
+    def stored_bits(self) -> int:
+        """Bits in a pack."""
+        return 32 * (self.codes.size + self.mean.size + self.axes.size)
+
+
+def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
+    return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)
+
+
+def stored_scales(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The nearest stored scales of positive `values`, uint8 of their shape."""
+    steps = np.rint(np.log2(np.maximum(values, 1e-9)) * SCALE_STEPS_PER_OCTAVE) + SCALE_ORIGIN
+    stored: NDArray[np.uint8] = np.clip(steps, 0, 255).astype(np.uint8)
+    return stored

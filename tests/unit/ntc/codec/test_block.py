@@ -1,0 +1,216 @@
+"""Codec `block`: codes, trellis, encoder and float64 decoding."""
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from ntc.codec.block import reference
+from ntc.codec.block.blocks import blocks_of, image_of, packed_codes, unpacked_codes
+from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig, block_levels
+from ntc.codec.block.encoder import encode_group
+from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
+from ntc.codec.block.trellis import BRANCHES, TrellisQuantizer, indices_of, level_table, share_out_bits
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture, hash_pixels
+
+SMALL = BlockCodecConfig(coefficients=40, modes=4)
+
+
+def smooth_texture(
+    width: int, height: int, channels: int = 3, seed: int = 0, wrap: tuple[str, str] = ("repeat", "clamp")
+) -> SourceTexture:
+    """Waves and a little noise: what a transform compresses well."""
+    random = np.random.default_rng(seed)
+    y, x = np.mgrid[0:height, 0:width].astype(np.float64)
+    waves = [
+        np.sin(x * random.uniform(0.05, 0.6) + y * random.uniform(0.05, 0.6) + random.uniform(0, 6)) for _ in range(4)
+    ]
+    image = np.einsum("chw,cd->hwd", np.stack(waves), random.normal(size=(4, channels))) * 25 + 128
+    pixels = np.clip(image + random.normal(size=image.shape) * 3, 0, 255).astype(np.uint8)
+    return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels), wrap=wrap)  # type: ignore[arg-type]
+
+
+def random_decoder(config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
+    """Valid tables without meaning."""
+    random = np.random.default_rng(seed)
+    depths = np.stack(
+        [
+            share_out_bits(random.lognormal(0, 2, config.coefficients), config.coefficient_bits)
+            for _ in range(config.modes)
+        ]
+    )
+    shape = (config.coefficients, config.block_texels, config.channels)
+    return BlockDecoder(
+        random.integers(-127, 128, shape).astype(np.int8),
+        random.uniform(0.001, 0.01, config.coefficients).astype(np.float32),
+        depths,
+        random.integers(100, 200, depths.shape).astype(np.uint8),
+    )
+
+
+def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
+    """PSNR over 8-bit values."""
+    error = float(np.mean(np.square(decoded.astype(np.float64) - truth)))
+    return float(10 * np.log10(255.0**2 / max(error, 1e-9)))
+
+
+@given(st.integers(1, 70), st.integers(1, 70), st.sampled_from([4, 8]), st.integers(1, 4))
+@settings(max_examples=40, deadline=None)
+def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, side: int, channels: int) -> None:
+    image = np.random.default_rng(w * h).random((h, w, channels), np.float32)
+    config = BlockCodecConfig(block_side=side, channels=channels, coefficients=4)  # type: ignore[arg-type]
+    level = block_levels(w, h, config)[0]
+    blocks = blocks_of(image, side, ("repeat", "mirror"))
+    assert blocks.shape == (level.columns * level.rows, side * side, channels)
+    np.testing.assert_array_equal(image_of(blocks, level, side), image)
+
+
+def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
+    levels = block_levels(100, 20, BlockCodecConfig())
+    assert [(level.width, level.height) for level in levels] == [(100, 20), (50, 10), (25, 5), (12, 2), (6, 1)]
+    assert [level.first_block for level in levels] == list(
+        itertools.accumulate([0, *(level.columns * level.rows for level in levels[:-1])])
+    )
+    assert block_levels(1, 1, BlockCodecConfig())[-1].columns == 1
+
+
+@pytest.mark.parametrize("words", [1, 2, 3, 4, 9, 16])
+@pytest.mark.parametrize("modes", [1, 2, 64])
+def test_codes_hold_modes_and_indices(words: int, modes: int) -> None:
+    config = BlockCodecConfig(block_words=words, modes=modes, coefficients=60)
+    decoder, random = random_decoder(config), np.random.default_rng(words)
+    chosen = random.integers(0, modes, 50)
+    depths = decoder.depths[chosen].astype(np.int64)
+    indices = (random.integers(0, 1 << 30, depths.shape) & ((1 << depths) - 1)).astype(np.uint32)
+    codes = packed_codes(chosen, indices, decoder, config)
+    assert codes.shape == (50, words)
+    read_modes, read_indices = unpacked_codes(codes, decoder, config)
+    np.testing.assert_array_equal(read_modes, chosen)
+    np.testing.assert_array_equal(read_indices, indices)
+
+
+def test_any_words_decode_to_finite_values() -> None:
+    decoder = random_decoder(SMALL)
+    random = np.random.default_rng(1)
+    words = random.integers(0, 1 << 32, (500, SMALL.block_words), dtype=np.uint64).astype(np.uint32)
+    texture = BlockTexture(8, 8, words, np.full(3, 0.5, np.float32), np.eye(3, dtype=np.float32))
+    values = reference.decode_blocks(texture, decoder, SMALL)
+    assert np.isfinite(values).all()
+    assert values.min() >= 0.0
+    assert values.max() <= 1.0
+
+
+def test_bits_go_where_they_lower_the_error_most() -> None:
+    depths = share_out_bits([100.0, 1.0, 1.0, 1e-6], 9)
+    assert depths.sum() == 9
+    assert depths[0] > depths[1] >= depths[2] > depths[3]
+    assert share_out_bits([1.0, 1.0], 100).tolist() == [LARGEST_DEPTH, LARGEST_DEPTH]
+    assert share_out_bits([1.0], 0).tolist() == [0]
+
+
+def _best_by_trying_all(values: NDArray[np.float64], depths: list[int], scales: NDArray[np.float64]) -> float:
+    """Least squared error over all paths and all levels, without dynamic programming."""
+    levels = level_table()
+    best = np.inf
+    for branches in itertools.product((0, 1), repeat=len(values)):
+        state, error = 0, 0.0
+        for value, depth, scale, branch in zip(values, depths, scales, branches, strict=True):
+            if depth == 0:
+                error += value**2
+                continue
+            state, subset = BRANCHES[state][branch]
+            error += np.square(levels[depth, subset : 2 << depth : 4] * scale - value).min()
+        best = min(best, error)
+    return float(best)
+
+
+def test_the_quantizer_finds_the_best_path() -> None:
+    random = np.random.default_rng(5)
+    depths = [3, 0, 1, 2, 1, 0, 4, 1]
+    quantizer = TrellisQuantizer()
+    for _ in range(10):
+        values, scales = random.normal(size=8) * 2, random.uniform(0.5, 2.0, 8)
+        table = torch.tensor([depths])
+        _, decoded = quantizer.quantize(
+            torch.tensor(values[None], dtype=torch.float32), table, torch.tensor(scales[None], dtype=torch.float32)
+        )
+        found = float(np.square(decoded[0].numpy() - values).sum())
+        assert found == pytest.approx(_best_by_trying_all(values, depths, scales), abs=2e-3)
+
+
+def test_what_is_stored_decodes_to_what_the_quantizer_chose() -> None:
+    config = BlockCodecConfig(coefficients=60, modes=8)
+    decoder, random = random_decoder(config), np.random.default_rng(2)
+    modes = random.integers(0, config.modes, 200)
+    depths, scales = decoder.depths[modes].astype(np.int64), scale_values(decoder.scales)[modes]
+    values = torch.from_numpy((random.normal(size=depths.shape) * scales * 1.5).astype(np.float32))
+    numbers, decoded = TrellisQuantizer().quantize(
+        values, torch.from_numpy(depths), torch.from_numpy(scales.astype(np.float32))
+    )
+    codes = packed_codes(modes, indices_of(numbers.numpy(), depths), decoder, config)
+    np.testing.assert_allclose(
+        reference.decode_coefficients(codes, decoder, config), decoded.numpy(), rtol=1e-5, atol=1e-7
+    )
+
+
+def test_trellis_coding_beats_scalar_levels_by_what_the_literature_says() -> None:
+    random = np.random.default_rng(3)
+    values = torch.from_numpy(random.normal(size=(2000, 64)).astype(np.float32))
+    _, decoded = TrellisQuantizer().quantize(values, torch.full((2000, 64), 2), torch.ones((2000, 64)))
+    gain = -10 * np.log10(float((values - decoded).square().mean()))
+    assert gain > 9.30 + 0.8  # A scalar Lloyd-Max quantiser of 2 bits has 9.30 dB (Max, 1960).
+
+
+def test_scales_are_stored_within_half_a_step() -> None:
+    values = np.geomspace(1e-3, 8.0, 200)
+    np.testing.assert_allclose(scale_values(stored_scales(values)), values, rtol=2 ** (0.5 / 16) - 1 + 1e-9)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (40, 24), (7, 3), (1, 1)])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], channels: int) -> None:
+    config = BlockCodecConfig(channels=channels, coefficients=24, modes=2)
+    source = smooth_texture(*size, channels=channels)
+    decoder, (texture,) = encode_group([source], config)
+    levels = block_levels(*size, config)
+    for number, (mip, level) in enumerate(zip(mip_chain(source.pixels, "srgb"), levels, strict=False)):
+        decoded = reference.decode_image(texture, decoder, config, number)
+        assert decoded.shape == (level.height, level.width, channels)
+        if level.width * level.height >= 64:
+            assert psnr_db(decoded, mip) > 25.0
+
+
+def test_more_bits_give_a_nearer_picture_and_modes_help() -> None:
+    sources = [smooth_texture(64, 64, seed=seed) for seed in range(3)]
+
+    def mean_psnr(config: BlockCodecConfig) -> float:
+        decoder, textures = encode_group(sources, config)
+        found = [reference.decode_image(texture, decoder, config) for texture in textures]
+        return float(np.mean([psnr_db(d, s.pixels) for d, s in zip(found, sources, strict=True)]))
+
+    by_words = [mean_psnr(BlockCodecConfig(block_words=words, coefficients=96, modes=1)) for words in (2, 4, 8)]
+    assert by_words[0] + 2 < by_words[1] < by_words[2] - 2
+
+
+def test_a_constant_texture_is_exact_and_the_same_seed_gives_the_same_bytes() -> None:
+    pixels = np.full((16, 16, 3), (10, 200, 77), np.uint8)
+    source = SourceTexture("flat", pixels, hash_pixels(pixels))
+    decoder, (texture,) = encode_group([source], SMALL)
+    np.testing.assert_array_equal(reference.decode_image(texture, decoder, SMALL), pixels)
+    sources = [smooth_texture(48, 32, seed=seed) for seed in range(2)]
+    first, second = (encode_group(sources, SMALL, seed=9) for _ in range(2))
+    assert first[0].basis.tobytes() == second[0].basis.tobytes()
+    assert all(a.codes.tobytes() == b.codes.tobytes() for a, b in zip(first[1], second[1], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("block_side", 5), ("block_words", 0), ("modes", 3), ("coefficients", 193)]
+)
+def test_settings_out_of_range_are_named(field: str, value: int) -> None:
+    with pytest.raises(ValueError, match=field):
+        BlockCodecConfig(**{field: value})  # type: ignore[arg-type]
