@@ -74,7 +74,7 @@ def changed(pack: Pack, weights: Sequence[Change], biases: Sequence[Change]) -> 
                 tuple(change(part).astype(np.float32) for change, part in zip(biases, decoder.biases, strict=True)),
             )
 
-    return replace(pack, decoders=tuple(of(decoder) for decoder in pack.decoders))
+    return replace(pack, decoders=tuple(of(decoder) for decoder in pack.grid_decoders))
 
 
 def scaled(pack: Pack, first: int, second: int, third: int) -> Pack:
@@ -94,7 +94,7 @@ def _largest_weights(part: NDArray[np.float32]) -> NDArray[np.floating]:
 def reordered(pack: Pack, seed: int = 0) -> Pack:
     """The same function with hidden neurons in another order, so that all sums are summed up in another order."""
     random = np.random.default_rng(seed)
-    orders = [[random.permutation(pack.config.hidden_width) for _ in range(2)] for _ in pack.decoders]
+    orders = [[random.permutation(pack.grid_config.hidden_width) for _ in range(2)] for _ in pack.grid_decoders]
 
     def of(decoder: Decoder, first: NDArray[np.int64], second: NDArray[np.int64]) -> Decoder:
         a, b, c = decoder.weights
@@ -112,7 +112,7 @@ def reordered(pack: Pack, seed: int = 0) -> Pack:
 
     return replace(
         pack,
-        decoders=tuple(of(decoder, *order) for decoder, order in zip(pack.decoders, orders, strict=True)),
+        decoders=tuple(of(decoder, *order) for decoder, order in zip(pack.grid_decoders, orders, strict=True)),
         textures=tuple(replace(t, adapter=adapted(t.adapter, orders[t.group])) for t in pack.textures),
     )
 
@@ -145,7 +145,7 @@ def _place_cases(pack: Pack, texels: int, random: np.random.Generator) -> list[S
         [random.uniform(-100.0, 0.0, count // 2), random.uniform(levels - 1, 100.0, count - count // 2)]
     )
     numbers = np.array(list(product(HOSTILE_NUMBERS, repeat=3)))
-    strip = wrapped_pack(random_pack(((LARGEST_PACK_SIDE, 2),), (0,), pack.config))
+    strip = wrapped_pack(random_pack(((LARGEST_PACK_SIDE, 2),), (0,), pack.grid_config))
     beside = random.integers(-2, 3, (count, 2)) + random.choice(BESIDE_AN_EDGE, (count, 2))
     uv = random.uniform(-2.0, 2.0, (count, 2))
     return [

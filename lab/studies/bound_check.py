@@ -59,8 +59,8 @@ def run_decoder_in_single(
 
 
 def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision: Precision) -> Single:
-    encoded, slope = stored.textures[texture], stored.config.leaky_slope
-    decoder, single = stored.decoders[encoded.group], inputs.astype(np.float32)
+    encoded, slope = stored.textures[texture], stored.grid_config.leaky_slope
+    decoder, single = stored.grid_decoders[encoded.group], inputs.astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             accumulate = precision == "fp16-accumulate"
@@ -85,8 +85,10 @@ def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed:
             uv = random.uniform(-2.0, 2.0, (count, 2)).astype(np.float32).astype(np.float64)
             lod = random.uniform(-0.5, levels - 0.5, count).astype(np.float32).astype(np.float64)
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
-            slope = pack.config.leaky_slope
-            exact = run_decoder(pack.decoders[texture.group], inputs, slope, texture.adapter)[:, : texture.channels]
+            slope = pack.grid_config.leaky_slope
+            exact = run_decoder(pack.grid_decoders[texture.group], inputs, slope, texture.adapter)[
+                :, : texture.channels
+            ]
             error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact, 0.0, 1.0))
             bound = running_bounds(stored, index, uv, lod, precision)
             beyond += int((error > bound).sum()) + int((bound > wholes[index] * (1.0 + 1e-6)).sum())

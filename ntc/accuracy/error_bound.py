@@ -115,11 +115,11 @@ def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> Error
     """Of the pack's texture `texture_index`, for weights as they stand: `pack` is what `ntc.accuracy.rescale.stored_pack` gave."""
     texture = pack.textures[texture_index]
     arithmetic = ARITHMETIC[precision]
-    layers = decoder_layers(pack.decoders[texture.group], texture.adapter, arithmetic)
-    bounds = input_bounds(texture, pack.config)
+    layers = decoder_layers(pack.grid_decoders[texture.group], texture.adapter, arithmetic)
+    bounds = input_bounds(texture, pack.grid_config)
     # Sums that leave float64 are sums that leave fp32.
     with np.errstate(over="ignore", invalid="ignore"):
-        return _bound(layers, bounds, pack.config.leaky_slope, arithmetic, texture.channels)
+        return _bound(layers, bounds, pack.grid_config.leaky_slope, arithmetic, texture.channels)
 
 
 def worst_of(bounds: list[ErrorBound]) -> ErrorBound:

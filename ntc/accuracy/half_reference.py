@@ -72,7 +72,7 @@ def decode_texels_in_half(
         pack = stored_pack(pack, "fp16-accumulate" if accumulate else "fp16-arithmetic")
     texture = pack.textures[texture_index]
     inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap).astype(np.float32)
-    decoder = pack.decoders[texture.group]
+    decoder = pack.grid_decoders[texture.group]
     with np.errstate(over="ignore", invalid="ignore"):
-        values = run_decoder_in_half(decoder, inputs, pack.config.leaky_slope, texture.adapter, accumulate)
+        values = run_decoder_in_half(decoder, inputs, pack.grid_config.leaky_slope, texture.adapter, accumulate)
     return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, : texture.channels]

@@ -85,10 +85,10 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
         else:
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
             own = stored.textures[index]
-            decoder, adapter = stored.decoders[texture.group], own.adapter
+            decoder, adapter = stored.grid_decoders[texture.group], own.adapter
             if precision == "fp16":
                 decoder, adapter = _stored_decoder(decoder), _stored_adapter(adapter)
-            found = np.clip(run_decoder(decoder, inputs, pack.config.leaky_slope, adapter), 0.0, 1.0)
+            found = np.clip(run_decoder(decoder, inputs, pack.grid_config.leaky_slope, adapter), 0.0, 1.0)
             found = found[:, : texture.channels]
         worst = max(worst, float(np.abs(found - exact).max(initial=0.0)))
     return worst

@@ -68,7 +68,9 @@ def exponents(pack: Pack) -> list[Exponents]:
     """For each decoder those that keep the sums of all its textures in range, whatever their latents."""
     largest = np.zeros((len(pack.decoders), 2))
     for texture in pack.textures:
-        sums = _largest_sums(pack.decoders[texture.group], texture.adapter, input_bounds(texture, pack.config))
+        sums = _largest_sums(
+            pack.grid_decoders[texture.group], texture.adapter, input_bounds(texture, pack.grid_config)
+        )
         largest[texture.group] = np.maximum(largest[texture.group], sums)
     return [Exponents(_exponent(first, SMALLEST_SUM), _exponent(second, SMALLEST_SUM)) for first, second in largest]
 
@@ -104,15 +106,15 @@ def rescaled_pack(pack: Pack) -> Pack:
     by = exponents(pack)
     if all(one == Exponents() for one in by):
         return pack
-    decoders = tuple(_rescaled_decoder(decoder, own) for decoder, own in zip(pack.decoders, by, strict=True))
+    decoders = tuple(_rescaled_decoder(decoder, own) for decoder, own in zip(pack.grid_decoders, by, strict=True))
     textures = tuple(_rescaled_texture(texture, by[texture.group]) for texture in pack.textures)
     return replace(pack, decoders=decoders, textures=textures)
 
 
 def _halves_are_enough(pack: Pack) -> bool:
     """Whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
-    weights = [part for decoder in pack.decoders for part in decoder.weights]
-    others = [part for decoder in pack.decoders for part in decoder.biases]
+    weights = [part for decoder in pack.grid_decoders for part in decoder.weights]
+    others = [part for decoder in pack.grid_decoders for part in decoder.biases]
     for texture in pack.textures:
         if texture.adapter is not None:
             others += [texture.adapter.scales, texture.adapter.biases]

@@ -70,8 +70,8 @@ def running_bounds(
     """
     texture = stored.textures[texture_index]
     arithmetic = ARITHMETIC[precision]
-    layers = decoder_layers(stored.decoders[texture.group], texture.adapter, arithmetic)
+    layers = decoder_layers(stored.grid_decoders[texture.group], texture.adapter, arithmetic)
     inputs = decoder_inputs(stored, texture, uv, lod, texture.wrap)
-    error = input_bounds(texture, stored.config, lod_error).error
+    error = input_bounds(texture, stored.grid_config, lod_error).error
     with np.errstate(over="ignore", invalid="ignore"):
-        return _running(layers, inputs, error, stored.config.leaky_slope, arithmetic)[:, : texture.channels]
+        return _running(layers, inputs, error, stored.grid_config.leaky_slope, arithmetic)[:, : texture.channels]

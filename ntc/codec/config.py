@@ -1,11 +1,12 @@
 """The settings of codec and grouping: frozen dataclasses, one definition for CLI, pack, settings file and UI."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 WrapMode = Literal["repeat", "mirror", "clamp"]
 ColorSpace = Literal["srgb", "linear"]
 RecipeName = Literal["paper", "best"]
+CodecKind = Literal["grid", "block"]
 GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
 FeatureName = Literal["low_level", "spectral", "efficientnet", "clip"]
 Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
@@ -22,6 +23,8 @@ class CodecConfig:
 
     The decoder reads `latent_channels` + `positional_inputs` + `lod_inputs` numbers and has two hidden layers.
     """
+
+    kind: ClassVar[Literal["grid"]] = "grid"
 
     latent_channels: int = 4
     """Channels of a latent cell: a multiple of 4, at most 16."""
@@ -88,6 +91,11 @@ class CodecConfig:
     def cell_bytes(self) -> int:
         """Bytes of a stored latent cell."""
         return self.latent_channels * self.latent_bits // 8
+
+    @property
+    def smallest_top_cells(self) -> int:
+        """The pyramid ends at the first level whose longer side is at most this many cells."""
+        return 4
 
     @property
     def layer_shapes(self) -> tuple[tuple[int, int], ...]:

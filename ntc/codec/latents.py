@@ -1,11 +1,23 @@
 """Geometry of the latent pyramid: how many levels a texture has and where each lies in its flat latent array."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
-from ntc.codec.config import CodecConfig
 
-SMALLEST_TOP_SIDE = 4
-"""The pyramid ends at the first level whose longer side is at most this many cells."""
+class PyramidShape(Protocol):
+    """What of a codec's settings decides about the pyramid."""
+
+    @property
+    def downscale(self) -> int:
+        """Texels per cell along one side."""
+
+    @property
+    def levels(self) -> int | None:
+        """Levels at most; None: no limit."""
+
+    @property
+    def smallest_top_cells(self) -> int:
+        """The pyramid ends at the first level whose longer side is at most this many cells."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +41,7 @@ class LatentLevel:
         return self.width * self.height
 
 
-def latent_levels(width: int, height: int, config: CodecConfig) -> tuple[LatentLevel, ...]:
+def latent_levels(width: int, height: int, config: PyramidShape) -> tuple[LatentLevel, ...]:
     """Levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
 
     Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side.
@@ -41,11 +53,11 @@ def latent_levels(width: int, height: int, config: CodecConfig) -> tuple[LatentL
         cells_u, cells_v = -(-texel_width // config.downscale), -(-texel_height // config.downscale)
         levels.append(LatentLevel(cells_u, cells_v, texel_width, texel_height, first_cell))
         first_cell += cells_u * cells_v
-        if max(cells_u, cells_v) <= SMALLEST_TOP_SIDE:
+        if max(cells_u, cells_v) <= config.smallest_top_cells:
             break
     return tuple(levels)
 
 
-def latent_cell_count(width: int, height: int, config: CodecConfig) -> int:
+def latent_cell_count(width: int, height: int, config: PyramidShape) -> int:
     """Cells of all levels together: the rows of a texture's flat latent array."""
     return sum(level.cells for level in latent_levels(width, height, config))

@@ -3,12 +3,17 @@
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+from ntc.errors import InputError
+
+AnyCodec = CodecConfig | BlockCodecConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +35,7 @@ class Adapter:
 
 @dataclass(frozen=True, eq=False)
 class EncodedTexture:
-    """One texture as its latent grid pyramid."""
+    """One texture as its pyramid of latents."""
 
     name: str
     pixel_hash: str
@@ -48,14 +53,15 @@ class EncodedTexture:
     group: int
     """Index of the decoder that decodes this texture."""
     latents: NDArray[np.uint8]
-    """[cells, latent_channels] uint8, 0 to `CodecConfig.largest_stored`: the levels of `ntc.codec.latents.latent_levels`, one
-    after the other."""
+    """The levels of `ntc.codec.latents.latent_levels`, one after the other. Codec `grid`: [cells, latent_channels] uint8, 0 to
+    `CodecConfig.largest_stored`. Codec `block`: [blocks, cell_bytes] uint8, the words of each block's code, little-endian."""
     scale: NDArray[np.float32]
-    """[latent_channels] float32: latent value = offset + scale * stored integer."""
+    """Codec `grid`: [latent_channels] float32; latent value = offset + scale * stored integer. Codec `block`: [output_channels *
+    output_channels] float32, the rows of `BlockTexture.axes` one after the other."""
     offset: NDArray[np.float32]
-    """[latent_channels] float32."""
+    """Codec `grid`: [latent_channels] float32. Codec `block`: [output_channels] float32, `BlockTexture.mean`."""
     adapter: Adapter | None = None
-    """Present exactly when the codec has adapters."""
+    """Present exactly when the codec is `grid` and has adapters."""
     psnr_db: float | None = None
     """PSNR in dB of mip 0 over 8-bit values in `color_space`, measured after quantisation by the encoder."""
 
@@ -70,6 +76,7 @@ class Decoder:
     """Per layer [outputs] float32."""
 
 
+AnyDecoder = Decoder | BlockDecoder
 Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32]]
 """(weight [outputs, inputs], scale [outputs] or None, bias [outputs]): scale * (weight x) + bias."""
 
@@ -110,11 +117,41 @@ class Grouping:
 class Pack:
     """Everything needed to decode a set of textures; immutable."""
 
-    config: CodecConfig
+    config: AnyCodec
     grouping: Grouping
     textures: tuple[EncodedTexture, ...]
-    decoders: tuple[Decoder, ...]
+    decoders: tuple[AnyDecoder, ...]
+    """All of the kind that `config` stands for."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """Recipe, steps, seed and library versions, for the record: JSON values only."""
     path: Path | None = None
     """The file it was read from."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it: its file, else its grouping."""
+        return str(self.path or self.grouping.name)
+
+    @property
+    def grid_config(self) -> CodecConfig:
+        """`config` of a pack of codec `grid`. Raises InputError for another codec."""
+        if isinstance(self.config, CodecConfig):
+            return self.config
+        raise InputError(f"{self.name}: codec {self.config.kind} has no hidden layers; use a pack of codec grid here")
+
+    @property
+    def grid_decoders(self) -> tuple[Decoder, ...]:
+        """`decoders` of a pack of codec `grid`. Raises InputError for another codec."""
+        return cast(tuple[Decoder, ...], self.decoders) if self.grid_config else ()
+
+    @property
+    def block_config(self) -> BlockCodecConfig:
+        """`config` of a pack of codec `block`. Raises InputError for another codec."""
+        if isinstance(self.config, BlockCodecConfig):
+            return self.config
+        raise InputError(f"{self.name}: codec {self.config.kind} has no basis; use a pack of codec block here")
+
+    @property
+    def block_decoders(self) -> tuple[BlockDecoder, ...]:
+        """`decoders` of a pack of codec `block`. Raises InputError for another codec."""
+        return cast(tuple[BlockDecoder, ...], self.decoders) if self.block_config else ()

@@ -88,7 +88,7 @@ def decoder_inputs(
     lower = np.floor(lod).astype(np.int64)
     upper = np.minimum(lower + 1, len(levels) - 1)
     share = (lod - lower)[:, None]
-    config = pack.config
+    config = pack.grid_config
     features = np.zeros((len(uv), config.latent_channels + config.positional_inputs))
     for number, level in enumerate(levels):
         weight = np.where(lower == number, 1.0 - share[:, 0], 0.0) + np.where(upper == number, share[:, 0], 0.0)
@@ -122,7 +122,9 @@ def decode_texels(
         inputs = decoder_inputs(
             pack, texture, np.asarray(uv[part], np.float64), np.asarray(lod[part], np.float64), modes
         )
-        parts.append(run_decoder(pack.decoders[texture.group], inputs, pack.config.leaky_slope, texture.adapter))
+        parts.append(
+            run_decoder(pack.grid_decoders[texture.group], inputs, pack.grid_config.leaky_slope, texture.adapter)
+        )
     values = np.concatenate(parts) if parts else np.zeros((0, pack.config.output_channels))
     return np.clip(values, 0.0, 1.0)[:, : texture.channels]
 

@@ -55,9 +55,9 @@ class TorchCodec:
         self._pack = pack
         self._interruption = interruption
         self._device = torch.device(device)
-        self._decoders = DecoderStack(pack.config, len(pack.decoders), torch.Generator().manual_seed(0))
-        self._decoders.load(pack.decoders)
-        if pack.config.adapter_output:
+        self._decoders = DecoderStack(pack.grid_config, len(pack.decoders), torch.Generator().manual_seed(0))
+        self._decoders.load(pack.grid_decoders)
+        if pack.grid_config.adapter_output:
             self._decoders.clear_output()
         self._decoders.to(self._device)
         self._adapters = [self._adapter(texture) for texture in pack.textures]
@@ -65,7 +65,7 @@ class TorchCodec:
     def _adapter(self, texture: EncodedTexture) -> AdapterStack | None:
         if texture.adapter is None:
             return None
-        stack = AdapterStack(self._pack.config, 1)
+        stack = AdapterStack(self._pack.grid_config, 1)
         stack.load([texture.adapter])
         return stack.to(self._device)
 
@@ -105,7 +105,9 @@ class TorchCodec:
             )
             wrapped = torch.stack([_wrap(at[:, axis], modes[axis]) for axis in range(2)], dim=-1)
             same = torch.zeros(len(at), dtype=torch.int64, device=self._device)
-            features = codec_features(self._pack.config, latents, cells, texels, same, wrapped, level.clamp(0.0, last))
+            features = codec_features(
+                self._pack.grid_config, latents, cells, texels, same, wrapped, level.clamp(0.0, last)
+            )
             decoded = self._decoders(torch.cat(features, dim=-1)[None], group, self._adapters[texture_index])[0]
             parts.append(decoded.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)

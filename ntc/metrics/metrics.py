@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Adapter, Pack
 from ntc.errors import InputError
 
@@ -134,6 +135,13 @@ def _adapter_bytes(adapter: Adapter) -> int:
     return sum(2 * part.size for part in parts if part is not None)
 
 
+def _decoder_bytes(pack: Pack) -> int:
+    if isinstance(pack.config, BlockCodecConfig):
+        return sum(decoder.stored_bits for decoder in pack.block_decoders) // 8
+    numbers = sum(array.size for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases))
+    return numbers * pack.config.weight_bits // 8
+
+
 def psnr_table(pack: Pack) -> PsnrTable:
     """The table of `pack`; PSNR as the encoder measured it after quantisation."""
     rows = tuple(
@@ -146,14 +154,16 @@ def psnr_table(pack: Pack) -> PsnrTable:
             "category": texture.category,
             "group": texture.group,
             "psnr_db": texture.psnr_db,
-            "latent_bits_per_texel": texture.latents.size * pack.config.latent_bits / (texture.width * texture.height),
+            "latent_bits_per_texel": 8.0
+            * len(texture.latents)
+            * pack.config.cell_bytes
+            / (texture.width * texture.height),
         }
         for texture in pack.textures
     )
     cell_bytes = pack.config.cell_bytes
     latent_bytes = sum(len(t.latents) * cell_bytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
-    numbers = sum(array.size for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases))
-    decoder_bytes = numbers * pack.config.weight_bits // 8
+    decoder_bytes = _decoder_bytes(pack)
     adapter_bytes = sum(_adapter_bytes(texture.adapter) for texture in pack.textures if texture.adapter is not None)
     texels = sum(texture.width * texture.height for texture in pack.textures)
     return PsnrTable(

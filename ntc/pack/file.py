@@ -70,7 +70,7 @@ def write_pack(path: Path, pack: Pack) -> None:
     """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
     tensors: dict[str, NDArray[Any]] = {}
     for index, texture in enumerate(pack.textures):
-        tensors[f"latents.{index}"] = packed_cells(texture.latents, pack.config.latent_bits)
+        tensors[f"latents.{index}"] = packed_cells(texture.latents, pack.grid_config.latent_bits)
         tensors[f"latents.{index}.scale"] = np.ascontiguousarray(texture.scale)
         tensors[f"latents.{index}.offset"] = np.ascontiguousarray(texture.offset)
         if texture.adapter is not None:
@@ -79,8 +79,8 @@ def write_pack(path: Path, pack: Pack) -> None:
             if texture.adapter.output_weight is not None and texture.adapter.output_bias is not None:
                 tensors[f"adapter.{index}.output.weight"] = texture.adapter.output_weight.astype(np.float16)
                 tensors[f"adapter.{index}.output.bias"] = texture.adapter.output_bias.astype(np.float16)
-    kind = np.float16 if pack.config.weight_bits == 16 else np.float32
-    for index, decoder in enumerate(pack.decoders):
+    kind = np.float16 if pack.grid_config.weight_bits == 16 else np.float32
+    for index, decoder in enumerate(pack.grid_decoders):
         for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
             tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
             tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias, kind)

@@ -87,6 +87,6 @@ def check_pack(pack: Pack) -> None:
     for texture, group in zip(pack.textures, pack.grouping.groups, strict=True):
         if texture.group != group or not 0 <= group < len(pack.decoders):
             raise ValueError(f"{texture.name}: has group {texture.group} and {group} of {len(pack.decoders)}")
-        check_encoded(texture, pack.config)
-    for decoder in pack.decoders:
-        check_decoder(decoder, pack.config)
+        check_encoded(texture, pack.grid_config)
+    for decoder in pack.grid_decoders:
+        check_decoder(decoder, pack.grid_config)

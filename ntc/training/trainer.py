@@ -273,7 +273,7 @@ class Trainer:
             before = None
             if start is not None and found.group in old_numbers:
                 old = tuple(start.textures[index] for index in found.members)
-                decoder = start.decoders[old_numbers[found.group]]
+                decoder = start.grid_decoders[old_numbers[found.group]]
                 before = _mean_square(self._measured(old, decoder, sources))
                 if after > before:
                     final = replace(final, textures=tuple(replace(t, group=found.group) for t in old), decoder=decoder)
@@ -335,5 +335,5 @@ def _start_at(batch: TrainingBatch, members: Sequence[int], start: Pack, groupin
     decoders = []
     for group in batch.decoder_numbers:
         counts = Counter(start.grouping.groups[index] for index in members if grouping.groups[index] == group)
-        decoders.append(start.decoders[counts.most_common(1)[0][0]])
+        decoders.append(start.grid_decoders[counts.most_common(1)[0][0]])
     batch.start_at([start.textures[index] for index in members], decoders)

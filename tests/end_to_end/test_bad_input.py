@@ -107,7 +107,7 @@ def packs(folder: Path, good: Path) -> dict[str, Path]:
     for name, data in bad.items():
         paths[name].write_bytes(data)
     pack = random_pack(((32, 32),), (0,))
-    pack.decoders[0].weights[1][3, 3] = np.nan
+    pack.grid_decoders[0].weights[1][3, 3] = np.nan
     paths["nan"] = folder / "nan.ntc"
     write_pack(paths["nan"], pack)
     return paths

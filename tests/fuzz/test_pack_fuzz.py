@@ -68,13 +68,13 @@ def assert_whole(pack: Pack) -> None:
     assert len(pack.textures) == len(pack.grouping.groups)
     for texture in pack.textures:
         cells = latent_cell_count(texture.width, texture.height, pack.config)
-        assert texture.latents.shape == (cells, pack.config.latent_channels)
+        assert texture.latents.shape == (cells, pack.grid_config.latent_channels)
         assert np.isfinite(texture.scale).all()
         assert np.isfinite(texture.offset).all()
         assert 0 <= texture.group < len(pack.decoders)
         assert 1 <= texture.channels <= pack.config.output_channels
-    for decoder in pack.decoders:
-        assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes
+    for decoder in pack.grid_decoders:
+        assert tuple(weight.shape for weight in decoder.weights) == pack.grid_config.layer_shapes
         assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
     "\n".join(psnr_table(pack).lines()).encode("utf-8")
     parse_metadata(metadata_json(pack))

@@ -60,7 +60,7 @@ def snapshots(request: TrainingRequest, version: int = 1, final: bool = True) ->
     for group in range(request.grouping.group_count):
         members = tuple(index for index, number in enumerate(request.grouping.groups) if number == group)
         textures = tuple(replace(pack.textures[index], psnr_db=20.0 if final else None) for index in members)
-        found.append(GroupSnapshot(version, group, members, textures, pack.decoders[group], final))
+        found.append(GroupSnapshot(version, group, members, textures, pack.grid_decoders[group], final))
     return found
 
 

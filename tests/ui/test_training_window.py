@@ -65,7 +65,7 @@ def messages(app: DrivenApp) -> str:
 
 def fingerprint(pack: Pack, group: int) -> str:
     digest = hashlib.sha256()
-    decoder = pack.decoders[group]
+    decoder = pack.grid_decoders[group]
     for array in (*decoder.weights, *decoder.biases):
         digest.update(array.tobytes())
     for texture in pack.textures:

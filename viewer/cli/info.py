@@ -95,7 +95,7 @@ def pack_json(pack: Pack) -> dict[str, Any]:
 def pack_lines(pack: Pack) -> list[str]:
     """What `info F.ntc` prints."""
     shape = "-".join(
-        str(side) for side in (pack.config.decoder_inputs, *(rows for rows, _ in pack.config.layer_shapes))
+        str(side) for side in (pack.grid_config.decoder_inputs, *(rows for rows, _ in pack.grid_config.layer_shapes))
     )
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [

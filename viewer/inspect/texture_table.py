@@ -56,7 +56,7 @@ def texture_rows(
         height, width = texture.pixels.shape[:2]
         index = match.texture_index[number] if match is not None else -1
         encoded = pack.textures[index] if pack is not None and index >= 0 else None
-        bits = encoded.latents.size * pack.config.latent_bits / (width * height) if encoded and pack else None
+        bits = 8.0 * len(encoded.latents) * pack.config.cell_bytes / (width * height) if encoded and pack else None
         psnr = encoded.psnr_db if encoded is not None else None
         rows.append(
             TextureRow(

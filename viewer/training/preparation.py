@@ -94,7 +94,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             raise InputError(f"{job.settings.grouping_text}: gives the groups that there are; nothing is to be trained")
     dirty = job.groups if isinstance(job, RetrainGroups) else None
     training = recipe_config(job.settings.recipe)
-    return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
+    return TrainingRequest(textures, grouping, base.grid_config, training, job.settings.budget, base, dirty)
 
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:

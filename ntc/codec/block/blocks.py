@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockCodecConfig, BlockLevel
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import WrapMode
+from ntc.codec.latents import LatentLevel
 
 _PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
 
@@ -23,10 +24,10 @@ def blocks_of(image: NDArray[np.float32], side: int, wrap: tuple[WrapMode, WrapM
     return np.ascontiguousarray(parts.reshape(rows * columns, side * side, channels))
 
 
-def image_of(blocks: NDArray[np.floating], level: BlockLevel, side: int) -> NDArray[np.floating]:
+def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDArray[np.floating]:
     """[height, width, C]: the inverse of `blocks_of` for the blocks [rows * columns, side * side, C] of `level`."""
-    parts = blocks.reshape(level.rows, level.columns, side, side, -1).transpose(0, 2, 1, 3, 4)
-    return parts.reshape(level.rows * side, level.columns * side, -1)[: level.height, : level.width]
+    parts = blocks.reshape(level.height, level.width, side, side, -1).transpose(0, 2, 1, 3, 4)
+    return parts.reshape(level.height * side, level.width * side, -1)[: level.texel_height, : level.texel_width]
 
 
 def bit_offsets(decoder: BlockDecoder, config: BlockCodecConfig) -> NDArray[np.int64]:

@@ -1,7 +1,7 @@
-"""The settings of codec `block`, and the geometry of a texture's blocks."""
+"""The settings of codec `block`."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
@@ -13,7 +13,12 @@ SCALE_ORIGIN = 192
 
 @dataclass(frozen=True)
 class BlockCodecConfig:
-    """The shape of block codes and of the tables that a group shares, the same for every texture of a pack."""
+    """The shape of block codes and of the tables that a group shares, the same for every texture of a pack.
+
+    A block's code is a latent cell: `downscale`, `cell_bytes` and `smallest_top_cells` mean what they mean of codec `grid`.
+    """
+
+    kind: ClassVar[Literal["block"]] = "block"
 
     block_side: Literal[4, 8] = 8
     """Texels of a block along one side."""
@@ -23,10 +28,10 @@ class BlockCodecConfig:
     """Rows of the group's basis: coefficients that a block may spend bits on, in order of falling variance."""
     modes: int = 32
     """Bit allocations of a group; each block names one of them. A power of two, at most 64."""
-    channels: int = 3
-    """Channels of the textures, 1 to 4."""
+    output_channels: int = 3
+    """Channels that the decoders write, 1 to 4; a texture with fewer uses the first ones."""
     levels: int | None = None
-    """Encoded mips. None: all whose longer side is larger than a block, and the next one."""
+    """Encoded mips. None: all whose longer side is larger than a block, and the next one. 1: mip 0 alone."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -34,12 +39,27 @@ class BlockCodecConfig:
             "block_words": 1 <= self.block_words <= 16,
             "coefficients": 1 <= self.coefficients <= self.block_values,
             "modes": 1 <= self.modes <= 64 and self.modes & (self.modes - 1) == 0,
-            "channels": 1 <= self.channels <= 4,
+            "output_channels": 1 <= self.output_channels <= 4,
             "levels": self.levels is None or 1 <= self.levels <= 16,
         }
         for field, valid in checks.items():
             if not valid:
                 raise ValueError(f"codec.{field} = {getattr(self, field)!r} is out of range")
+
+    @property
+    def downscale(self) -> int:
+        """Texels per latent cell along one side: those of a block."""
+        return self.block_side
+
+    @property
+    def cell_bytes(self) -> int:
+        """Bytes of a stored latent cell: of a block's code."""
+        return 4 * self.block_words
+
+    @property
+    def smallest_top_cells(self) -> int:
+        """The pyramid ends at the first level whose longer side is at most this many cells."""
+        return 1
 
     @property
     def block_texels(self) -> int:
@@ -49,7 +69,7 @@ class BlockCodecConfig:
     @property
     def block_values(self) -> int:
         """Numbers of a block: texels x channels."""
-        return self.block_texels * self.channels
+        return self.block_texels * self.output_channels
 
     @property
     def mode_bits(self) -> int:
@@ -62,39 +82,11 @@ class BlockCodecConfig:
         return 32 * self.block_words - self.mode_bits
 
     @property
+    def multiply_adds(self) -> int:
+        """Multiply-adds of one texel's value at most: each coefficient's basis row, then the texture's axes."""
+        return (self.coefficients + self.output_channels) * self.output_channels
+
+    @property
     def bits_per_texel(self) -> float:
         """Bits of block codes per texel of one mip, side information left out."""
         return 32.0 * self.block_words / self.block_texels
-
-
-@dataclass(frozen=True)
-class BlockLevel:
-    """The blocks of one mip, stored row by row, the row at v = 0 first."""
-
-    width: int
-    """Texels along u."""
-    height: int
-    """Texels along v."""
-    columns: int
-    """Blocks along u."""
-    rows: int
-    """Blocks along v."""
-    first_block: int
-    """Index of the mip's first block among all blocks of the texture."""
-
-
-def block_levels(width: int, height: int, config: BlockCodecConfig) -> tuple[BlockLevel, ...]:
-    """The encoded mips of a `width` x `height` texel texture, finest first; never empty.
-
-    Mip l has max(1, side >> l) texels a side. The last one is the first that a single block holds.
-    """
-    levels: list[BlockLevel] = []
-    first = 0
-    while config.levels is None or len(levels) < config.levels:
-        w, h = max(1, width >> len(levels)), max(1, height >> len(levels))
-        columns, rows = -(-w // config.block_side), -(-h // config.block_side)
-        levels.append(BlockLevel(w, h, columns, rows, first))
-        first += columns * rows
-        if columns == rows == 1:
-            break
-    return tuple(levels)

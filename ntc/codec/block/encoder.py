@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
 from ntc.codec.block.blocks import blocks_of, packed_codes
-from ntc.codec.block.config import BlockCodecConfig, block_levels
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
 from ntc.codec.block.trellis import (
     LOOKUP_CELLS,
@@ -20,6 +20,7 @@ from ntc.codec.block.trellis import (
     lookup_cells,
     share_out_bits,
 )
+from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 
@@ -61,10 +62,10 @@ def _colour_axes(pixels: Array) -> tuple[Array, Array]:
 
 def _prepared(source: SourceTexture, config: BlockCodecConfig) -> _Texture:
     width, height = source.size
-    levels = block_levels(width, height, config)
+    levels = latent_levels(width, height, config)
     mips = mip_chain(source.pixels, source.color_space)[: len(levels)]
-    values = [mip[..., : config.channels].astype(np.float32) / np.float32(255.0) for mip in mips]
-    mean, axes = _colour_axes(values[0].reshape(-1, config.channels))
+    values = [mip[..., : config.output_channels].astype(np.float32) / np.float32(255.0) for mip in mips]
+    mean, axes = _colour_axes(values[0].reshape(-1, config.output_channels))
     # The inverse of orthogonal axes of one length.
     inverse = axes / np.square(np.linalg.norm(axes[:, 0]))
     blocks = [blocks_of((value - mean) @ inverse, config.block_side, source.wrap) for value in values]
@@ -78,7 +79,7 @@ def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], A
     vectors = vectors * np.where(vectors.sum(1, keepdims=True) < 0.0, -1.0, 1.0)
     scale = np.abs(vectors).max(1) / 127.0
     rounded = np.rint(vectors / scale[:, None]).astype(np.int8)
-    return rounded.reshape(len(vectors), config.block_texels, config.channels), scale.astype(np.float32)
+    return rounded.reshape(len(vectors), config.block_texels, config.output_channels), scale.astype(np.float32)
 
 
 def _coefficients(blocks: Array, basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.blocks import image_of, unpacked_codes
-from ntc.codec.block.config import BlockCodecConfig, block_levels
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
+from ntc.codec.latents import latent_levels
 
 Array = NDArray[np.float64]
 
@@ -45,8 +46,8 @@ def decode_image(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
-    geometry = block_levels(texture.width, texture.height, config)[level]
-    first, count = geometry.first_block, geometry.columns * geometry.rows
+    geometry = latent_levels(texture.width, texture.height, config)[level]
+    first, count = geometry.first_cell, geometry.cells
     part = BlockTexture(texture.width, texture.height, texture.codes[first : first + count], texture.mean, texture.axes)
     values = image_of(decode_blocks(part, decoder, config), geometry, config.block_side)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)

@@ -47,7 +47,7 @@ def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     colors = np.array([[0.2, 0.9, 0.5, 1.0]] * 4, np.float32)
     parts = [replace(MAP.quad(SIZE, layer, layer), colors=colors if layer == 1 else None) for layer in range(5)]
     made = Renderer(graphics, scene_of(parts, MATERIALS, [*IMAGES, texture(16, 16, 5)]))
-    brighter = tuple(replace(one, biases=(*one.biases[:2], one.biases[2] + 0.25)) for one in pack.decoders)
+    brighter = tuple(replace(one, biases=(*one.biases[:2], one.biases[2] + 0.25)) for one in pack.grid_decoders)
     made.set_packs({"good": pack, "faulty": replace(pack, decoders=brighter)})
     yield made
     made.release()

@@ -42,7 +42,7 @@ def pack_of(seed: int, config: CodecConfig | None = None, groups: tuple[int, ...
 
 def trained(old: Pack, seed: int = 5) -> Pack:
     """`old` with another group 1, as a training gives it: all else are the same objects."""
-    other = pack_of(seed, old.config)
+    other = pack_of(seed, old.grid_config)
     textures = tuple(other.textures[i] if i in MEMBERS else texture for i, texture in enumerate(old.textures))
     return replace(old, textures=textures, decoders=(old.decoders[0], other.decoders[1]))
 
@@ -70,9 +70,9 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     """Bytes on the GPU of the changed group's latents, and of its decoder, adapters and records."""
     memory = renderer.memory(slot)
     assert memory is not None
-    layout, block = NetworkLayout(pack.config), 16 if slot.precision == "fp32" else 8
+    layout, block = NetworkLayout(pack.grid_config), 16 if slot.precision == "fp32" else 8
     weights = (layout.blocks + len(MEMBERS) * layout.adapter_blocks) * block
-    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
+    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.grid_config).itemsize
 
 
 @pytest.mark.parametrize("config", [None, ADAPTED], ids=["plain", "adapted"])

@@ -31,7 +31,7 @@ class DecoderRanges:
         only where the decoder begins among all weights."""
         self.pixels = network.pixels
         self._memory, self._precision = context.memory, precision
-        blocks = NetworkLayout(pack.config).blocks
+        blocks = NetworkLayout(pack.grid_config).blocks
         self._in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
@@ -43,9 +43,9 @@ class DecoderRanges:
 
     def _range(self, pack: Pack, decoder: int) -> bytes:
         if self._in_image:
-            start = decoder * NetworkLayout(pack.config).blocks
+            start = decoder * NetworkLayout(pack.grid_config).blocks
             return np.array([start, 0, 0, 0], "<i4").tobytes()
-        return weight_bytes(pack.config, [pack.decoders[decoder]], [], self._precision)
+        return weight_bytes(pack.grid_config, [pack.grid_decoders[decoder]], [], self._precision)
 
     def _make(self, pack: Pack) -> moderngl.Buffer:
         ranges = [self._range(pack, decoder).ljust(self._stride, b"\0") for decoder in range(len(pack.decoders))]

@@ -60,7 +60,7 @@ class PackBuffers:
         self.pack = self.stored(pack)
         """As it is stored in this precision."""
         self._texture_index = tuple(texture_index)
-        self._network = NetworkLayout(pack.config)
+        self._network = NetworkLayout(pack.grid_config)
         self.hidden_blocks = self._network.hidden_blocks
         self.weights_in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
         self.defines = {
@@ -70,8 +70,8 @@ class PackBuffers:
         with context.memory.transaction():
             # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
             textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
-            self.latent_store = LatentStore(context, pack.config, textures, on_demand or ALL_LATENTS)
-            self._records = np.zeros(max(1, len(textures)), texture_record(pack.config))
+            self.latent_store = LatentStore(context, pack.grid_config, textures, on_demand or ALL_LATENTS)
+            self._records = np.zeros(max(1, len(textures)), texture_record(pack.grid_config))
             self._fill_records()
             self._weights = self._make_weights()
             self._tables: dict[StorageBinding, moderngl.Buffer] = {
@@ -109,7 +109,7 @@ class PackBuffers:
 
     def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:
         adapters = [texture.adapter for _, texture in self._textures() if texture.adapter is not None]
-        weights = weight_bytes(self.pack.config, self.pack.decoders, adapters, self.precision)
+        weights = weight_bytes(self.pack.grid_config, self.pack.grid_decoders, adapters, self.precision)
         made: moderngl.Buffer | moderngl.Texture
         if self.weights_in_image:
             made = weight_image(self._memory, weights, self.precision)
@@ -152,14 +152,14 @@ class PackBuffers:
         self._fill_records()
         uploaded = 0
         for group in groups:
-            decoder = weight_bytes(pack.config, [pack.decoders[group]], [], self.precision)
+            decoder = weight_bytes(pack.grid_config, [pack.grid_decoders[group]], [], self.precision)
             uploaded += self._write_weights(group * self._network.blocks, decoder)
         size = self._records.itemsize
         for slot, texture in self.slots_of_groups(groups, pack).items():
             self._tables[StorageBinding.TEXTURES].write(self._records[slot].tobytes(), offset=slot * size)
             uploaded += size
             if texture.adapter is not None:
-                adapter = weight_bytes(pack.config, [], [texture.adapter], self.precision)
+                adapter = weight_bytes(pack.grid_config, [], [texture.adapter], self.precision)
                 uploaded += self._write_weights(int(self._records["adapter"][slot]), adapter)
         return uploaded
 
@@ -222,8 +222,8 @@ def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig =
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
         {
-            "generated/codec.glsl": codec_layout_glsl(pack.config),
-            "generated/network.glsl": network_glsl(pack.config),
-            "generated/shared_network.glsl": shared_network_glsl(pack.config, network),
+            "generated/codec.glsl": codec_layout_glsl(pack.grid_config),
+            "generated/network.glsl": network_glsl(pack.grid_config),
+            "generated/shared_network.glsl": shared_network_glsl(pack.grid_config, network),
         }
     )

@@ -34,7 +34,7 @@ def with_layers(pack: Pack, changes: tuple[Change, Change, Change], biases: bool
         own = tuple(change(b).astype(np.float32) for change, b in zip(changes, decoder.biases, strict=True))
         return Decoder(weights, own if biases else decoder.biases)
 
-    return replace(pack, decoders=tuple(changed(decoder) for decoder in pack.decoders))
+    return replace(pack, decoders=tuple(changed(decoder) for decoder in pack.grid_decoders))
 
 
 def times(exponent: int) -> Change:
@@ -49,13 +49,16 @@ def overflowing(pack: Pack) -> Pack:
     """The same function with hidden values beyond 65504."""
     first, second, third = times(15), times(2), times(-17)
     inner = with_layers(pack, (first, second, same), biases=False)
-    by = [np.ldexp(d.biases[0], 15) for d in pack.decoders], [np.ldexp(d.biases[1], 17) for d in pack.decoders]
+    by = (
+        [np.ldexp(d.biases[0], 15) for d in pack.grid_decoders],
+        [np.ldexp(d.biases[1], 17) for d in pack.grid_decoders],
+    )
     decoders = tuple(
         Decoder(
             (d.weights[0], d.weights[1], third(d.weights[2]).astype(np.float32)),
             (by[0][i].astype(np.float32), by[1][i].astype(np.float32), d.biases[2]),
         )
-        for i, d in enumerate(inner.decoders)
+        for i, d in enumerate(inner.grid_decoders)
     )
     return replace(inner, decoders=decoders)
 
@@ -85,7 +88,7 @@ def places(pack: Pack, texture: int, count: int, seed: int) -> tuple[np.ndarray,
 def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, halves: bool) -> np.ndarray:
     """The network in fp32, one product after the other, from float64 inputs rounded once."""
     encoded = pack.textures[texture]
-    decoder = pack.decoders[encoded.group]
+    decoder = pack.grid_decoders[encoded.group]
     values = decoder_inputs(pack, encoded, uv, lod, encoded.wrap).astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for layer, parameters in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
@@ -95,7 +98,7 @@ def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, hal
             sums = np.broadcast_to(bias, (len(values), len(bias))).astype(np.float32)
             for column in range(weight.shape[1]):
                 sums = sums + values[:, column, None] * weight[:, column]
-            values = np.maximum(sums, np.float32(pack.config.leaky_slope) * sums) if layer < 2 else sums
+            values = np.maximum(sums, np.float32(pack.grid_config.leaky_slope) * sums) if layer < 2 else sums
     return np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)[:, : encoded.channels]
 
 
@@ -112,7 +115,7 @@ def test_bounds_hold(case: str, precision: Precision) -> None:
         exact = decode_texels(pack, texture, uv, lod)
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             found = decode_texels_in_half(stored, texture, uv, lod, precision == "fp16-accumulate", rescale=False)
-        elif pack.config.adapters:
+        elif pack.grid_config.adapters:
             continue
         else:
             found = single_decode(stored, texture, uv, lod, halves=precision == "fp16")
@@ -146,11 +149,11 @@ def test_the_bound_of_activations_holds() -> None:
     activations = texture_bounds(pack, "fp32")[0].activations
     uv, lod = places(pack, 0, 2000, 0)
     values = decoder_inputs(pack, pack.textures[0], uv, lod, pack.textures[0].wrap)
-    decoder = pack.decoders[0]
+    decoder = pack.grid_decoders[0]
     for layer in range(3):
         sums = values @ decoder.weights[layer].T.astype(np.float64) + decoder.biases[layer]
         assert np.abs(sums).max() <= activations[layer]
-        values = np.where(sums > 0.0, sums, sums * pack.config.leaky_slope)
+        values = np.where(sums > 0.0, sums, sums * pack.grid_config.leaky_slope)
 
 
 @pytest.mark.parametrize("config", [SMALL, ADAPTED], ids=["plain", "adapted"])
@@ -163,7 +166,8 @@ def test_rescaling_changes_no_exact_value(config: CodecConfig) -> None:
         uv, lod = places(pack, texture, 500, texture)
         inputs = decoder_inputs(pack, encoded, uv, lod, encoded.wrap)
         results = [
-            run_decoder(p.decoders[0], inputs, config.leaky_slope, p.textures[texture].adapter) for p in (pack, found)
+            run_decoder(p.grid_decoders[0], inputs, config.leaky_slope, p.textures[texture].adapter)
+            for p in (pack, found)
         ]
         assert np.array_equal(results[0], results[1]), "powers of two are exact"
     assert max(texture_bounds(found, "fp16-accumulate", rescale=False)[0].activations[:2]) < 65504.0

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ntc.codec.block import reference
 from ntc.codec.block.blocks import blocks_of, image_of, packed_codes, unpacked_codes
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig, block_levels
+from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
 from ntc.codec.block.encoder import encode_group
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
 from ntc.codec.block.trellis import BRANCHES, TrellisQuantizer, indices_of, level_table, share_out_bits
+from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
 
@@ -44,7 +45,7 @@ def random_decoder(config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
             for _ in range(config.modes)
         ]
     )
-    shape = (config.coefficients, config.block_texels, config.channels)
+    shape = (config.coefficients, config.block_texels, config.output_channels)
     return BlockDecoder(
         random.integers(-127, 128, shape).astype(np.int8),
         random.uniform(0.001, 0.01, config.coefficients).astype(np.float32),
@@ -63,20 +64,26 @@ def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
 @settings(max_examples=40, deadline=None)
 def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, side: int, channels: int) -> None:
     image = np.random.default_rng(w * h).random((h, w, channels), np.float32)
-    config = BlockCodecConfig(block_side=side, channels=channels, coefficients=4)  # type: ignore[arg-type]
-    level = block_levels(w, h, config)[0]
+    config = BlockCodecConfig(block_side=side, output_channels=channels, coefficients=4)  # type: ignore[arg-type]
+    level = latent_levels(w, h, config)[0]
     blocks = blocks_of(image, side, ("repeat", "mirror"))
-    assert blocks.shape == (level.columns * level.rows, side * side, channels)
+    assert blocks.shape == (level.cells, side * side, channels)
     np.testing.assert_array_equal(image_of(blocks, level, side), image)
 
 
 def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
-    levels = block_levels(100, 20, BlockCodecConfig())
-    assert [(level.width, level.height) for level in levels] == [(100, 20), (50, 10), (25, 5), (12, 2), (6, 1)]
-    assert [level.first_block for level in levels] == list(
-        itertools.accumulate([0, *(level.columns * level.rows for level in levels[:-1])])
+    levels = latent_levels(100, 20, BlockCodecConfig())
+    assert [(level.texel_width, level.texel_height) for level in levels] == [
+        (100, 20),
+        (50, 10),
+        (25, 5),
+        (12, 2),
+        (6, 1),
+    ]
+    assert [level.first_cell for level in levels] == list(
+        itertools.accumulate([0, *(level.cells for level in levels[:-1])])
     )
-    assert block_levels(1, 1, BlockCodecConfig())[-1].columns == 1
+    assert latent_levels(1, 1, BlockCodecConfig())[-1].cells == 1
 
 
 @pytest.mark.parametrize("words", [1, 2, 3, 4, 9, 16])
@@ -174,14 +181,14 @@ def test_scales_are_stored_within_half_a_step() -> None:
 @pytest.mark.parametrize("size", [(64, 64), (40, 24), (7, 3), (1, 1)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], channels: int) -> None:
-    config = BlockCodecConfig(channels=channels, coefficients=24, modes=2)
+    config = BlockCodecConfig(output_channels=channels, coefficients=24, modes=2)
     source = smooth_texture(*size, channels=channels)
     decoder, (texture,) = encode_group([source], config)
-    levels = block_levels(*size, config)
+    levels = latent_levels(*size, config)
     for number, (mip, level) in enumerate(zip(mip_chain(source.pixels, "srgb"), levels, strict=False)):
         decoded = reference.decode_image(texture, decoder, config, number)
-        assert decoded.shape == (level.height, level.width, channels)
-        if level.width * level.height >= 64:
+        assert decoded.shape == (level.texel_height, level.texel_width, channels)
+        if level.texel_width * level.texel_height >= 64:
             assert psnr_db(decoded, mip) > 25.0
 
 

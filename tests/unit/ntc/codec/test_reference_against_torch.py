@@ -139,7 +139,7 @@ def test_inputs_are_latents_then_encoding_then_lod() -> None:
     turn = uv[0, 0] * 32 / 2.0
     assert inputs[4] == pytest.approx(4.0 * abs(turn - np.floor(turn) - 0.5) - 1.0)
     assert inputs[-1] == LOD_INPUT_SCALE
-    assert len(inputs) == pack.config.decoder_inputs
+    assert len(inputs) == pack.grid_config.decoder_inputs
 
 
 def test_inputs_are_continuous_in_lod() -> None:
@@ -152,7 +152,7 @@ def test_inputs_are_continuous_in_lod() -> None:
 
 def test_decoder_against_plain_sums() -> None:
     pack = four_textures()
-    decoder, values = pack.decoders[1], np.linspace(-1.0, 1.0, pack.config.decoder_inputs)
+    decoder, values = pack.grid_decoders[1], np.linspace(-1.0, 1.0, pack.grid_config.decoder_inputs)
     layer = list(values)
     for number, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
         sums = [
@@ -165,9 +165,9 @@ def test_decoder_against_plain_sums() -> None:
 
 def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> None:
     pack = random_pack(((8, 8),), (0,), CodecConfig(hidden_width=8, adapters=True))
-    adapter, decoder = pack.textures[0].adapter, pack.decoders[0]
+    adapter, decoder = pack.textures[0].adapter, pack.grid_decoders[0]
     assert adapter is not None
-    values = layer = np.linspace(-1.0, 1.0, pack.config.decoder_inputs)
+    values = layer = np.linspace(-1.0, 1.0, pack.grid_config.decoder_inputs)
     for number, weight in enumerate(decoder.weights):
         layer = weight.astype(np.float64) @ layer
         if number < 2:

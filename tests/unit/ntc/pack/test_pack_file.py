@@ -30,7 +30,7 @@ def assert_equal(a: Pack, b: Pack) -> None:
     assert len(a.decoders) == len(b.decoders)
     pairs: list[tuple[EncodedTexture | Decoder, EncodedTexture | Decoder]] = [
         *zip(a.textures, b.textures, strict=True),
-        *zip(a.decoders, b.decoders, strict=True),
+        *zip(a.grid_decoders, b.grid_decoders, strict=True),
     ]
     for one, other in pairs:
         for name in vars(one):
@@ -108,8 +108,8 @@ def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) 
             pack.metadata["codec"].pop(field)
 
     path.write_bytes(pieces.changed(old))
-    assert not read_pack(path).config.adapters
-    assert not read_pack(path).config.adapter_output
+    assert not read_pack(path).grid_config.adapters
+    assert not read_pack(path).grid_config.adapter_output
 
 
 def test_a_pack_without_textures(tmp_path: Path) -> None:

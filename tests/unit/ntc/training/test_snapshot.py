@@ -24,7 +24,9 @@ TEXTURES = [texture(16, 16), texture(12, 8, seed=1), texture(9, 5, seed=2), text
 def snapshot_of(pack: Pack, group: int) -> GroupSnapshot:
     """Of a group of a pack."""
     members = tuple(index for index, number in enumerate(pack.grouping.groups) if number == group)
-    return GroupSnapshot(1, group, members, tuple(pack.textures[i] for i in members), pack.decoders[group], final=True)
+    return GroupSnapshot(
+        1, group, members, tuple(pack.textures[i] for i in members), pack.grid_decoders[group], final=True
+    )
 
 
 def trained(groups: tuple[int, ...], seed: int = 0, codec: CodecConfig = CODECS[1]) -> Pack:

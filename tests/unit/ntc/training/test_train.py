@@ -57,7 +57,7 @@ def arrays(pack: Pack) -> list[NDArray[np.generic]]:
         found += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
             found += [part for part in vars(encoded.adapter).values() if part is not None]
-    for decoder in pack.decoders:
+    for decoder in pack.grid_decoders:
         found += [*decoder.weights, *decoder.biases]
     return found
 
@@ -75,7 +75,7 @@ def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray
 
 def decoder_arrays(pack: Pack) -> list[NDArray[np.float32]]:
     """All decoder arrays of a pack."""
-    return [array for decoder in pack.decoders for array in (*decoder.weights, *decoder.biases)]
+    return [array for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases)]
 
 
 def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.float32]]) -> bool:
@@ -210,7 +210,7 @@ def test_channels_that_no_texture_has_are_not_trained() -> None:
     config = CodecConfig(hidden_width=16, output_channels=4)
     pack = train([texture(8, 8, 1)], own_decoders(1), config, SHORT)
     start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
-    last = pack.decoders[0].weights[2]
+    last = pack.grid_decoders[0].weights[2]
     assert not np.array_equal(last[0], start.weights[2][0])
     np.testing.assert_array_equal(last[1:], start.weights[2][1:])
 
@@ -288,8 +288,8 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
         assert np.abs(encoded.adapter.scales - 1.0).max() > 1e-3
         assert np.abs(encoded.adapter.biases).max() > 1e-3
     # The biases of hidden layers are the adapters' now.
-    assert not pack.decoders[0].biases[0].any()
-    assert not pack.decoders[0].biases[1].any()
+    assert not pack.grid_decoders[0].biases[0].any()
+    assert not pack.grid_decoders[0].biases[1].any()
 
 
 def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
@@ -316,7 +316,7 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
         assert encoded.adapter.output_weight.shape == (3, 16)
         weights.append(encoded.adapter.output_weight)
     assert not np.array_equal(weights[0], weights[1])
-    assert not pack.decoders[0].weights[2].any()
+    assert not pack.grid_decoders[0].weights[2].any()
     for index, source in enumerate(textures):
         assert pack.textures[index].psnr_db == pytest.approx(psnr_db(decode_image(pack, index), source.pixels), abs=0.1)
 

@@ -45,7 +45,7 @@ def digest(pack: Pack, texture_index: int) -> str:
     encoded = pack.textures[texture_index]
     arrays: list[NDArray[Any]] = [encoded.latents, encoded.scale, encoded.offset]
     arrays += [part for part in vars(encoded.adapter).values() if part is not None]
-    decoder = pack.decoders[encoded.group]
+    decoder = pack.grid_decoders[encoded.group]
     return hashlib.sha256(b"".join(a.tobytes() for a in (*arrays, *decoder.weights, *decoder.biases))).hexdigest()
 
 

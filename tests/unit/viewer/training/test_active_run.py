@@ -14,7 +14,7 @@ def other_decoder(decoder: Decoder) -> Decoder:
 
 def snapshot(pack: Pack, group: int, members: tuple[int, ...]) -> GroupSnapshot:
     textures = tuple(pack.textures[index] for index in members)
-    return GroupSnapshot(1, group, members, textures, other_decoder(pack.decoders[group]))
+    return GroupSnapshot(1, group, members, textures, other_decoder(pack.grid_decoders[group]))
 
 
 def test_a_snapshot_changes_its_group_alone() -> None:
