@@ -13,7 +13,8 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
-from ntc.codec.model import Pack
+from ntc.codec.config import CodecConfig
+from ntc.codec.model import Decoder, Pack
 from ntc.errors import WireError
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest
@@ -128,8 +129,29 @@ def _decode_other(kind: type, value: Any) -> Any:
     return boxed
 
 
+@dataclass(frozen=True, eq=False)
+class _GridPack(Pack):
+    """What is trained: no other codec is. msgspec decodes no union of dataclasses."""
+
+    config: CodecConfig
+    decoders: tuple[Decoder, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _GridRequest(TrainingRequest):
+    start: _GridPack | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _StartGridTraining(StartTraining):
+    request: _GridRequest
+
+
 def _decoders(messages: Any) -> dict[str, msgspec.msgpack.Decoder[Any]]:
-    return {kind.__name__: msgspec.msgpack.Decoder(kind, dec_hook=_decode_other) for kind in get_args(messages)}
+    decoded = {kind.__name__: kind for kind in get_args(messages)}
+    if StartTraining.__name__ in decoded:
+        decoded[StartTraining.__name__] = _StartGridTraining
+    return {name: msgspec.msgpack.Decoder(kind, dec_hook=_decode_other) for name, kind in decoded.items()}
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_other)
