@@ -5,6 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block.trellis import share_out_bits
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
@@ -81,3 +84,47 @@ def square_pack(textures: int, decoders: int, side: int, config: CodecConfig, se
     `decoders` is at most `textures`.
     """
     return random_pack([(side, side)] * textures, [index % decoders for index in range(textures)], config, seed=seed)
+
+
+def _random_block_decoder(config: BlockCodecConfig, random: np.random.Generator) -> BlockDecoder:
+    """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal."""
+    falling = 1.0 / np.arange(1, config.coefficients + 1) ** 0.7
+    spread = falling * random.lognormal(0.0, 0.5, (config.modes, config.coefficients))
+    depths = np.stack([share_out_bits(one * one, config.coefficient_bits) for one in spread])
+    shape = (config.coefficients, config.block_texels, config.output_channels)
+    basis = random.integers(-127, 128, shape).astype(np.int8)
+    scale = np.full(config.coefficients, 1.0 / (73.0 * np.sqrt(config.block_values)), np.float32)
+    return BlockDecoder(basis, scale, depths, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
+
+
+def random_block_pack(
+    sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
+    groups: Sequence[int] = (0, 1, 0),
+    config: BlockCodecConfig | None = None,
+    hashes: Sequence[str] | None = None,
+    wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
+    seed: int = 0,
+) -> Pack:
+    """A pack of codec `block` of textures with these (width, height), whose texels lie across [0, 1] and beyond."""
+    config = config or BlockCodecConfig()
+    random = np.random.default_rng(seed)
+    channels = config.output_channels
+    textures = tuple(
+        EncodedTexture(
+            name=f"texture {index}",
+            pixel_hash=hashes[index] if hashes else f"{index:032x}",
+            width=width,
+            height=height,
+            channels=channels,
+            color_space="srgb",
+            wrap=wrap,
+            category=None,
+            group=groups[index],
+            latents=random.integers(0, 256, (latent_cell_count(width, height, config), config.cell_bytes), np.uint8),
+            scale=(np.linalg.qr(random.normal(size=(channels, channels)))[0] * 0.4).astype(np.float32).reshape(-1),
+            offset=random.uniform(0.3, 0.7, channels).astype(np.float32),
+        )
+        for index, (width, height) in enumerate(sizes)
+    )
+    decoders = tuple(_random_block_decoder(config, random) for _ in range(max(groups) + 1))
+    return Pack(config, Grouping("random", tuple(groups), {"seed": seed}), textures, decoders)

@@ -1,12 +1,15 @@
 """The slow twin of every decoder: docs/codec.md in numpy float64, written for reading."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.config import LOD_INPUT_SCALE, WrapMode
+from ntc.codec.block.reference import decode_image as decode_block_image
+from ntc.codec.block.reference import texel_values
+from ntc.codec.block_pack import block_texture
+from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack, specialised_layers
 
@@ -33,18 +36,51 @@ def _neighbour(cell: NDArray[np.int64], cells: int, mode: WrapMode) -> NDArray[n
     return cell % cells if mode == "repeat" else np.clip(cell, 0, cells - 1)
 
 
-def _bilinear_latents(latents: Array, level: LatentLevel, uv: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
-    x, y = uv[:, 0] * level.width - 0.5, uv[:, 1] * level.height - 0.5
+def _bilinear(
+    fetch: Callable[[NDArray[np.int64], NDArray[np.int64]], Array],
+    size: tuple[int, int],
+    uv: Array,
+    wrap: tuple[WrapMode, WrapMode],
+) -> Array:
+    """[N, K] at wrapped `uv` [N, 2] of a grid of `size` (along u, along v), whose values `fetch` gives by column and row."""
+    x, y = uv[:, 0] * size[0] - 0.5, uv[:, 1] * size[1] - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     fraction_x, fraction_y = (x - left)[:, None], (y - top)[:, None]
 
-    def cell(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
-        wrapped = _neighbour(row, level.height, wrap[1]) * level.width + _neighbour(column, level.width, wrap[0])
-        return np.asarray(latents[level.first_cell + wrapped])
+    def value(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+        return fetch(_neighbour(column, size[0], wrap[0]), _neighbour(row, size[1], wrap[1]))
 
-    upper = cell(left, top) * (1.0 - fraction_x) + cell(left + 1, top) * fraction_x
-    lower = cell(left, top + 1) * (1.0 - fraction_x) + cell(left + 1, top + 1) * fraction_x
+    upper = value(left, top) * (1.0 - fraction_x) + value(left + 1, top) * fraction_x
+    lower = value(left, top + 1) * (1.0 - fraction_x) + value(left + 1, top + 1) * fraction_x
     return upper * (1.0 - fraction_y) + lower * fraction_y
+
+
+def _trilinear(
+    levels: Sequence[LatentLevel],
+    sample: Callable[[LatentLevel, Array], Array],
+    width: int,
+    uv: Array,
+    lod: Array,
+    wrap: tuple[WrapMode, WrapMode],
+) -> Array:
+    """[N, width]: what `sample` gives for a level and wrapped `uv` [N, 2], blended between the two levels around `lod` [N], which
+    lies in their range."""
+    uv = np.where(np.isfinite(uv), uv, 0.0)
+    wrapped = np.stack([wrap_coordinate(uv[:, axis], wrap[axis]) for axis in range(2)], axis=-1)
+    lower = np.floor(lod).astype(np.int64)
+    upper = np.minimum(lower + 1, len(levels) - 1)
+    share = lod - lower
+    blended = np.zeros((len(uv), width))
+    for number, level in enumerate(levels):
+        weight = np.where(lower == number, 1.0 - share, 0.0) + np.where(upper == number, share, 0.0)
+        used = np.nonzero(weight)[0]
+        if used.size:
+            blended[used] += sample(level, wrapped[used]) * weight[used, None]
+    return blended
+
+
+def _clamped_lod(lod: Array, levels: int) -> Array:
+    return np.clip(np.where(np.isfinite(lod), lod, 0.0), 0.0, levels - 1)
 
 
 def triangle_wave(turns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,32 +115,41 @@ def run_decoder(decoder: Decoder, inputs: Array, leaky_slope: float, adapter: Ad
 def decoder_inputs(
     pack: Pack, texture: EncodedTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]
 ) -> Array:
-    """[N, decoder_inputs]: what the decoder reads at `uv` [N, 2] and `lod` [N] (docs/codec.md, steps 1 to 4)."""
-    levels = latent_levels(texture.width, texture.height, pack.config)
-    lod = np.clip(np.where(np.isfinite(lod), lod, 0.0), 0.0, len(levels) - 1)
-    uv = np.where(np.isfinite(uv), uv, 0.0)
-    wrapped = np.stack([wrap_coordinate(uv[:, axis], wrap[axis]) for axis in range(2)], axis=-1)
-    values = texture.offset.astype(np.float64) + texture.scale.astype(np.float64) * texture.latents
-    lower = np.floor(lod).astype(np.int64)
-    upper = np.minimum(lower + 1, len(levels) - 1)
-    share = (lod - lower)[:, None]
+    """[N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N] (docs/codec.md,
+    steps 1 to 4)."""
     config = pack.grid_config
-    features = np.zeros((len(uv), config.latent_channels + config.positional_inputs))
-    for number, level in enumerate(levels):
-        weight = np.where(lower == number, 1.0 - share[:, 0], 0.0) + np.where(upper == number, share[:, 0], 0.0)
-        used = np.nonzero(weight)[0]
-        if used.size == 0:
-            continue
-        at = wrapped[used]
+    levels = latent_levels(texture.width, texture.height, config)
+    lod = _clamped_lod(lod, len(levels))
+    values = texture.offset.astype(np.float64) + texture.scale.astype(np.float64) * texture.latents
+
+    def of_level(level: LatentLevel, at: Array) -> Array:
+        def cell(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+            return np.asarray(values[level.first_cell + row * level.width + column])
+
         texels = at * np.array([level.texel_width, level.texel_height], np.float64)
-        of_level = np.concatenate(
-            [_bilinear_latents(values, level, at, wrap), positional_encoding(texels, config.positional_octaves)],
-            axis=-1,
-        )
-        features[used] += of_level * weight[used, None]
+        latents = _bilinear(cell, (level.width, level.height), at, wrap)
+        return np.concatenate([latents, positional_encoding(texels, config.positional_octaves)], axis=-1)
+
+    width = config.latent_channels + config.positional_inputs
+    features = _trilinear(levels, of_level, width, uv, lod, wrap)
     if config.lod_inputs:
         features = np.concatenate([features, lod[:, None] * LOD_INPUT_SCALE], axis=-1)
     return features
+
+
+def _block_values(pack: Pack, texture: EncodedTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
+    """[N, output_channels], not clamped: codec `block` blends decoded texels."""
+    config, decoder = pack.block_config, pack.block_decoders[texture.group]
+    levels = latent_levels(texture.width, texture.height, config)
+    stored = block_texture(texture, config)
+
+    def of_level(level: LatentLevel, at: Array) -> Array:
+        def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+            return texel_values(stored, decoder, config, level, column, row)
+
+        return _bilinear(texel, (level.texel_width, level.texel_height), at, wrap)
+
+    return _trilinear(levels, of_level, config.output_channels, uv, _clamped_lod(lod, len(levels)), wrap)
 
 
 def decode_texels(
@@ -116,17 +161,17 @@ def decode_texels(
     """
     texture = pack.textures[texture_index]
     modes = texture.wrap if wrap is None else wrap
-    parts = []
+    parts = [np.zeros((0, pack.config.output_channels))]
     for start in range(0, len(uv), TEXELS_AT_ONCE):
         part = slice(start, start + TEXELS_AT_ONCE)
-        inputs = decoder_inputs(
-            pack, texture, np.asarray(uv[part], np.float64), np.asarray(lod[part], np.float64), modes
-        )
-        parts.append(
-            run_decoder(pack.grid_decoders[texture.group], inputs, pack.grid_config.leaky_slope, texture.adapter)
-        )
-    values = np.concatenate(parts) if parts else np.zeros((0, pack.config.output_channels))
-    return np.clip(values, 0.0, 1.0)[:, : texture.channels]
+        at, levels = np.asarray(uv[part], np.float64), np.asarray(lod[part], np.float64)
+        if isinstance(pack.config, CodecConfig):
+            inputs = decoder_inputs(pack, texture, at, levels, modes)
+            decoder = pack.grid_decoders[texture.group]
+            parts.append(run_decoder(decoder, inputs, pack.config.leaky_slope, texture.adapter))
+        else:
+            parts.append(_block_values(pack, texture, at, levels, modes))
+    return np.clip(np.concatenate(parts), 0.0, 1.0)[:, : texture.channels]
 
 
 def texel_centres(width: int, height: int) -> Array:
@@ -146,4 +191,9 @@ def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDec
 
 def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
-    return image_of_texels(pack, texture_index, level, partial(decode_texels, pack))
+    if isinstance(pack.config, CodecConfig):
+        return image_of_texels(pack, texture_index, level, partial(decode_texels, pack))
+    texture = pack.textures[texture_index]
+    decoder = pack.block_decoders[texture.group]
+    image = decode_block_image(block_texture(texture, pack.config), decoder, pack.config, level)
+    return image[..., : texture.channels]

@@ -13,7 +13,14 @@ from ntc.codec.decoder import AdapterStack, DecoderStack
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.reference import image_of_texels
-from ntc.codec.torch_sampling import PyramidTable, positional_encoding, trilinear_corners, weighted_rows, with_lod
+from ntc.codec.torch_sampling import (
+    PyramidTable,
+    finite_places,
+    positional_encoding,
+    trilinear_corners,
+    weighted_rows,
+    with_lod,
+)
 
 TEXELS_AT_ONCE = 1 << 17
 """Texels decoded together, to bound memory."""
@@ -36,15 +43,6 @@ def codec_features(
     index, weights = trilinear_corners(cells, texture, uv, lod)
     waves = positional_encoding(texels, texture, uv, lod, config.positional_octaves)
     return weighted_rows(latents, index, weights), with_lod(waves, lod, config)
-
-
-def _wrap(coordinate: Tensor, mode: WrapMode) -> Tensor:
-    if mode == "repeat":
-        return coordinate - torch.floor(coordinate)
-    if mode == "clamp":
-        return coordinate.clamp(0.0, 1.0)
-    # Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
-    return torch.abs(coordinate - 2.0 * torch.round(coordinate / 2.0))
 
 
 class TorchCodec:
@@ -97,14 +95,8 @@ class TorchCodec:
         for start in range(0, len(uv), TEXELS_AT_ONCE):
             self._interruption()
             part = slice(start, start + TEXELS_AT_ONCE)
-            at = torch.from_numpy(np.nan_to_num(np.asarray(uv[part], np.float32), posinf=0.0, neginf=0.0)).to(
-                self._device
-            )
-            level = torch.from_numpy(np.nan_to_num(np.asarray(lod[part], np.float32), posinf=0.0, neginf=0.0)).to(
-                self._device
-            )
-            wrapped = torch.stack([_wrap(at[:, axis], modes[axis]) for axis in range(2)], dim=-1)
-            same = torch.zeros(len(at), dtype=torch.int64, device=self._device)
+            wrapped, level = finite_places(uv[part], lod[part], modes, self._device)
+            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
             features = codec_features(
                 self._pack.grid_config, latents, cells, texels, same, wrapped, level.clamp(0.0, last)
             )

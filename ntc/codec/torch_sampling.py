@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig
+from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +111,24 @@ def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: T
 def with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
     """[N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
     return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
+
+
+def wrapped_coordinate(coordinate: Tensor, mode: WrapMode) -> Tensor:
+    """`coordinate` [N] wrapped into [0, 1]."""
+    if mode == "repeat":
+        return coordinate - torch.floor(coordinate)
+    if mode == "clamp":
+        return coordinate.clamp(0.0, 1.0)
+    # Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
+    return torch.abs(coordinate - 2.0 * torch.round(coordinate / 2.0))
+
+
+def finite_places(
+    uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode], device: torch.device
+) -> tuple[Tensor, Tensor]:
+    """`uv` [N, 2] wrapped into [0, 1] and `lod` [N], float32; what is not finite counts as 0."""
+    at, level = (
+        torch.from_numpy(np.nan_to_num(np.asarray(part, np.float32), posinf=0.0, neginf=0.0)).to(device)
+        for part in (uv, lod)
+    )
+    return torch.stack([wrapped_coordinate(at[:, axis], wrap[axis]) for axis in range(2)], dim=-1), level

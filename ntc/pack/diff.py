@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack
 
 DECODED_PARTS = ("latents", "scale", "offset", "adapter")
@@ -17,7 +18,7 @@ def _same(first: Any, second: Any) -> bool:
         return True
     if isinstance(first, tuple):
         return all(map(_same, first, second))
-    if isinstance(first, Decoder | Adapter) and second is not None:
+    if isinstance(first, Decoder | BlockDecoder | Adapter) and second is not None:
         return all(_same(getattr(first, field.name), getattr(second, field.name)) for field in fields(first))
     return first is not None and second is not None and np.array_equal(first, second)
 

@@ -14,18 +14,25 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, deserialize
 from safetensors.numpy import save
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import packed_cells, unpacked_cells
 from ntc.errors import InputError, MetadataError
 from ntc.io import read_file, write_bytes
+from ntc.pack.block_tensors import block_tensors, expected_block_tensors, read_block_parts
 from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2
 _Tensors = Mapping[str, Mapping[str, Any]]
 """By name: "dtype", "shape" and "data", checked by safetensors against each other and the file's length."""
-NUMPY_TYPES: dict[str, np.dtype[Any]] = {"U8": np.dtype("u1"), "F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
+NUMPY_TYPES: dict[str, np.dtype[Any]] = {
+    "U8": np.dtype("u1"),
+    "I8": np.dtype("i1"),
+    "F16": np.dtype("<f2"),
+    "F32": np.dtype("<f4"),
+}
 LENGTH_BYTES = 8
 """A safetensors file begins with the length of its JSON header."""
 _deserialize: Callable[[bytes], list[tuple[str, Mapping[str, Any]]]] = deserialize
@@ -57,6 +64,9 @@ def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tup
 
 def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, ...]]]:
     """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
+    if isinstance(metadata.codec, BlockCodecConfig):
+        sizes = [(texture.width, texture.height) for texture in metadata.textures]
+        return expected_block_tensors(sizes, metadata.decoders, metadata.codec)
     expected: dict[str, tuple[str, tuple[int, ...]]] = {}
     for index, texture in enumerate(metadata.textures):
         cells = latent_cell_count(texture.width, texture.height, metadata.codec)
@@ -68,6 +78,11 @@ def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, 
 
 def write_pack(path: Path, pack: Pack) -> None:
     """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
+    tensors = block_tensors(pack) if isinstance(pack.config, BlockCodecConfig) else _grid_tensors(pack)
+    write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+
+
+def _grid_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
     tensors: dict[str, NDArray[Any]] = {}
     for index, texture in enumerate(pack.textures):
         tensors[f"latents.{index}"] = packed_cells(texture.latents, pack.grid_config.latent_bits)
@@ -84,7 +99,7 @@ def write_pack(path: Path, pack: Pack) -> None:
         for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
             tensors[f"decoder.{index}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
             tensors[f"decoder.{index}.{layer}.bias"] = np.ascontiguousarray(bias, kind)
-    write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+    return tensors
 
 
 def file_metadata(data: bytes) -> Mapping[str, Any]:
@@ -113,7 +128,7 @@ def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:
     array: NDArray[Any] = np.frombuffer(file[name]["data"], NUMPY_TYPES[file[name]["dtype"]]).reshape(
         file[name]["shape"]
     )
-    if array.dtype != np.uint8 and not np.isfinite(array).all():
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise InputError(f"{path}: tensor {name} holds NaN or infinity; {REMEDY}")
     return array
 
@@ -125,30 +140,43 @@ def _adapter(file: _Tensors, index: int, config: CodecConfig, path: Path) -> Ada
     return Adapter(*(_tensor(file, f"adapter.{index}.{part}", path).astype(np.float32) for part in parts))
 
 
-def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
-    textures = []
-    for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
-        encoded = EncodedTexture(
+def _grid_textures(
+    file: _Tensors, metadata: PackMetadata, config: CodecConfig, path: Path
+) -> tuple[EncodedTexture, ...]:
+    return tuple(
+        EncodedTexture(
             **msgspec.structs.asdict(texture),
             group=group,
-            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), metadata.codec.latent_bits),
+            latents=unpacked_cells(_tensor(file, f"latents.{index}", path), config.latent_bits),
             scale=_tensor(file, f"latents.{index}.scale", path),
             offset=_tensor(file, f"latents.{index}.offset", path),
-            adapter=_adapter(file, index, metadata.codec, path),
+            adapter=_adapter(file, index, config, path),
         )
-        textures.append(encoded)
-    layers = range(len(metadata.codec.layer_shapes))
-    decoders = tuple(
-        Decoder(
-            weights=tuple(
-                _tensor(file, f"decoder.{index}.{layer}.weight", path).astype(np.float32) for layer in layers
-            ),
-            biases=tuple(_tensor(file, f"decoder.{index}.{layer}.bias", path).astype(np.float32) for layer in layers),
-        )
-        for index in range(metadata.decoders)
+        for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True))
     )
+
+
+def _grid_decoder(file: _Tensors, index: int, config: CodecConfig, path: Path) -> Decoder:
+    def parts(part: str) -> tuple[NDArray[np.float32], ...]:
+        names = [f"decoder.{index}.{layer}.{part}" for layer in range(len(config.layer_shapes))]
+        return tuple(_tensor(file, name, path).astype(np.float32) for name in names)
+
+    return Decoder(weights=parts("weight"), biases=parts("bias"))
+
+
+def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
+    config = metadata.codec
+    decoders: tuple[AnyDecoder, ...]
+    if isinstance(config, CodecConfig):
+        textures = _grid_textures(file, metadata, config, path)
+        decoders = tuple(_grid_decoder(file, index, config, path) for index in range(metadata.decoders))
+    else:
+        try:
+            textures, decoders = read_block_parts(lambda name: _tensor(file, name, path), metadata, config)
+        except ValueError as error:
+            raise InputError(f"{path}: tensor {error}; {REMEDY}") from error
     grouping = Grouping(**msgspec.structs.asdict(metadata.grouping))
-    return Pack(metadata.codec, grouping, tuple(textures), decoders, metadata.training, path)
+    return Pack(config, grouping, textures, decoders, metadata.training, path)
 
 
 def read_pack(path: Path) -> Pack:

@@ -3,20 +3,23 @@
 import json
 import math
 import re
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Annotated, Any, NoReturn, TypeVar
 
 import msgspec
 from msgspec import Meta
 
-from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
-from ntc.codec.model import Pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.config import CodecConfig, CodecKind, ColorSpace, WrapMode
+from ntc.codec.model import AnyCodec, Pack
 from ntc.errors import MetadataError
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
 ADDED_FIELDS = {"adapters", "adapter_output", "weight_bits"}
-"""Fields of the codec that the first files of this version lack; they then have their defaults."""
+"""Fields of codec `grid` that the first files of this version lack; they then have their defaults."""
+KIND = "kind"
+"""Field of the codec that names it; files of codec `grid` lack it."""
 LARGEST_SIDE = 32768
 """Texels: the largest texture side a pack may have."""
 LARGEST_COUNT = 65535
@@ -51,18 +54,38 @@ class GroupingMetadata(msgspec.Struct, frozen=True):
     parameters: dict[str, Any]
 
 
-class PackMetadata(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class PackMetadata:
     """A Pack without its arrays."""
 
-    codec: CodecConfig
+    codec: AnyCodec
+    grouping: GroupingMetadata
+    decoders: int
+    textures: tuple[TextureMetadata, ...]
+    training: dict[str, Any]
+
+
+class _Document(msgspec.Struct, frozen=True):
+    """What the text holds, the codec's fields unread."""
+
+    codec: dict[str, Any]
     grouping: GroupingMetadata
     decoders: Annotated[int, Meta(ge=0, le=LARGEST_COUNT)]
     textures: Annotated[tuple[TextureMetadata, ...], Meta(max_length=LARGEST_COUNT)]
     training: dict[str, Any]
 
 
+class _Kind(msgspec.Struct, frozen=True):
+    kind: CodecKind = "grid"
+
+
 class _Version(msgspec.Struct):
     format_version: int
+
+
+def _codec_json(config: AnyCodec) -> dict[str, Any]:
+    # Files of codec `grid` are as they were before there was another one.
+    return asdict(config) if isinstance(config, CodecConfig) else {KIND: config.kind, **asdict(config)}
 
 
 def metadata_json(pack: Pack) -> str:
@@ -75,7 +98,7 @@ def metadata_json(pack: Pack) -> str:
     grouping = {name: getattr(pack.grouping, name) for name in GroupingMetadata.__struct_fields__}
     document = {
         "format_version": FORMAT_VERSION,
-        "codec": asdict(pack.config),
+        "codec": _codec_json(pack.config),
         "grouping": {**grouping, "parameters": dict(pack.grouping.parameters)},
         "decoders": len(pack.decoders),
         "textures": textures,
@@ -93,15 +116,30 @@ def _finite_number(text: str) -> float:
     return number if math.isfinite(number) else _reject_constant(text[:60])
 
 
-def _converted(document: Any, kind: type[T]) -> T:
-    """`document` as a `kind`. Raises MetadataError naming the first field that is missing or wrong."""
+def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
+    """`document`, found at `place`, as a `kind`. Raises MetadataError naming the first field that is missing or wrong."""
     try:
         return msgspec.convert(document, kind)
     except (ValueError, OverflowError, RecursionError) as error:
         message, _, path = str(error).partition(" - at `$")
-        field = f"metadata{path.rstrip('`')}"
+        field = f"{place}{path.rstrip('`')}"
         missing = re.fullmatch("Object missing required field `(.*)`", message)
         raise MetadataError(f"{field}.{missing[1]} is missing" if missing else f"{field}: {message}") from error
+
+
+def _codec(document: dict[str, Any]) -> AnyCodec:
+    """The codec with the fields `document`. Raises MetadataError."""
+    place = "metadata.codec"
+    given = {name: value for name, value in document.items() if name != KIND}
+    kind: type[AnyCodec] = CodecConfig
+    missing_allowed = ADDED_FIELDS
+    if _converted(document, _Kind, place).kind == BlockCodecConfig.kind:
+        kind, missing_allowed = BlockCodecConfig, set()
+    config = _converted(given, kind, place)
+    known = {field.name for field in fields(kind)}
+    if not known - missing_allowed <= set(given) <= known:
+        raise MetadataError(f"{place} has fields {sorted(given)[:12]}, expected {sorted(known)}")
+    return config
 
 
 def parse_metadata(text: str) -> PackMetadata:
@@ -114,11 +152,8 @@ def parse_metadata(text: str) -> PackMetadata:
     version = _converted(document, _Version).format_version
     if version != FORMAT_VERSION:
         raise MetadataError(f"format version {version}, this program reads {FORMAT_VERSION}")
-    metadata = _converted(document, PackMetadata)
-    known = {field.name for field in fields(CodecConfig)}
-    given = set(document["codec"])
-    if not known - ADDED_FIELDS <= given <= known:
-        raise MetadataError(f"metadata.codec has fields {sorted(given)[:12]}, expected {sorted(known)}")
+    found = _converted(document, _Document)
+    metadata = PackMetadata(_codec(found.codec), found.grouping, found.decoders, found.textures, found.training)
     for index, texture in enumerate(metadata.textures):
         if texture.channels > metadata.codec.output_channels:
             raise MetadataError(

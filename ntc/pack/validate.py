@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_SIDE
+
+LARGEST_BLOCK_NUMBER = 16.0
+"""Size at most of means, axes and basis scales of codec `block`: an encoder's are below 2, and no code decodes beyond fp32."""
 
 
 def check_grouping(grouping: Grouping, textures: int) -> None:
@@ -27,18 +32,22 @@ def check_decibels(psnr_db: float) -> None:
         raise ValueError(f"a PSNR of {psnr_db} dB")
 
 
-def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
-    """Raises ValueError for a size, latents or an adapter that do not fit `config`."""
+def _check_texture(texture: EncodedTexture) -> None:
     if not (1 <= texture.width <= LARGEST_SIDE and 1 <= texture.height <= LARGEST_SIDE):
         raise ValueError(f"{texture.name}: is {texture.width} x {texture.height} texels")
+    if texture.psnr_db is not None:
+        check_decibels(texture.psnr_db)
+
+
+def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
+    """Raises ValueError for a size, latents or an adapter that do not fit `config`."""
+    _check_texture(texture)
     channels = config.latent_channels
     _check(texture.latents, (latent_cell_count(texture.width, texture.height, config), channels), np.uint8, "latents")
     if config.latent_bits < 8 and texture.latents.max(initial=0) > config.largest_stored:
         raise ValueError(f"latents have values of more than {config.latent_bits} bits")
     _check(texture.scale, (channels,), np.float32, "scale")
     _check(texture.offset, (channels,), np.float32, "offset")
-    if texture.psnr_db is not None:
-        check_decibels(texture.psnr_db)
     if (texture.adapter is not None) != config.adapters:
         raise ValueError("textures must have an adapter exactly if codec.adapters is set")
     if texture.adapter is not None:
@@ -76,8 +85,38 @@ def _check_all(arrays: tuple[NDArray[Any], ...], shapes: Iterable[tuple[int, ...
 def _check(array: NDArray[Any], shape: tuple[int, ...], kind: type, name: str) -> None:
     if array.shape != shape or array.dtype != kind:
         raise ValueError(f"{name}: {array.dtype} {list(array.shape)}, not {np.dtype(kind)} {list(shape)}")
-    if kind is not np.uint8 and not np.isfinite(array).all():
+    if kind is np.float32 and not np.isfinite(array).all():
         raise ValueError(f"{name}: values are not finite")
+
+
+def check_block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> None:
+    """Raises ValueError for a size, codes, mean or axes that do not fit `config`. All codes are valid."""
+    _check_texture(texture)
+    cells = latent_cell_count(texture.width, texture.height, config)
+    _check(texture.latents, (cells, config.cell_bytes), np.uint8, "latents")
+    _check_block_numbers(texture.offset, (config.output_channels,), "mean")
+    _check_block_numbers(texture.scale, (config.output_channels * config.output_channels,), "axes")
+    if texture.adapter is not None:
+        raise ValueError("textures of codec block have no adapter")
+
+
+def check_block_decoder(decoder: BlockDecoder, config: BlockCodecConfig) -> None:
+    """Raises ValueError for tables of other shapes than the codec's, and for allocations of more bits than a code has."""
+    _check(decoder.basis, (config.coefficients, config.block_texels, config.output_channels), np.int8, "basis")
+    _check_block_numbers(decoder.basis_scale, (config.coefficients,), "basis_scale")
+    allocations = (config.modes, config.coefficients)
+    _check(decoder.depths, allocations, np.uint8, "depths")
+    _check(decoder.scales, allocations, np.uint8, "scales")
+    if decoder.depths.max(initial=0) > LARGEST_DEPTH:
+        raise ValueError(f"depths: a coefficient has more than {LARGEST_DEPTH} bits")
+    if decoder.depths.sum(axis=1, dtype=np.int64).max(initial=0) > config.coefficient_bits:
+        raise ValueError(f"depths: a mode shares out more than the {config.coefficient_bits} bits of a code")
+
+
+def _check_block_numbers(array: NDArray[Any], shape: tuple[int, ...], name: str) -> None:
+    _check(array, shape, np.float32, name)
+    if float(np.abs(array).max(initial=0.0)) > LARGEST_BLOCK_NUMBER:
+        raise ValueError(f"{name}: a number is beyond {LARGEST_BLOCK_NUMBER:g}")
 
 
 def check_pack(pack: Pack) -> None:
@@ -87,6 +126,13 @@ def check_pack(pack: Pack) -> None:
     for texture, group in zip(pack.textures, pack.grouping.groups, strict=True):
         if texture.group != group or not 0 <= group < len(pack.decoders):
             raise ValueError(f"{texture.name}: has group {texture.group} and {group} of {len(pack.decoders)}")
-        check_encoded(texture, pack.grid_config)
+    if isinstance(pack.config, BlockCodecConfig):
+        for texture in pack.textures:
+            check_block_texture(texture, pack.config)
+        for block_decoder in pack.block_decoders:
+            check_block_decoder(block_decoder, pack.config)
+        return
+    for texture in pack.textures:
+        check_encoded(texture, pack.config)
     for decoder in pack.grid_decoders:
-        check_decoder(decoder, pack.grid_config)
+        check_decoder(decoder, pack.config)

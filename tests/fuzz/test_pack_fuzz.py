@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Pack
+from ntc.codec.reference import decode_texels
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
@@ -36,11 +38,16 @@ VALUES: tuple[Any, ...] = (
 """What a field is replaced by."""
 
 
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A small well-formed file."""
+@pytest.fixture(scope="module", params=["grid", "block"])
+def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A small well-formed file of each codec."""
     path = tmp_path_factory.mktemp("good") / "good.ntc"
-    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=CodecConfig(hidden_width=4)))
+    sizes = ((8, 8), (12, 4), (5, 7))
+    if request.param == "grid":
+        write_pack(path, random_pack(sizes, config=CodecConfig(hidden_width=4)))
+    else:
+        config = BlockCodecConfig(block_side=4, block_words=1, coefficients=6, modes=2)
+        write_pack(path, random_block_pack(sizes, config=config))
     return path.read_bytes()
 
 
@@ -68,14 +75,25 @@ def assert_whole(pack: Pack) -> None:
     assert len(pack.textures) == len(pack.grouping.groups)
     for texture in pack.textures:
         cells = latent_cell_count(texture.width, texture.height, pack.config)
-        assert texture.latents.shape == (cells, pack.grid_config.latent_channels)
+        if isinstance(pack.config, CodecConfig):
+            assert texture.latents.shape == (cells, pack.config.latent_channels)
+        else:
+            assert texture.latents.shape == (cells, pack.config.cell_bytes)
         assert np.isfinite(texture.scale).all()
         assert np.isfinite(texture.offset).all()
         assert 0 <= texture.group < len(pack.decoders)
         assert 1 <= texture.channels <= pack.config.output_channels
-    for decoder in pack.grid_decoders:
-        assert tuple(weight.shape for weight in decoder.weights) == pack.grid_config.layer_shapes
-        assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
+    if isinstance(pack.config, BlockCodecConfig):
+        for tables in pack.block_decoders:
+            assert tables.depths.max() <= LARGEST_DEPTH
+            assert tables.depths.sum(axis=1, dtype=np.int64).max() <= pack.config.coefficient_bits
+    else:
+        for decoder in pack.grid_decoders:
+            assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes
+            assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
+    for index, texture in enumerate(pack.textures):
+        if texture.width * texture.height < 4096:
+            assert np.isfinite(decode_texels(pack, index, np.array([[0.3, 0.7]]), np.array([0.5]))).all()
     "\n".join(psnr_table(pack).lines()).encode("utf-8")
     parse_metadata(metadata_json(pack))
 

@@ -25,9 +25,9 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
 
             return lambda index, level: decode_image(pack, index, level)
         case "torch":
-            from ntc.codec.torch_codec import TorchCodec
+            from ntc.codec.torch_block import torch_codec
 
-            return TorchCodec(pack, "cpu").decode_image
+            return torch_codec(pack, "cpu").decode_image
         case "gl":
             from viewer.gl.context import create_headless_context
             from viewer.render.passes.decode_texels import GlTexelDecoder

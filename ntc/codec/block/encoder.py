@@ -11,15 +11,8 @@ from sklearn.cluster import KMeans
 from ntc.codec.block.blocks import blocks_of, packed_codes
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
-from ntc.codec.block.trellis import (
-    LOOKUP_CELLS,
-    LOOKUP_RANGE,
-    TrellisQuantizer,
-    error_table,
-    indices_of,
-    lookup_cells,
-    share_out_bits,
-)
+from ntc.codec.block.quantizer import LOOKUP_CELLS, LOOKUP_RANGE, TrellisQuantizer, error_table, lookup_cells
+from ntc.codec.block.trellis import indices_of, share_out_bits
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture

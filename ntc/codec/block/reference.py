@@ -7,7 +7,7 @@ from ntc.codec.block.blocks import image_of, unpacked_codes
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import LatentLevel, latent_levels
 
 Array = NDArray[np.float64]
 
@@ -33,12 +33,35 @@ def decode_coefficients(codes: NDArray[np.uint32], decoder: BlockDecoder, config
     return values
 
 
+def block_values(
+    texture: BlockTexture, codes: NDArray[np.uint32], decoder: BlockDecoder, config: BlockCodecConfig
+) -> Array:
+    """[blocks, texels of a block, channels] float64, not clamped, in the texture's colour space: what `codes` decode to."""
+    coefficients = decode_coefficients(codes, decoder, config) * decoder.basis_scale.astype(np.float64)
+    normalised = np.einsum("nk,ktc->ntc", coefficients, decoder.basis.astype(np.float64), optimize=True)
+    values: Array = texture.mean.astype(np.float64) + normalised @ texture.axes.astype(np.float64).T
+    return values
+
+
+def texel_values(
+    texture: BlockTexture,
+    decoder: BlockDecoder,
+    config: BlockCodecConfig,
+    level: LatentLevel,
+    column: NDArray[np.int64],
+    row: NDArray[np.int64],
+) -> Array:
+    """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of a level."""
+    side = config.block_side
+    block = level.first_cell + row // side * level.width + column // side
+    used, place = np.unique(block, return_inverse=True)
+    values = block_values(texture, texture.codes[used], decoder, config)
+    return np.asarray(values[place.reshape(-1), row % side * side + column % side])
+
+
 def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
     """[blocks, texels of a block, channels] float64 in [0, 1], in the texture's colour space: all blocks of all levels."""
-    coefficients = decode_coefficients(texture.codes, decoder, config) * decoder.basis_scale.astype(np.float64)
-    normalised = np.einsum("nk,ktc->ntc", coefficients, decoder.basis.astype(np.float64), optimize=True)
-    values = texture.mean.astype(np.float64) + normalised @ texture.axes.astype(np.float64).T
-    shown: Array = np.clip(values, 0.0, 1.0)
+    shown: Array = np.clip(block_values(texture, texture.codes, decoder, config), 0.0, 1.0)
     return shown
 
 

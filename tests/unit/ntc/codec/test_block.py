@@ -14,7 +14,8 @@ from ntc.codec.block.blocks import blocks_of, image_of, packed_codes, unpacked_c
 from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
 from ntc.codec.block.encoder import encode_group
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
-from ntc.codec.block.trellis import BRANCHES, TrellisQuantizer, indices_of, level_table, share_out_bits
+from ntc.codec.block.quantizer import TrellisQuantizer
+from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out_bits
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels

@@ -1,0 +1,152 @@
+"""Decoding a pack of codec `block` with torch, float32 (docs/codec.md)."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ntc.codec.block.blocks import bit_offsets, image_of
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder, scale_values
+from ntc.codec.block.trellis import branch_tables, level_table
+from ntc.codec.block_pack import block_texture
+from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import EncodedTexture, Pack
+from ntc.codec.torch_codec import TorchCodec
+from ntc.codec.torch_sampling import PyramidTable, finite_places, trilinear_corners
+
+TEXELS_AT_ONCE = 1 << 16
+"""Texels decoded together, to bound memory."""
+BLOCKS_AT_ONCE = 1 << 14
+
+
+class TorchBlockDecoder:
+    """The tables of one decoder on one torch device."""
+
+    def __init__(self, decoder: BlockDecoder, config: BlockCodecConfig, device: torch.device) -> None:
+        following, subsets = branch_tables()
+
+        def tensor(array: NDArray[Any]) -> Tensor:
+            return torch.from_numpy(np.array(array)).to(device)
+
+        self._config = config
+        self._following, self._subsets = tensor(following), tensor(subsets)
+        self._levels = tensor(level_table())
+        self._depths = tensor(decoder.depths.astype(np.int64))
+        self._offsets = tensor(bit_offsets(decoder, config))
+        self._scales = tensor(scale_values(decoder.scales).astype(np.float32))
+        basis = decoder.basis.astype(np.float32) * decoder.basis_scale[:, None, None]
+        self._basis = tensor(basis.reshape(config.coefficients, -1))
+
+    def coefficients(self, codes: Tensor) -> Tensor:
+        """[blocks, coefficients] float32 that `codes` [blocks, block_words] int64, each a word, stand for."""
+        words = torch.nn.functional.pad(codes, (0, 2))
+        modes = codes[:, 0] & (self._config.modes - 1)
+        depths, offsets = self._depths[modes], self._offsets[modes]
+        word, shift = offsets >> 5, offsets & 31
+        # An index takes 7 bits at most: two words joined are 39 bits.
+        joined = words.gather(1, word) | ((words.gather(1, word + 1) & 127) << 32)
+        indices = (joined >> shift) & ((1 << depths) - 1)
+        values, state = torch.zeros(depths.shape, device=codes.device), torch.zeros_like(modes)
+        for k in range(depths.shape[1]):
+            active, branch = depths[:, k] > 0, indices[:, k] & 1
+            number = 4 * (indices[:, k] >> 1) + self._subsets[state, branch]
+            values[:, k] = torch.where(active, self._levels[depths[:, k], number], 0.0)
+            state = torch.where(active, self._following[state, branch], state)
+        return values * self._scales[modes]
+
+    def blocks(self, codes: Tensor, mean: Tensor, axes: Tensor) -> Tensor:
+        """[blocks, texels of a block, channels] float32, not clamped."""
+        config, parts = self._config, []
+        for part in torch.split(codes, BLOCKS_AT_ONCE):
+            values = (self.coefficients(part) @ self._basis).view(-1, config.block_texels, config.output_channels)
+            parts.append(mean + values @ axes.T)
+        return torch.cat(parts)
+
+
+class _Stored(NamedTuple):
+    """A texture's arrays on the device."""
+
+    codes: Tensor
+    mean: Tensor
+    axes: Tensor
+
+
+class TorchBlockCodec:
+    """Decodes the textures of one pack of codec `block` on one torch device."""
+
+    def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
+        """`interruption` is called before each piece of an image; what it raises ends the decode."""
+        self._pack, self._config = pack, pack.block_config
+        self._interruption = interruption
+        self._device = torch.device(device)
+        self._decoders = [TorchBlockDecoder(each, self._config, self._device) for each in pack.block_decoders]
+
+    def _stored(self, texture: EncodedTexture) -> _Stored:
+        found = block_texture(texture, self._config)
+        parts = (found.codes.astype(np.int64), found.mean.copy(), found.axes.copy())
+        return _Stored(*(torch.from_numpy(part).to(self._device) for part in parts))
+
+    @torch.no_grad()
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
+        texture = self._pack.textures[texture_index]
+        modes = texture.wrap if wrap is None else wrap
+        levels = latent_levels(texture.width, texture.height, self._config)
+        sizes = [[(level.texel_width, level.texel_height) for level in levels]]
+        texels = PyramidTable.of(sizes, [(modes[0] == "repeat", modes[1] == "repeat")], self._device)
+        stored, decoder = self._stored(texture), self._decoders[texture.group]
+        parts = []
+        for start in range(0, len(uv), TEXELS_AT_ONCE):
+            self._interruption()
+            part = slice(start, start + TEXELS_AT_ONCE)
+            wrapped, level = finite_places(uv[part], lod[part], modes, self._device)
+            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
+            index, weights = trilinear_corners(texels, same, wrapped, level.clamp(0.0, len(levels) - 1.0))
+            block, place = self._blocks_of(texels, texture, index)
+            used, row = torch.unique(block, return_inverse=True)
+            values = decoder.blocks(stored.codes[used], stored.mean, stored.axes)[row, place]
+            blended = (values * weights[..., None]).sum(1)
+            parts.append(blended.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
+        return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
+
+    def _blocks_of(self, texels: PyramidTable, texture: EncodedTexture, index: Tensor) -> tuple[Tensor, Tensor]:
+        """(block, texel of the block) of texels [N, 8], which `index` numbers through all levels."""
+        levels = latent_levels(texture.width, texture.height, self._config)
+        level = torch.bucketize(index, texels.first[0], right=True) - 1
+        inside, width = index - texels.first[0][level], texels.width[0][level]
+        column, row = inside % width, inside // width
+        first = torch.tensor([each.first_cell for each in levels], device=self._device)[level]
+        columns = torch.tensor([each.width for each in levels], device=self._device)[level]
+        side = self._config.block_side
+        return first + row // side * columns + column // side, row % side * side + column % side
+
+    @torch.no_grad()
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        texture = self._pack.textures[texture_index]
+        geometry = latent_levels(texture.width, texture.height, self._config)[level]
+        self._interruption()
+        stored = self._stored(texture)
+        codes = stored.codes[geometry.first_cell : geometry.first_cell + geometry.cells]
+        values = self._decoders[texture.group].blocks(codes, stored.mean, stored.axes).clamp(0.0, 1.0)
+        image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., : texture.channels]
+        return np.asarray(np.rint(image * 255.0), np.uint8)
+
+
+def torch_codec(
+    pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None
+) -> TorchCodec | TorchBlockCodec:
+    """What decodes `pack`, of whichever codec."""
+    kind = TorchCodec if isinstance(pack.config, CodecConfig) else TorchBlockCodec
+    return kind(pack, device, interruption)

@@ -1,0 +1,83 @@
+"""The tensors of packs of codec `block` (docs/pack-format.md)."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder
+from ntc.codec.latents import latent_cell_count
+from ntc.codec.model import EncodedTexture, Pack
+from ntc.pack.schema import PackMetadata
+from ntc.pack.validate import check_block_decoder, check_block_texture
+
+TensorShape = tuple[str, tuple[int, ...]]
+"""(type, shape)."""
+
+
+def expected_block_tensors(
+    sizes: Iterable[tuple[int, int]], decoders: int, config: BlockCodecConfig
+) -> dict[str, TensorShape]:
+    """Type and shape of every tensor of a pack with textures of these (width, height)."""
+    channels, expected = config.output_channels, dict[str, TensorShape]()
+    for index, (width, height) in enumerate(sizes):
+        expected[f"latents.{index}"] = ("U8", (latent_cell_count(width, height, config), config.cell_bytes))
+        expected[f"latents.{index}.mean"] = ("F32", (channels,))
+        expected[f"latents.{index}.axes"] = ("F32", (channels, channels))
+    allocations = ("U8", (config.modes, config.coefficients))
+    for index in range(decoders):
+        expected[f"decoder.{index}.basis"] = ("I8", (config.coefficients, config.block_texels, channels))
+        expected[f"decoder.{index}.basis_scale"] = ("F32", (config.coefficients,))
+        expected[f"decoder.{index}.depths"] = allocations
+        expected[f"decoder.{index}.scales"] = allocations
+    return expected
+
+
+def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
+    """The tensors of `pack`, contiguous."""
+    channels = pack.block_config.output_channels
+    tensors: dict[str, NDArray[Any]] = {}
+    for index, texture in enumerate(pack.textures):
+        tensors[f"latents.{index}"] = texture.latents
+        tensors[f"latents.{index}.mean"] = texture.offset
+        tensors[f"latents.{index}.axes"] = texture.scale.reshape(channels, channels)
+    for index, decoder in enumerate(pack.block_decoders):
+        for part in ("basis", "basis_scale", "depths", "scales"):
+            tensors[f"decoder.{index}.{part}"] = getattr(decoder, part)
+    return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
+
+
+def read_block_parts(
+    tensor: Callable[[str], NDArray[Any]], metadata: PackMetadata, config: BlockCodecConfig
+) -> tuple[tuple[EncodedTexture, ...], tuple[BlockDecoder, ...]]:
+    """Textures and decoders of a file whose tensors have the expected types and shapes.
+
+    `tensor` gives them by name. Raises ValueError naming the texture's or decoder's tensors that hold what no encoder writes.
+    """
+    textures, decoders = [], []
+    for index, (texture, group) in enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True)):
+        encoded = EncodedTexture(
+            **msgspec.structs.asdict(texture),
+            group=group,
+            latents=tensor(f"latents.{index}"),
+            scale=tensor(f"latents.{index}.axes").reshape(-1),
+            offset=tensor(f"latents.{index}.mean"),
+        )
+        _named(f"latents.{index}", check_block_texture, encoded, config)
+        textures.append(encoded)
+    for index in range(metadata.decoders):
+        parts = ("basis", "basis_scale", "depths", "scales")
+        decoder = BlockDecoder(*(tensor(f"decoder.{index}.{part}") for part in parts))
+        _named(f"decoder.{index}", check_block_decoder, decoder, config)
+        decoders.append(decoder)
+    return tuple(textures), tuple(decoders)
+
+
+def _named(name: str, check: Callable[[Any, BlockCodecConfig], None], part: Any, config: BlockCodecConfig) -> None:
+    try:
+        check(part, config)
+    except ValueError as error:
+        raise ValueError(f"{name}.{error}") from error

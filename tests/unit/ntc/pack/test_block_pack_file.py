@@ -1,0 +1,152 @@
+"""Pack files of codec `block`: written and read again, damaged ones refused, grid packs as they always were."""
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.errors import InputError
+from ntc.pack.diff import changed_textures, same_shape
+from ntc.pack.file import expected_tensors, read_pack, write_pack
+from ntc.pack.schema import parse_metadata
+from ntc.pack.validate import check_pack
+from tests.support.pack_bytes import PackBytes
+
+SMALL = BlockCodecConfig(block_side=4, block_words=2, coefficients=10, modes=4)
+Change = Callable[[PackBytes], None]
+
+
+@pytest.fixture(scope="module")
+def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
+    """A good file of three textures and two decoders, taken apart."""
+    path = tmp_path_factory.mktemp("good") / "good.ntc"
+    write_pack(path, random_block_pack(((8, 8), (12, 4), (5, 7)), config=SMALL))
+    return PackBytes.of(path.read_bytes())
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        BlockCodecConfig(),
+        SMALL,
+        BlockCodecConfig(block_words=16, modes=1, coefficients=192, levels=1),
+        BlockCodecConfig(block_words=1, modes=64, coefficients=1, output_channels=1),
+        BlockCodecConfig(output_channels=4),
+    ],
+)
+def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
+    pack = random_block_pack(config=config, wrap=("mirror", "clamp"))
+    check_pack(pack)
+    path, again = tmp_path / "pack.ntc", tmp_path / "again.ntc"
+    write_pack(path, pack)
+    read = read_pack(path)
+    check_pack(read)
+    write_pack(again, read)
+    assert path.read_bytes() == again.read_bytes()
+    assert (read.config, read.grouping) == (pack.config, pack.grouping)
+    for one, other in zip(pack.textures, read.textures, strict=True):
+        for part in ("latents", "scale", "offset"):
+            np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
+        assert (one.name, one.wrap, one.group, other.adapter) == (other.name, other.wrap, other.group, None)
+    for decoder, twin in zip(pack.block_decoders, read.block_decoders, strict=True):
+        for part in ("basis", "basis_scale", "depths", "scales"):
+            array, found = getattr(decoder, part), getattr(twin, part)
+            assert (array.dtype, array.tobytes()) == (found.dtype, found.tobytes())
+
+
+def test_the_file_holds_what_the_format_says(tmp_path: Path, pieces: PackBytes) -> None:
+    path = tmp_path / "good.ntc"
+    path.write_bytes(pieces.file())
+    assert len(read_pack(path).textures) == 3
+    assert set(expected_tensors(parse_metadata(json.dumps(pieces.metadata)))) == set(pieces.tensors)
+    assert pieces.metadata["codec"] == {
+        "kind": "block", "block_side": 4, "block_words": 2, "coefficients": 10, "modes": 4, "output_channels": 3, "levels": None,
+    }  # fmt: skip
+    # 2 x 2 blocks, then 1.
+    assert pieces.tensors["latents.0"]["shape"] == [5, 8]
+
+
+def test_files_of_codec_grid_name_no_kind_and_may(tmp_path: Path) -> None:
+    plain, named = tmp_path / "plain.ntc", tmp_path / "named.ntc"
+    write_pack(plain, random_pack())
+    parts = PackBytes.of(plain.read_bytes())
+    assert "kind" not in parts.metadata["codec"]
+    named.write_bytes(parts.changed(lambda p: p.metadata["codec"].update(kind="grid")))
+    assert read_pack(named).config == read_pack(plain).config
+
+
+def put(name: str, offset: int, value: bytes) -> Change:
+    """Overwrite bytes of a tensor."""
+    return lambda p: p.put(name, offset, value)
+
+
+def codec(field: str, value: Any) -> Change:
+    """Set a field of the codec."""
+    return lambda p: p.metadata["codec"].__setitem__(field, value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (put("decoder.0.depths", 3, b"\x08"), ("decoder.0.depths", "7 bits")),
+        (put("decoder.1.depths", 0, b"\x07" * 10), ("decoder.1.depths", "62 bits")),
+        (put("decoder.0.basis_scale", 0, struct.pack("<f", float("nan"))), ("decoder.0.basis_scale", "NaN")),
+        (put("decoder.0.basis_scale", 4, struct.pack("<f", 1e30)), ("decoder.0.basis_scale", "beyond 16")),
+        (put("latents.2.mean", 0, struct.pack("<f", float("inf"))), ("latents.2.mean", "NaN or infinity")),
+        (put("latents.1.axes", 32, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
+        (lambda p: p.tensors["decoder.0.basis"].update(dtype="U8"), ("decoder.0.basis", "expected I8")),
+        (lambda p: p.tensors["latents.0"].update(shape=[40]), ("latents.0", "expected U8 [5, 8]")),
+        (lambda p: p.tensors.pop("latents.1.axes"), ()),
+        (codec("kind", "wavelet"), ("metadata.codec.kind",)),
+        (codec("kind", None), ("metadata.codec.kind",)),
+        (codec("kind", "grid"), ("metadata.codec",)),
+        (lambda p: p.metadata["codec"].pop("kind"), ("metadata.codec",)),
+        (lambda p: p.metadata["codec"].pop("modes"), ("metadata.codec has fields",)),
+        (codec("hidden_width", 64), ("metadata.codec has fields",)),
+        (codec("modes", 3), ("codec.modes",)),
+        (codec("modes", 8), ("decoder.0.depths",)),
+        (codec("block_words", 10**9), ("codec.block_words",)),
+        (codec("block_side", 5), ("metadata.codec.block_side",)),
+        (codec("coefficients", 49), ("codec.coefficients",)),
+        (codec("output_channels", 2), ("textures[0].channels",)),
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(
+    tmp_path: Path, pieces: PackBytes, change: Change, words: tuple[str, ...]
+) -> None:
+    path = tmp_path / "bad.ntc"
+    path.write_bytes(pieces.changed(change))
+    with pytest.raises(InputError) as caught:
+        read_pack(path)
+    line = str(caught.value)
+    assert line.startswith(f"{path}: ")
+    assert "\n" not in line
+    assert all(word in line for word in words), line
+
+
+def test_any_codes_are_valid(tmp_path: Path, pieces: PackBytes) -> None:
+    path = tmp_path / "a.ntc"
+    for byte in (b"\x00", b"\xff", b"\xa7"):
+        path.write_bytes(pieces.changed(lambda p, byte=byte: p.put("latents.0", 0, byte * 40)))  # type: ignore[misc]
+        check_pack(read_pack(path))
+
+
+def test_what_decodes_differently_is_found() -> None:
+    old = random_block_pack()
+    assert changed_textures(old, random_block_pack()) == frozenset()
+    codes = old.textures[1].latents.copy()
+    codes[0, 0] ^= 1
+    other = replace(old, textures=(old.textures[0], replace(old.textures[1], latents=codes), old.textures[2]))
+    assert same_shape(old, other)
+    assert changed_textures(old, other) == {1}
+    first, second = old.block_decoders
+    brighter = replace(first, basis_scale=first.basis_scale * np.float32(2.0))
+    assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
+    assert not same_shape(old, random_pack())
