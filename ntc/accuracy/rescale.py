@@ -127,7 +127,10 @@ def stored_pack(pack: Pack, precision: Precision) -> Pack:
     """What of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
 
     `fp16` computes in fp32: it needs rescaling only where weights themselves are too large or too small for halves.
+    Codec `block` has no weights: it is decoded in fp32 whatever the precision.
     """
+    if pack.config.kind == "block":
+        return pack
     if precision == "fp32" or (precision == "fp16" and _halves_are_enough(pack)):
         return pack
     return rescaled_pack(pack)

@@ -8,6 +8,19 @@ layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D albedo;
 // Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
 ivec2 own_pixel(int p, out bool inside);
 
+#if CODEC_BLOCK
+// Pixels share nothing but the tables: one after the other.
+void decode_pixels() {
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        bool inside;
+        ivec2 pixel = own_pixel(p, inside);
+        if (!inside) continue;
+        Surface surface = read_surface(pixel);
+        imageStore(albedo, pixel, vec4(decoded_albedo(surface), surface.material >= 0 ? 1.0 : 0.0));
+    }
+}
+#else
 // Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get their material's factor.
 void decode_pixels() {
     int adapters[PIXELS];
@@ -45,3 +58,4 @@ void decode_pixels() {
         imageStore(albedo, pixel, vec4(shown, surface.material >= 0 ? 1.0 : 0.0));
     }
 }
+#endif

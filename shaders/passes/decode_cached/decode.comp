@@ -38,6 +38,42 @@ TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     return tiles[first_tile + number / PAGE_TEXELS];
 }
 
+ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
+    ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
+    return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
+}
+
+void store_texel(TileRecord tile, ivec2 place, vec4 value) {
+    vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
+    // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
+    if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
+    ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
+    imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));
+    if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
+}
+
+#if CODEC_BLOCK
+void main() {
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        ivec2 place;
+        bool inside;
+        TileRecord tile = own_tile(p, place, inside);
+        if (!inside) continue;
+        TextureRecord record = textures[tile.texture_id];
+        LevelRecord level = levels[record.first_level + tile.level];
+        ivec2 texel = texel_of(tile, place, ivec2(level.texel_width, level.texel_height));
+        Footprint footprint = Footprint(texel, texel, vec2(0.0));
+        if (tile.level < record.finest_level) {
+            // The mip is not on the GPU: what the next one shows there.
+            uvec2 uv = uvec2(texel_centre(texel.x, level.texel_width), texel_centre(texel.y, level.texel_height));
+            level = levels[record.first_level + record.finest_level];
+            footprint = footprint_at(level, uv, ivec2(tile.wrap_u, tile.wrap_v));
+        }
+        store_texel(tile, place, block_value(record, block_sum(record, level, footprint)));
+    }
+}
+#else
 void main() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
@@ -52,8 +88,7 @@ void main() {
         LevelRecord level = levels[record.first_level + tile.level];
         ivec2 size = ivec2(level.texel_width, level.texel_height);
         ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
-        ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
-        texel = ivec2(wrapped_texel(texel.x, size.x, wrap.x), wrapped_texel(texel.y, size.y, wrap.y));
+        ivec2 texel = texel_of(tile, place, size);
         float inputs[DECODER_INPUTS];
         uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
         decoder_input(record, uv, float(tile.level), wrap, inputs);
@@ -70,12 +105,7 @@ void main() {
         if (!inside) continue;
         vec4 value = decoded[0];
         for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
-        value = limit_output(value);
-        vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
-        // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
-        if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
-        ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
-        imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));
-        if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
+        store_texel(tile, place, limit_output(value));
     }
 }
+#endif

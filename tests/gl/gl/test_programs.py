@@ -7,7 +7,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource, set_uniforms
@@ -115,9 +116,22 @@ def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConf
     shaped.release()
 
 
+def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
+    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    factory = ProgramFactory(graphics.gl, library)
+    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockCodecConfig(modes=1)))
+    for in_image in (0, 1):
+        defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image}
+        for name in ("deferred/decode", "deferred/decode_shared", "binned/decode", "cached/decode", "texels/decode"):
+            assert shaped.compute(f"passes/decode_{name}.comp", defines).glo > 0
+        assert shaped.program("common/scene.vert", "passes/decode_forward/decode.frag", defines).glo > 0
+    factory.release()
+
+
 def assembled(name: str) -> ShaderSource:
     """A shader of the folder with stand-ins for the generated codec."""
     generated = {"generated/layout.glsl": "", "generated/codec.glsl": "", "generated/network.glsl": ""}
+    generated["generated/block.glsl"] = ""
     generated["generated/shared_network.glsl"] = '#include "ntc/decoder_weights.glsl"'
     return ShaderLibrary(shaders_folder(), generated).assemble(name)
 

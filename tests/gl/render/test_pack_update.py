@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
-from ntc.codec.model import Pack
+from ntc.codec.model import AnyCodec, Pack
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import UPDATE_BYTES, Renderer
+from viewer.render.resources.decoder_tables import decoder_tables
 from viewer.render.resources.layout import texture_record
-from viewer.render.resources.network import NetworkLayout
 from viewer.scene.model import Camera
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
@@ -28,6 +29,7 @@ ENCODED_SIZES = ((256, 256), (512, 256), (160, 96), (330, 330))
 """Larger than the scene's images: the latents of a group take more than one frame."""
 MEMBERS = [1, 3]
 ADAPTED = CodecConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
+BLOCK = BlockCodecConfig(block_words=3, modes=4, coefficients=40)
 CACHED = Slot("p", "cached")
 DEFERRED = Slot("p", "deferred")
 ELSEWHERE = 1e-3
@@ -35,14 +37,16 @@ ELSEWHERE = 1e-3
 Picture = NDArray[np.float32]
 
 
-def pack_of(seed: int, config: CodecConfig | None = None, groups: tuple[int, ...] = GROUPS) -> Pack:
+def pack_of(seed: int, config: AnyCodec | None = None, groups: tuple[int, ...] = GROUPS) -> Pack:
     hashes = [texture.pixel_hash for texture in objects().textures]
+    if isinstance(config, BlockCodecConfig):
+        return random_block_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
     return random_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
 
 
 def trained(old: Pack, seed: int = 5) -> Pack:
     """`old` with another group 1, as a training gives it: all else are the same objects."""
-    other = pack_of(seed, old.grid_config)
+    other = pack_of(seed, old.config)
     textures = tuple(other.textures[i] if i in MEMBERS else texture for i, texture in enumerate(old.textures))
     return replace(old, textures=textures, decoders=(old.decoders[0], other.decoders[1]))
 
@@ -70,17 +74,17 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     """Bytes on the GPU of the changed group's latents, and of its decoder, adapters and records."""
     memory = renderer.memory(slot)
     assert memory is not None
-    layout, block = NetworkLayout(pack.grid_config), 16 if slot.precision == "fp32" else 8
-    weights = (layout.blocks + len(MEMBERS) * layout.adapter_blocks) * block
-    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.grid_config).itemsize
+    layout = decoder_tables(pack, slot.precision)
+    weights = (layout.blocks + len(MEMBERS) * layout.adapter_blocks) * layout.block_bytes
+    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
 
 
-@pytest.mark.parametrize("config", [None, ADAPTED], ids=["plain", "adapted"])
+@pytest.mark.parametrize("config", [None, ADAPTED, BLOCK], ids=["plain", "adapted", "block"])
 @pytest.mark.parametrize("precision", ["fp32", "fp16"])
 @pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
 @pytest.mark.parametrize("in_image", [False, True], ids=["buffer", "image"])
 def test_an_update_is_equal_to_a_fresh_upload(
-    graphics: GraphicsContext, config: CodecConfig | None, precision: Precision, path: DecodePath, in_image: bool
+    graphics: GraphicsContext, config: AnyCodec | None, precision: Precision, path: DecodePath, in_image: bool
 ) -> None:
     context = replace(graphics, features=replace(graphics.features, weights_in_image=in_image))
     slot = Slot("p", path, precision)
@@ -102,9 +106,9 @@ def test_an_update_is_equal_to_a_fresh_upload(
     renderer.release()
 
 
-@pytest.mark.parametrize("config", [None, ADAPTED], ids=["plain", "adapted"])
+@pytest.mark.parametrize("config", [None, ADAPTED, BLOCK], ids=["plain", "adapted", "block"])
 def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
-    graphics: GraphicsContext, config: CodecConfig | None, monkeypatch: pytest.MonkeyPatch
+    graphics: GraphicsContext, config: AnyCodec | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old = pack_of(0, config)
     renderer = opened(graphics, old)

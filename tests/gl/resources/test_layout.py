@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
+from ntc.codec.model import AnyCodec
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
@@ -17,12 +19,14 @@ from viewer.render.resources.layout import (
 )
 
 CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
-RECORDS = {
+BLOCK = BlockCodecConfig()
+RECORDS: dict[str, tuple[np.dtype, AnyCodec]] = {
     "MaterialRecord": (MATERIAL_RECORD, CONFIGS[4]),
     "LevelRecord": (LEVEL_RECORD, CONFIGS[4]),
     "RequestRecord": (REQUEST_RECORD, CONFIGS[4]),
     "TextureRecord, 4 channels": (texture_record(CONFIGS[4]), CONFIGS[4]),
     "TextureRecord, 12 channels": (texture_record(CONFIGS[12]), CONFIGS[12]),
+    "TextureRecord, block": (texture_record(BLOCK), BLOCK),
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
@@ -42,10 +42,11 @@ HARDWARE = 4e-3
 """Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
 
 
-@pytest.fixture(scope="module")
-def pack() -> Pack:
-    """Latents for all textures."""
-    return random_pack(SIZES, (0, 1, 0), hashes=[texture(w, h, w).pixel_hash for w, h in SIZES])
+@pytest.fixture(scope="module", params=[random_pack, random_block_pack], ids=["grid", "block"])
+def pack(request: pytest.FixtureRequest) -> Pack:
+    """Latents for all textures, in either codec."""
+    made: Pack = request.param(SIZES, (0, 1, 0), hashes=[texture(w, h, w).pixel_hash for w, h in SIZES])
+    return made
 
 
 @pytest.fixture(scope="module")

@@ -61,7 +61,7 @@ class DecodeBinnedPass(DecodePass):
         self._gl.memory_barrier()
         self._scatter.run(*blocks)
         self._gl.memory_barrier()
-        set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
+        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
         decoders = np.unique(self._buffers.decoder_of_texture[list(inputs.textures)])
         for decoder in decoders[decoders >= 0].tolist():
             self._ranges.bind(decoder)

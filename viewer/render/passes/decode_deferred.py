@@ -40,7 +40,7 @@ class DecodeDeferredPass(DecodePass):
         inputs.bind()
         self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
-        set_uniforms(self._program, {"network_blocks": self._buffers.hidden_blocks})
+        set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks})
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)

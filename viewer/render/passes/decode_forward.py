@@ -36,7 +36,7 @@ class DecodeForwardPass(DecodePass):
             inputs.bind()
             self._buffers.bind()
             matrix = inputs.matrix.T.astype("<f4").tobytes()
-            set_uniforms(self._program, {"network_blocks": self._buffers.hidden_blocks, "view_projection": matrix})
+            set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "view_projection": matrix})
             self._scene_buffers.draw(self._program, self._program)
         finally:
             gl.depth_func = "<"

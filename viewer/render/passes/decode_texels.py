@@ -71,7 +71,7 @@ class GlTexelDecoder:
             self._buffers.bind()
             request_buffer.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
             result_buffer.bind_to_storage_buffer(int(StorageBinding.RESULTS))
-            set_uniforms(self._program, {"count": len(uv), "network_blocks": self._buffers.hidden_blocks})
+            set_uniforms(self._program, {"count": len(uv), "network_blocks": self._buffers.network_blocks})
             self._program.run(-(-len(uv) // TEXEL_GROUP))
             self._gl.memory_barrier()
             return np.frombuffer(result_buffer.read(), np.float32).reshape(-1, 4).copy()

@@ -8,8 +8,9 @@ import numpy as np
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
+from viewer.render.resources.decoder_tables import decoder_tables
 from viewer.render.resources.layout import StorageBinding, UniformBinding
-from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig, NetworkLayout, weight_bytes
+from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.state.view_state import Precision
 
 LARGEST_ALIGNMENT = 256
@@ -27,25 +28,27 @@ class DecoderRanges:
         network: NetworkConfig = DEFAULT_NETWORK,
         weights_in_image: bool | None = None,
     ) -> None:
-        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then a range holds
-        only where the decoder begins among all weights."""
+        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then, and for codec
+        `block`, a range holds only where the decoder begins among all weights."""
         self.pixels = network.pixels
-        self._memory, self._precision = context.memory, precision
-        blocks = NetworkLayout(pack.grid_config).blocks
-        self._in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        self._memory = context.memory
+        self._decoders = decoder_tables(pack, precision)
+        blocks = self._decoders.blocks
+        in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        self._places_only = in_image or pack.config.kind == "block"
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
-        self._size = 16 if self._in_image else stored
+        self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
-        self.in_storage = not self._in_image and self._size > context.features.uniform_block_bytes
+        self.in_storage = not self._places_only and self._size > context.features.uniform_block_bytes
         self._count = len(pack.decoders)
         self._buffer = self._make(stored_pack(pack, precision))
 
     def _range(self, pack: Pack, decoder: int) -> bytes:
-        if self._in_image:
-            start = decoder * NetworkLayout(pack.grid_config).blocks
+        if self._places_only:
+            start = self._decoders.first_block + decoder * self._decoders.blocks
             return np.array([start, 0, 0, 0], "<i4").tobytes()
-        return weight_bytes(pack.grid_config, [pack.grid_decoders[decoder]], [], self._precision)
+        return self._decoders.of_decoder(pack, decoder)
 
     def _make(self, pack: Pack) -> moderngl.Buffer:
         ranges = [self._range(pack, decoder).ljust(self._stride, b"\0") for decoder in range(len(pack.decoders))]
@@ -61,7 +64,7 @@ class DecoderRanges:
             self._buffer.release()
             self._buffer, self._count = made, len(pack.decoders)
             return made.size
-        parts = {} if self._in_image else {group: self._range(pack, group) for group in groups}
+        parts = {} if self._places_only else {group: self._range(pack, group) for group in groups}
         for group, part in parts.items():
             self._buffer.write(part, offset=group * self._stride)
         return sum(map(len, parts.values()))

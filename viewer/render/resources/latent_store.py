@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.model import EncodedTexture
+from ntc.codec.model import AnyCodec, EncodedTexture
 from ntc.codec.quantize import packed_cells
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -38,9 +38,10 @@ class LatentCounts:
     """Whether the GPU had less memory than the budget, which has been lowered."""
 
 
-def stored_words(texture: EncodedTexture, config: CodecConfig, cells: slice) -> NDArray[np.uint32]:
+def stored_words(texture: EncodedTexture, config: AnyCodec, cells: slice) -> NDArray[np.uint32]:
     """[cells, words] uint32: cells as files hold them, padded to whole words."""
-    packed = packed_cells(texture.latents[cells], config.latent_bits)
+    bits = config.latent_bits if isinstance(config, CodecConfig) else 8
+    packed = packed_cells(texture.latents[cells], bits)
     padding = 4 * cell_words(config) - packed.shape[1]
     return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
 
@@ -51,7 +52,7 @@ class LatentStore:
     def __init__(
         self,
         context: GraphicsContext,
-        config: CodecConfig,
+        config: AnyCodec,
         textures: Sequence[EncodedTexture | None],
         budget: LatentBudget,
     ) -> None:

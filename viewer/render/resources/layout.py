@@ -5,7 +5,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.codec.model import AnyCodec
 from viewer.scene.model import AlphaMode, Sampler
 
 
@@ -194,27 +196,29 @@ def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
     return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
 
 
-def texture_record(config: CodecConfig) -> np.dtype:
+def texture_record(config: AnyCodec) -> np.dtype:
     """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
-    of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU."""
+    of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU.
+
+    Then what its latents stand for: scale and offset of codec `grid`; mean and axes, a vector each, of codec `block`.
+    """
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
+        ("first_level", "<i4"),
+        ("levels", "<i4"),
+        ("decoder", "<i4"),
+        ("channels", "<i4"),
+        ("srgb", "<i4"),
+        ("adapter", "<i4"),
+        ("finest_level", "<i4"),
+        ("padding_0", "<i4"),
+    ]
+    if isinstance(config, BlockCodecConfig):
+        return np.dtype([*fields, ("mean", "<f4", (4,)), ("axes", "<f4", (4, 4))])
     words = config.latent_channels // 4
-    return np.dtype(
-        [
-            ("first_level", "<i4"),
-            ("levels", "<i4"),
-            ("decoder", "<i4"),
-            ("channels", "<i4"),
-            ("srgb", "<i4"),
-            ("adapter", "<i4"),
-            ("finest_level", "<i4"),
-            ("padding_0", "<i4"),
-            ("scale", "<f4", (words, 4)),
-            ("offset", "<f4", (words, 4)),
-        ]
-    )
+    return np.dtype([*fields, ("scale", "<f4", (words, 4)), ("offset", "<f4", (words, 4))])
 
 
-def cell_words(config: CodecConfig) -> int:
+def cell_words(config: AnyCodec) -> int:
     """32-bit words of a latent cell on the GPU; the last is padded where the channels do not fill it."""
     return -(-config.cell_bytes // 4)
 
@@ -283,21 +287,22 @@ def scene_layout_glsl() -> str:
     return "\n".join(lines) + "\n"
 
 
-def codec_layout_glsl(config: CodecConfig) -> str:
-    """The include `generated/codec.glsl`: the shape of the codec and its texture record."""
-    return "\n".join(
-        [
-            "// Generated from viewer/render/resources/layout.py for one CodecConfig.",
+def codec_layout_glsl(config: AnyCodec) -> str:
+    """The include `generated/codec.glsl`: the shape of the codec's latents and its texture record."""
+    lines = [
+        "// Generated from viewer/render/resources/layout.py for one codec.",
+        f"#define CODEC_BLOCK {int(isinstance(config, BlockCodecConfig))}",
+        f"#define CELL_WORDS {cell_words(config)}",
+    ]
+    if isinstance(config, CodecConfig):
+        lines += [
             f"#define LATENT_WORDS {config.latent_channels // 4}",
             f"#define LATENT_BITS {config.latent_bits}",
-            f"#define CELL_WORDS {cell_words(config)}",
             f"#define LATENT_CHANNELS {config.latent_channels}",
             f"#define POSITIONAL_OCTAVES {config.positional_octaves}",
             f"#define POSITIONAL_INPUTS {config.positional_inputs}",
             f"#define LOD_INPUTS {config.lod_inputs}",
             f"#define LOD_INPUT_SCALE {LOD_INPUT_SCALE}",
             f"#define DECODER_INPUTS {config.decoder_inputs}",
-            glsl_struct("TextureRecord", texture_record(config)),
-            "",
         ]
-    )
+    return "\n".join([*lines, glsl_struct("TextureRecord", texture_record(config)), ""])

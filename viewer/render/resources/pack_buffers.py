@@ -12,6 +12,7 @@ from ntc.codec.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
+from viewer.render.resources.decoder_tables import DecoderTables, decoder_glsl, decoder_tables
 from viewer.render.resources.latent_store import LatentBudget, LatentStore
 from viewer.render.resources.layout import (
     WEIGHT_COLUMN_BITS,
@@ -20,14 +21,7 @@ from viewer.render.resources.layout import (
     codec_layout_glsl,
     texture_record,
 )
-from viewer.render.resources.network import (
-    DEFAULT_NETWORK,
-    NetworkConfig,
-    NetworkLayout,
-    network_glsl,
-    shared_network_glsl,
-    weight_bytes,
-)
+from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.render.resources.precision import precision_defines
 from viewer.state.view_state import Precision
 
@@ -60,18 +54,19 @@ class PackBuffers:
         self.pack = self.stored(pack)
         """As it is stored in this precision."""
         self._texture_index = tuple(texture_index)
-        self._network = NetworkLayout(pack.grid_config)
-        self.hidden_blocks = self._network.hidden_blocks
+        self._decoders = decoder_tables(pack, precision)
+        self.network_blocks = self._decoders.loop_length
+        """The decoding shaders' uniform of that name."""
         self.weights_in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
         self.defines = {
-            **precision_defines(context, precision, emulate_half),
+            **precision_defines(context, precision if pack.config.kind == "grid" else "fp32", emulate_half),
             "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
         }
         with context.memory.transaction():
             # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
             textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
-            self.latent_store = LatentStore(context, pack.grid_config, textures, on_demand or ALL_LATENTS)
-            self._records = np.zeros(max(1, len(textures)), texture_record(pack.grid_config))
+            self.latent_store = LatentStore(context, pack.config, textures, on_demand or ALL_LATENTS)
+            self._records = np.zeros(max(1, len(textures)), texture_record(pack.config))
             self._fill_records()
             self._weights = self._make_weights()
             self._tables: dict[StorageBinding, moderngl.Buffer] = {
@@ -95,7 +90,7 @@ class PackBuffers:
     def _fill_records(self) -> None:
         config, records = self.pack.config, self._records
         records["decoder"] = -1
-        adapter = len(self.pack.decoders) * self._network.blocks
+        adapter = self._decoders.first_block + len(self.pack.decoders) * self._decoders.blocks
         for slot, texture in self._textures():
             record = records[slot]
             record["first_level"] = self.latent_store.first_level[slot]
@@ -103,16 +98,15 @@ class PackBuffers:
             record["decoder"], record["channels"] = texture.group, texture.channels
             record["srgb"] = texture.color_space == "srgb"
             record["adapter"] = adapter
-            record["scale"] = texture.scale.reshape(-1, 4)
-            record["offset"] = texture.offset.reshape(-1, 4)
-            adapter += self._network.adapter_blocks
+            self._decoders.fill_record(record, texture)
+            adapter += self._decoders.adapter_blocks
 
     def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:
         adapters = [texture.adapter for _, texture in self._textures() if texture.adapter is not None]
-        weights = weight_bytes(self.pack.grid_config, self.pack.grid_decoders, adapters, self.precision)
+        weights = self._decoders.everything(self.pack, adapters)
         made: moderngl.Buffer | moderngl.Texture
         if self.weights_in_image:
-            made = weight_image(self._memory, weights, self.precision)
+            made = weight_image(self._memory, weights, self._decoders)
         else:
             made = self._memory.buffer("decoders", weights)
         self._weight_bytes = len(weights)
@@ -152,20 +146,20 @@ class PackBuffers:
         self._fill_records()
         uploaded = 0
         for group in groups:
-            decoder = weight_bytes(pack.grid_config, [pack.grid_decoders[group]], [], self.precision)
-            uploaded += self._write_weights(group * self._network.blocks, decoder)
+            first = self._decoders.first_block + group * self._decoders.blocks
+            uploaded += self._write_weights(first, self._decoders.of_decoder(pack, group))
         size = self._records.itemsize
         for slot, texture in self.slots_of_groups(groups, pack).items():
             self._tables[StorageBinding.TEXTURES].write(self._records[slot].tobytes(), offset=slot * size)
             uploaded += size
             if texture.adapter is not None:
-                adapter = weight_bytes(pack.grid_config, [], [texture.adapter], self.precision)
+                adapter = self._decoders.of_adapter(pack, texture.adapter)
                 uploaded += self._write_weights(int(self._records["adapter"][slot]), adapter)
         return uploaded
 
     def _write_weights(self, first_block: int, weights: bytes) -> int:
         """Write `weights` from block `first_block` on; the bytes."""
-        block_bytes = 16 if self.precision == "fp32" else 8
+        block_bytes = self._decoders.block_bytes
         if isinstance(self._weights, moderngl.Buffer):
             self._weights.write(weights, offset=first_block * block_bytes)
             return len(weights)
@@ -209,21 +203,16 @@ class PackBuffers:
             part.release()
 
 
-def weight_image(memory: GpuMemory, weights: bytes, precision: Precision) -> moderngl.Texture:
+def weight_image(memory: GpuMemory, weights: bytes, tables: DecoderTables) -> moderngl.Texture:
     """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
-    kind = "f4" if precision == "fp32" else "f2"
-    block_bytes = 4 * np.dtype(kind).itemsize
-    rows = -(-len(weights) // (block_bytes << WEIGHT_COLUMN_BITS))
-    padded = weights.ljust(rows * (block_bytes << WEIGHT_COLUMN_BITS), b"\0")
-    return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=kind)
+    row_bytes = tables.block_bytes << WEIGHT_COLUMN_BITS
+    rows = -(-len(weights) // row_bytes)
+    padded = weights.ljust(rows * row_bytes, b"\0")
+    return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=tables.kind)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
     return factory.with_generated(
-        {
-            "generated/codec.glsl": codec_layout_glsl(pack.grid_config),
-            "generated/network.glsl": network_glsl(pack.grid_config),
-            "generated/shared_network.glsl": shared_network_glsl(pack.grid_config, network),
-        }
+        {"generated/codec.glsl": codec_layout_glsl(pack.config), **decoder_glsl(pack, network)}
     )

@@ -249,7 +249,7 @@ class DecodeCachedPass:
         self._bind()
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
-        set_uniforms(self._decode, {"network_blocks": self._buffers.hidden_blocks})
+        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
         starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
             self._ranges.bind(int(decoders[start]))

@@ -1,0 +1,157 @@
+"""Codec `block` in GLSL against its float64 twin: sizes, channels, block sides, code lengths, wrap modes, hostile requests."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.random_pack import random_block_pack
+from ntc.codec import reference
+from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.trellis import BRANCHES, level_table
+from ntc.codec.config import WrapMode
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
+from viewer.gl.context import GraphicsContext
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.resources.block_tables import trellis_blocks, trellis_subsets
+
+SIZES = ((64, 64), (17, 33), (1, 1), (8, 4), (9, 200), (512, 512))
+GROUPS = (0, 1, 0, 1, 2, 0)
+WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
+WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
+TOLERANCE = 1e-4
+SHAPES = {
+    "default": BlockCodecConfig(),
+    "one-word": BlockCodecConfig(block_words=1, modes=2, coefficients=20),
+    "three-words-4x4": BlockCodecConfig(block_side=4, block_words=3, modes=64, coefficients=48),
+    "sixteen-words": BlockCodecConfig(block_words=16, modes=1, coefficients=192),
+    "four-channels": BlockCodecConfig(block_words=7, coefficients=256, output_channels=4, modes=8),
+    "one-channel-4x4": BlockCodecConfig(block_side=4, block_words=2, coefficients=16, output_channels=1, modes=16),
+    "two-channels": BlockCodecConfig(block_words=5, coefficients=100, output_channels=2, levels=2),
+    "one-coefficient": BlockCodecConfig(block_words=2, coefficients=1, modes=4),
+}
+Codec = tuple[Pack, GlTexelDecoder]
+
+
+@pytest.fixture(scope="module", params=SHAPES)
+def codec(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator[Codec]:
+    """Packs of several shapes with random codes, and their GLSL decoders."""
+    pack = random_block_pack(SIZES, GROUPS, SHAPES[request.param])
+    decoder = GlTexelDecoder(graphics, pack)
+    yield pack, decoder
+    decoder.release()
+
+
+@pytest.fixture(scope="module")
+def default(graphics: GraphicsContext) -> Iterator[Codec]:
+    """The default shape."""
+    pack = random_block_pack(SIZES, GROUPS, SHAPES["default"])
+    decoder = GlTexelDecoder(graphics, pack)
+    yield pack, decoder
+    decoder.release()
+
+
+def largest_error(
+    codec: Codec, texture: int, uv: NDArray[np.float64], lod: NDArray[np.float64], wrap: tuple[WrapMode, WrapMode]
+) -> float:
+    """Largest difference between GLSL and float64 at these requests, rounded to what both can represent."""
+    pack, decoder = codec
+    at, level = (part.astype(np.float32).astype(np.float64) for part in (uv, lod))
+    expected = reference.decode_texels(pack, texture, at, level, wrap)
+    found = decoder.decode_texels(texture, uv, lod, wrap)
+    assert found.shape == expected.shape
+    return float(np.abs(found - expected).max())
+
+
+def test_random_codes_give_values_across_the_range(codec: Codec) -> None:
+    """Else parity would say little."""
+    pack, _ = codec
+    values = reference.decode_image(pack, 0).astype(float)
+    assert values.std() > 15.0
+    assert values.max() - values.min() > 100
+
+
+@pytest.mark.parametrize("wrap", WRAP_PAIRS, ids="-".join)
+def test_all_wrap_modes_agree_at_random_coordinates(codec: Codec, wrap: tuple[WrapMode, WrapMode]) -> None:
+    random = np.random.default_rng(1)
+    for texture in range(len(SIZES)):
+        uv, lod = random.uniform(-2.0, 2.0, (800, 2)), random.uniform(-1.0, 8.0, 800)
+        assert largest_error(codec, texture, uv, lod, wrap) <= TOLERANCE, SIZES[texture]
+
+
+def test_every_level_agrees(codec: Codec) -> None:
+    random = np.random.default_rng(2)
+    pack, _ = codec
+    for texture, size in enumerate(SIZES):
+        for level in range(len(latent_levels(*size, pack.config))):
+            uv = random.uniform(-2.0, 2.0, (300, 2))
+            error = largest_error(codec, texture, uv, np.full(300, float(level)), ("repeat", "mirror"))
+            assert error <= TOLERANCE, (size, level)
+
+
+@pytest.mark.parametrize("wrap", WRAP_PAIRS, ids="-".join)
+def test_texel_edges_centres_and_corners_agree(default: Codec, wrap: tuple[WrapMode, WrapMode]) -> None:
+    random = np.random.default_rng(3)
+    for texture, size in enumerate(SIZES):
+        texels = random.integers(-2 * max(size), 2 * max(size) + 1, (600, 2)) / 2.0
+        uv = np.concatenate([texels / size, np.array(list(product((-2.0, -1.0, -0.0, 0.0, 0.5, 1.0, 2.0), repeat=2)))])
+        assert largest_error(default, texture, uv, np.zeros(len(uv)), wrap) <= TOLERANCE, size
+
+
+@pytest.mark.parametrize("wrap", WRAP_PAIRS, ids="-".join)
+def test_hostile_coordinates_and_lods_stay_finite(default: Codec, wrap: tuple[WrapMode, WrapMode]) -> None:
+    _, decoder = default
+    hostile = [np.nan, np.inf, -np.inf, 3.4e38, -3.4e38, 1e20, -1e9, 16777217.0, 1e-45, -1e-30, -0.0, 0.25]
+    uv = np.array(list(product(hostile, hostile)))
+    for lod, texture in product([*hostile, 1000.0, -1000.0], range(len(SIZES))):
+        values = decoder.decode_texels(texture, uv, np.full(len(uv), lod), wrap)
+        assert np.isfinite(values).all()
+        assert values.min() >= 0.0
+        assert values.max() <= 1.0
+
+
+def test_pictures_of_every_level_agree(default: Codec) -> None:
+    pack, decoder = default
+    for texture in range(5):
+        for level in range(len(latent_levels(*SIZES[texture], pack.config))):
+            expected = reference.decode_image(pack, texture, level)
+            found = decoder.decode_image(texture, level)
+            assert np.abs(found.astype(int) - expected).max() <= 1
+            assert (found == expected).mean() > 0.98
+
+
+@pytest.mark.parametrize("in_image", [False, True])
+def test_tables_in_a_buffer_and_in_an_image_decode_alike(graphics: GraphicsContext, in_image: bool) -> None:
+    features = replace(graphics.features, weights_in_image=in_image)
+    pack = random_block_pack(SIZES[:3], GROUPS[:3], SHAPES["default"])
+    decoder = GlTexelDecoder(replace(graphics, features=features), pack)
+    random = np.random.default_rng(5)
+    uv, lod = random.uniform(-2.0, 2.0, (500, 2)), random.uniform(0.0, 3.0, 500)
+    assert largest_error((pack, decoder), 1, uv, lod, ("mirror", "clamp")) <= TOLERANCE
+    decoder.release()
+
+
+def test_other_precisions_are_decoded_in_fp32(graphics: GraphicsContext, default: Codec) -> None:
+    pack, exact = default
+    random = np.random.default_rng(6)
+    uv, lod = random.uniform(-2.0, 2.0, (500, 2)), random.uniform(0.0, 3.0, 500)
+    for precision in ("fp16", "fp16-arithmetic", "fp16-accumulate"):
+        decoder = GlTexelDecoder(graphics, pack, precision)
+        assert np.array_equal(decoder.decode_texels(0, uv, lod), exact.decode_texels(0, uv, lod))
+        decoder.release()
+
+
+def test_the_shader_walks_the_trellis_of_the_encoder() -> None:
+    subsets = trellis_subsets()
+    for state, branch in product(range(8), range(2)):
+        following, subset = BRANCHES[state][branch]
+        assert following == ((state << 1) & 6) | branch
+        assert subset == (subsets >> (4 * state + 2 * branch)) & 3
+    levels = trellis_blocks().view(np.float32)
+    for depth in range(1, LARGEST_DEPTH + 1):
+        for number in range(2 << depth):
+            assert levels[(1 << (depth - 1)) - 1 + number // 4, number % 4] == level_table()[depth, number]

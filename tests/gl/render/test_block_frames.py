@@ -1,0 +1,113 @@
+"""Whole frames of a pack of codec `block` by every path, against the float64 codec and against one another."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.filtering import decode_filtered
+from lab.bench.random_pack import random_block_pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.color import linear_to_srgb
+from ntc.codec.model import Pack
+from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
+from tests.gl.small_scenes import FRONT, INSIDE, objects
+from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
+from viewer.gl.context import GraphicsContext
+from viewer.render.renderer import Renderer
+from viewer.render.resources.latent_store import LatentBudget
+from viewer.scene.model import Material, Sampler
+from viewer.state.view_state import DecodePath, Slot, ViewState
+
+CONFIG = BlockCodecConfig(block_words=3, modes=8, coefficients=60)
+GROUPINGS = {"two groups": (0, 1, 0), "one decoder": (0, 0, 0)}
+
+
+@pytest.fixture(scope="module")
+def packs() -> dict[str, Pack]:
+    """One pack where pixels have different decoders, and one where they share one."""
+    hashes = [texture(2 * w, 2 * h, w).pixel_hash for w, h in SIZES]
+    return {name: random_block_pack(SIZES, groups, CONFIG, hashes) for name, groups in GROUPINGS.items()}
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
+    """All cases, one quad behind the other."""
+    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
+    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
+    made = Renderer(graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]))
+    made.set_packs(packs)
+    yield made
+    made.release()
+
+
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
+@pytest.mark.parametrize("grouping", GROUPINGS)
+@pytest.mark.parametrize("name", CASES)
+def test_frames_agree_with_float64(
+    renderer: Renderer, packs: dict[str, Pack], name: str, grouping: str, path: DecodePath
+) -> None:
+    case, slot = CASES[name], Slot(grouping, path)
+    renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, slot))
+    assert renderer.covered().all()
+    shown = linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
+    lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]))
+    sampler = replace(case.sampler, wrap=case.wrap)
+    expected = decode_filtered(packs[grouping], case.texture, case.map.uv(SIZE), lod, sampler)
+    assert np.abs(shown - expected).max() <= TOLERANCE
+
+
+def pictures(renderer: Renderer, slot: Slot) -> list[NDArray[np.float32]]:
+    """Albedo from two cameras."""
+    found = []
+    for camera in (FRONT, INSIDE):
+        renderer.render(ViewState(camera, (120, 72), slot), whole=True)
+        found.append(renderer.albedo(slot))
+    return found
+
+
+def test_all_paths_show_the_same_scene(graphics: GraphicsContext) -> None:
+    scene = objects()
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    pack = random_block_pack(sizes, (0, 1, 0, 1), CONFIG, [t.pixel_hash for t in scene.textures])
+    # Little contrast, so that it matters little whether texels are clamped and taken to linear light before they are filtered.
+    pack = replace(pack, textures=tuple(replace(t, scale=t.scale * np.float32(0.15)) for t in pack.textures))
+    renderer = Renderer(graphics, scene)
+    renderer.set_packs({"p": pack})
+    deferred = pictures(renderer, Slot("p", "deferred"))
+    assert deferred[0].std() > 0.05
+    for path in ("forward", "binned"):
+        for found, expected in zip(pictures(renderer, Slot("p", path)), deferred, strict=True):
+            np.testing.assert_allclose(found, expected, atol=2e-4)
+    for found, expected in zip(pictures(renderer, Slot("p", "cached")), deferred, strict=True):
+        assert np.abs(found - expected).mean() < 0.01
+    for precision in ("fp16", "fp16-arithmetic"):
+        for found, expected in zip(pictures(renderer, Slot("p", "deferred", precision)), deferred, strict=True):
+            np.testing.assert_array_equal(found, expected)
+    renderer.release()
+
+
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned", "cached"])
+def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: GraphicsContext, path: DecodePath) -> None:
+    case = CASES["magnified"]
+    image = texture(*SIZES[0], 64)
+    pack = random_block_pack(SIZES[:1], (0,), CONFIG, [image.pixel_hash])
+    pack = replace(pack, textures=tuple(replace(t, scale=t.scale * np.float32(0.15)) for t in pack.textures))
+    # Room for mip 1 and those below it: 4 x 4, 2 x 2 and 1 x 1 blocks.
+    budget = LatentBudget(21 * CONFIG.cell_bytes)
+    renderer = Renderer(
+        graphics, scene_of([case.map.quad(SIZE, 0, 0)], [Material("m", 0, WHITE)], [image]), latents=budget
+    )
+    renderer.set_packs({"p": pack})
+    slot = Slot("p", path)
+    renderer.render(ViewState(straight_camera(0), SIZE, slot), whole=True)
+    memory = renderer.memory(slot)
+    assert memory is not None
+    assert memory.parts["latents"] == budget.budget_bytes
+    shown = linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
+    expected = decode_filtered(pack, 0, case.map.uv(SIZE), np.full(SIZE[0] * SIZE[1], 1.0), Sampler())
+    # Tiles are resampled on the texels of the mip that is missing, and have 8 bits.
+    assert np.abs(shown - expected).mean() <= (0.01 if path == "cached" else TOLERANCE)
+    renderer.release()
