@@ -10,7 +10,7 @@ from ntc.accuracy.error_bound import texture_bounds, worst_of
 from ntc.accuracy.half_reference import as_stored, decode_texels_in_half
 from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
-from ntc.codec.config import Precision
+from ntc.codec.config import CodecConfig, Precision
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Adapter, Decoder, Pack
 from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
@@ -99,6 +99,8 @@ def chosen_precision(pack: Pack, supported: Collection[Precision], limit: float 
 
     A precision in which numbers may overflow is never taken.
     """
+    if not isinstance(pack.config, CodecConfig):
+        return ChosenPrecision("fp32", "codec block decodes in fp32 at every precision")
     for precision in CHEAPEST_FIRST:
         if precision not in supported:
             continue

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from ntc.codec.config import CodecConfig
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.validate import check_grouping
@@ -55,7 +55,7 @@ class TrainingRequest:
     seconds_between_snapshots: float = 2.0
 
 
-def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> None:
+def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: AnyCodec) -> None:
     """Raises InputError for textures and groups that cannot be trained."""
     if not textures:
         raise InputError("there is no texture to train")

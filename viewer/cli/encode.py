@@ -1,4 +1,4 @@
-"""`ntc-viewer encode`: train latents and decoders, show progress, write a pack and a PSNR table."""
+"""`ntc-viewer encode`: encode textures, show progress, write a pack and a PSNR table."""
 
 import signal
 import sys
@@ -15,7 +15,8 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.model import Pack
+from ntc.codec.block.rate import bits_per_texel, config_for_bits
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -26,6 +27,7 @@ from ntc.pack.file import write_pack
 from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
 from ntc.training.device import peak_memory_bytes
 from ntc.training.encode import train
+from ntc.training.encode_blocks import BlockProgress, encode_blocks
 from ntc.training.progress import TrainingProgress
 from viewer.cli.options import EncodeOptions
 from viewer.locations import features_cache
@@ -35,6 +37,8 @@ from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 from viewer.state.pack_files import PACK_SUFFIX
 
+DEFAULT_BITS = 2.0
+"""Bits per texel of codec `block` where none are asked for."""
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""
 
@@ -56,8 +60,29 @@ def _check(options: EncodeOptions) -> None:
     ):
         if given is not None and options.grouping != grouping:
             raise InputError(f"--{option} {given}: only --grouping {grouping} takes it")
+    _check_codec(options)
     if options.levels is not None and not 1 <= options.levels <= 16:
         raise InputError(f"--levels {options.levels}: must be 1 to 16")
+
+
+def _check_codec(options: EncodeOptions) -> None:
+    """Raises InputError for options that the codec does not have."""
+    if options.codec == "grid":
+        if options.bits is not None:
+            raise InputError(f"--bits {options.bits:g}: only --codec block takes it")
+        return
+    if options.bits is not None and not options.bits > 0.0:
+        raise InputError(f"--bits {options.bits:g}: must be above 0")
+    trained = {
+        "steps": options.steps,
+        "epochs": options.epochs,
+        "state": options.state,
+        "recipe": None if options.recipe == EncodeOptions.recipe else options.recipe,
+        "device": options.device if options.device == "cuda" else None,
+    }
+    for name, value in trained.items():
+        if value is not None:
+            raise InputError(f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid")
 
 
 @dataclass(frozen=True)
@@ -136,17 +161,26 @@ class _ProgressReport:
         self._bar.stop()
 
     def __call__(self, progress: TrainingProgress) -> None:
-        share = progress.step / max(1, progress.steps)
         status = (
             f"step {progress.step}/{progress.steps}  PSNR {progress.mean_psnr_db:.2f} dB  "
             f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
         )
+        if progress.note:
+            self._console.print(progress.note, highlight=False)
+        if self._console.is_terminal or not progress.note:
+            self._show(progress.step / max(1, progress.steps), status)
+
+    def blocks(self, progress: BlockProgress) -> None:
+        """A report of codec `block`."""
+        status = (
+            f"texture {progress.done}/{progress.textures}  PSNR {progress.mean_psnr_db:.2f} dB  "
+            f"{progress.seconds_left:.0f} s left"
+        )
+        self._show(progress.done / progress.textures, status)
+
+    def _show(self, share: float, status: str) -> None:
         if self._console.is_terminal:
             self._bar.update(self._task, completed=share, status=status)
-            if progress.note:
-                self._console.print(progress.note, highlight=False)
-        elif progress.note:
-            self._console.print(progress.note, highlight=False)
         elif int(share * LINES_PER_RUN) > self._last_line:
             self._last_line = int(share * LINES_PER_RUN)
             self._console.print(f"{share:4.0%}  {status}", highlight=False)
@@ -181,8 +215,13 @@ def encode(options: EncodeOptions) -> int:
     _check(options)
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size)
-    textures = source.textures
-    grouping = make_grouping(options.grouping_config(), textures, grouping_inputs(source, options))
+    grouping = make_grouping(options.grouping_config(), source.textures, grouping_inputs(source, options))
+    if options.codec == "block":
+        return encode_in_blocks(options, source.textures, grouping, console)
+    return _train(options, source.textures, grouping, console)
+
+
+def _train(options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console) -> int:
     codec = recipe_codec(options.recipe, max(texture.pixels.shape[2] for texture in textures), options.levels)
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
@@ -202,6 +241,38 @@ def encode(options: EncodeOptions) -> int:
     seconds = time.monotonic() - began
     write_or_rescue(options.out, pack)
     lines = [*psnr_table(pack).lines(), _effort(pack, seconds), f"wrote {options.out}"]
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def encode_in_blocks(
+    options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console
+) -> int:
+    """Encode in codec `block`, and write the pack. Raises InputError for bits that cannot be had."""
+    asked, sizes = DEFAULT_BITS if options.bits is None else options.bits, [texture.size for texture in textures]
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    codec = config_for_bits(asked, sizes, grouping.group_count, channels, options.levels)
+    came = bits_per_texel(sizes, grouping.group_count, codec)
+    console.print(
+        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block: "
+        f"{codec.block_words} words a block, {codec.coefficients} coefficients, {codec.modes} modes",
+        highlight=False,
+    )
+    with _ProgressReport(console) as report:
+        began = time.monotonic()
+        with deferred_interrupt() as interrupted:
+            try:
+                pack = encode_blocks(textures, grouping, codec, options.seed, report.blocks, interrupted)
+            except TrainingCancelledError:
+                raise KeyboardInterrupt from None
+    seconds = time.monotonic() - began
+    write_or_rescue(options.out, pack)
+    lines = [
+        *psnr_table(pack).lines(),
+        f"bits: {came:.2f} per texel of all mips, asked for {asked:g}",
+        f"encoding: {seconds:.1f} s on cpu",
+        f"wrote {options.out}",
+    ]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 

@@ -2,13 +2,14 @@
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ntc.accuracy.error_bound import ErrorBound, pack_bounds
 from ntc.accuracy.precision_choice import sampled_bound
-from ntc.codec.config import Precision
-from ntc.codec.model import Pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.config import CodecConfig, Precision
+from ntc.codec.model import AnyCodec, Pack
 from ntc.errors import InputError
 from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack
@@ -79,6 +80,30 @@ def bounds_lines(bounds: dict[Precision, PackBound]) -> list[str]:
     return [title, *Table(BOUND_COLUMNS, rows).text().splitlines()]
 
 
+BOUNDS_ARE_FOR_GRID = (
+    "certified bounds of the error: for codec grid alone; codec block decodes in fp32 at every precision"
+)
+
+
+def codec_json(config: AnyCodec) -> dict[str, Any]:
+    """The codec's settings, what it is called, and what a decode costs."""
+    content = {"kind": config.kind, **asdict(config), "multiply_adds": config.multiply_adds}
+    if isinstance(config, BlockCodecConfig):
+        content["bits_per_texel_of_codes"] = config.bits_per_texel
+    return content
+
+
+def block_lines(config: AnyCodec) -> list[str]:
+    """A line about the settings of codec `block`; nothing for codec `grid`, whose shape stands with its decoders."""
+    if not isinstance(config, BlockCodecConfig):
+        return []
+    side = config.block_side
+    return [
+        f"codec block: blocks of {side}x{side} texels, {config.bits_per_texel:.2f} bits a texel, "
+        f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
+    ]
+
+
 def pack_json(pack: Pack) -> dict[str, Any]:
     """What `info F.ntc --json` prints."""
     return {
@@ -87,22 +112,29 @@ def pack_json(pack: Pack) -> dict[str, Any]:
         "parameters": dict(pack.grouping.parameters),
         "decoders": len(pack.decoders),
         "training": dict(pack.training),
+        "codec": codec_json(pack.config),
         **psnr_table(pack).json(),
-        "certified_error": bounds_json(certified(pack)),
+        "certified_error": bounds_json(certified(pack)) if isinstance(pack.config, CodecConfig) else None,
     }
 
 
 def pack_lines(pack: Pack) -> list[str]:
     """What `info F.ntc` prints."""
-    shape = "-".join(
-        str(side) for side in (pack.grid_config.decoder_inputs, *(rows for rows, _ in pack.grid_config.layer_shapes))
-    )
+    config = pack.config
+    if isinstance(config, CodecConfig):
+        shape = " " + "-".join(
+            str(side) for side in (config.decoder_inputs, *(rows for rows, _ in config.layer_shapes))
+        )
+        accuracy = bounds_lines(certified(pack))
+    else:
+        shape, accuracy = "", [BOUNDS_ARE_FOR_GRID]
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [
-        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders {shape}, grouping {printable(pack.grouping.name)}",
+        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders{shape}, grouping {printable(pack.grouping.name)}",
+        *block_lines(config),
         f"training: {printable(training)}",
         *psnr_table(pack).lines(),
-        *bounds_lines(certified(pack)),
+        *accuracy,
     ]
 
 

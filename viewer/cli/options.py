@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
+from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision
@@ -145,7 +145,7 @@ class RenderOptions:
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Train latents and decoders for the textures of a scene or of a folder of images, and write a pack."""
+    """Encode the textures of a scene or of a folder of images, and write a pack."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
     """glTF scene, or a folder of images (sub-folder names become categories)."""
@@ -169,6 +169,10 @@ class EncodeOptions:
     """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
+    codec: CodecKind = "grid"
+    """grid: latents and a network, trained. block: blocks of 8x8 texels under a transform, in closed form, in seconds."""
+    bits: float | None = None
+    """Codec block: bits per texel to come nearest to, of codes of all mips and decoders together. None: 2."""
     recipe: RecipeName = "best"
     """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
     texture_size: int | None = None

@@ -1,17 +1,17 @@
 """Encoding a group in closed form: principal components, bit allocations, trellis-coded indices. Torch on the CPU, float32."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 
 from ntc.codec.block.blocks import blocks_of, packed_codes
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
-from ntc.codec.block.quantizer import LOOKUP_CELLS, LOOKUP_RANGE, TrellisQuantizer, error_table, lookup_cells
+from ntc.codec.block.quantizer import TrellisQuantizer, best_modes
 from ntc.codec.block.trellis import indices_of, share_out_bits
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
@@ -24,6 +24,8 @@ SAMPLED_BLOCKS = 24_000
 """Blocks that a group's tables are fitted to."""
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""
+CLASS_ROUNDS = 12
+"""Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 24
 """Leading coefficients whose energies the first modes are clustered by."""
 BLOCKS_AT_ONCE = 1 << 14
@@ -33,7 +35,6 @@ BLOCKS_AT_ONCE = 1 << 14
 class _Texture:
     """A texture in blocks of normalised values."""
 
-    source: SourceTexture
     mean: Array
     axes: Array
     blocks: Array
@@ -57,12 +58,14 @@ def _prepared(source: SourceTexture, config: BlockCodecConfig) -> _Texture:
     width, height = source.size
     levels = latent_levels(width, height, config)
     mips = mip_chain(source.pixels, source.color_space)[: len(levels)]
-    values = [mip[..., : config.output_channels].astype(np.float32) / np.float32(255.0) for mip in mips]
+    missing = config.output_channels - source.pixels.shape[2]
+    # A channel that the texture lacks is 0 everywhere, which costs no bits.
+    values = [np.pad(mip.astype(np.float32) / np.float32(255.0), ((0, 0), (0, 0), (0, missing))) for mip in mips]
     mean, axes = _colour_axes(values[0].reshape(-1, config.output_channels))
     # The inverse of orthogonal axes of one length.
     inverse = axes / np.square(np.linalg.norm(axes[:, 0]))
     blocks = [blocks_of((value - mean) @ inverse, config.block_side, source.wrap) for value in values]
-    return _Texture(source, mean, axes, np.concatenate(blocks).reshape(-1, config.block_values))
+    return _Texture(mean, axes, np.concatenate(blocks).reshape(-1, config.block_values))
 
 
 def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
@@ -81,19 +84,6 @@ def _coefficients(blocks: Array, basis: NDArray[np.int8], basis_scale: Array) ->
     return torch.from_numpy(blocks @ np.linalg.pinv(rows).astype(np.float32))
 
 
-def _expected_errors(values: torch.Tensor, depths: NDArray[np.uint8], scales: NDArray[np.float64]) -> torch.Tensor:
-    """[blocks, modes]: about the squared error of each block under each mode, without searching the trellis."""
-    table = error_table()
-    errors = torch.empty((len(values), len(depths)))
-    for mode in range(len(depths)):
-        scale = torch.from_numpy(scales[mode].astype(np.float32))
-        unit = values / scale
-        entries = torch.from_numpy(depths[mode].astype(np.int64)) * LOOKUP_CELLS + lookup_cells(unit)
-        beyond = (unit.abs() - LOOKUP_RANGE).clamp_(min=0.0).square_()
-        errors[:, mode] = (table[entries] + beyond) @ scale.square()
-    return errors
-
-
 def _fitted_modes(
     squares: torch.Tensor, chosen: NDArray[np.int64], config: BlockCodecConfig
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -109,46 +99,77 @@ def _fitted_modes(
     return np.stack(depths), np.stack(scales)
 
 
+def _first_classes(features: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
+    """[rows] class of each of `features` [rows, K], by a few rounds of Lloyd's iteration from rows chosen at random."""
+    centres = features[random.permutation(len(features))[:count]]
+    for _ in range(CLASS_ROUNDS):
+        # Squared distances but for a summand that all classes share.
+        chosen = (np.square(centres).sum(1) - 2.0 * features @ centres.T).argmin(1)
+        sizes = np.bincount(chosen, minlength=len(centres))
+        sums = np.stack([np.bincount(chosen, column, len(centres)) for column in features.T], axis=1)
+        centres = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], centres).astype(np.float32)
+    classes: NDArray[np.int64] = chosen.astype(np.int64)
+    return classes
+
+
 def _modes(
-    coefficients: torch.Tensor, config: BlockCodecConfig, seed: int
+    coefficients: torch.Tensor, config: BlockCodecConfig, random: np.random.Generator
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     squares = coefficients.square()
     energies = torch.log(squares[:, :MODE_FEATURES] + 1e-4).numpy()
-    count = min(config.modes, len(energies))
-    chosen = KMeans(count, n_init=1, max_iter=20, random_state=seed).fit_predict(energies).astype(np.int64)
-    depths, scales = _fitted_modes(squares, chosen, config)
+    depths, scales = _fitted_modes(squares, _first_classes(energies, config.modes, random), config)
     for _ in range(MODE_ROUNDS):
-        chosen = _expected_errors(coefficients, depths, scale_values(scales)).argmin(1).numpy()
+        chosen = best_modes(coefficients, *_tables(depths, scales)).numpy()
         depths, scales = _fitted_modes(squares, chosen, config)
     return depths, scales
 
 
-def fit_decoder(textures: Sequence[_Texture], config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
-    """The tables of a group of prepared textures; each texture has the same weight, whatever its size."""
+def _tables(depths: NDArray[np.uint8], scales: NDArray[np.uint8]) -> tuple[torch.Tensor, torch.Tensor]:
+    return torch.from_numpy(depths.astype(np.int64)), torch.from_numpy(scale_values(scales).astype(np.float32))
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Torch on one thread: the same numbers on every machine, and the other cores are left alone."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def fit_decoder(sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
+    """The tables of a group of textures; each texture has the same weight, whatever its size."""
     random = np.random.default_rng(seed)
-    each = max(1, SAMPLED_BLOCKS // len(textures))
-    samples = [t.blocks[random.permutation(len(t.blocks))[:each]] for t in textures]
+    each = max(1, SAMPLED_BLOCKS // len(sources))
+    samples = []
+    for source in sources:
+        blocks = _prepared(source, config).blocks
+        samples.append(blocks[random.permutation(len(blocks))[:each]])
     sample = np.concatenate(samples)
-    basis, basis_scale = _basis(sample, config)
-    depths, scales = _modes(_coefficients(sample, basis, basis_scale), config, seed)
+    with _one_thread():
+        basis, basis_scale = _basis(sample, config)
+        depths, scales = _modes(_coefficients(sample, basis, basis_scale), config, random)
     return BlockDecoder(basis, basis_scale, depths, scales)
 
 
 def encode_texture(
-    texture: _Texture, decoder: BlockDecoder, config: BlockCodecConfig, quantizer: TrellisQuantizer
+    source: SourceTexture, decoder: BlockDecoder, config: BlockCodecConfig, quantizer: TrellisQuantizer
 ) -> BlockTexture:
-    """The codes of a prepared texture under a group's tables."""
-    scales = scale_values(decoder.scales)
-    depths = decoder.depths.astype(np.int64)
+    """The codes of a texture under a group's tables."""
+    texture = _prepared(source, config)
+    depths, scales = _tables(decoder.depths, decoder.scales)
     parts = []
-    for start in range(0, len(texture.blocks), BLOCKS_AT_ONCE):
-        values = _coefficients(texture.blocks[start : start + BLOCKS_AT_ONCE], decoder.basis, decoder.basis_scale)
-        modes = _expected_errors(values, decoder.depths, scales).argmin(1).numpy()
-        own_depths = torch.from_numpy(depths[modes])
-        numbers, _ = quantizer.quantize(values, own_depths, torch.from_numpy(scales[modes].astype(np.float32)))
-        indices = indices_of(numbers.numpy(), depths[modes])
-        parts.append(packed_codes(modes, indices, decoder, config))
-    width, height = texture.source.size
+    with _one_thread():
+        for start in range(0, len(texture.blocks), BLOCKS_AT_ONCE):
+            blocks = texture.blocks[start : start + BLOCKS_AT_ONCE]
+            values = _coefficients(blocks, decoder.basis, decoder.basis_scale)
+            modes = best_modes(values, depths, scales)
+            numbers, _ = quantizer.quantize(values, depths[modes], scales[modes])
+            indices = indices_of(numbers.numpy(), depths[modes].numpy())
+            parts.append(packed_codes(modes.numpy(), indices, decoder, config))
+    width, height = source.size
     return BlockTexture(width, height, np.concatenate(parts), texture.mean, texture.axes)
 
 
@@ -156,7 +177,5 @@ def encode_group(
     sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0
 ) -> tuple[BlockDecoder, tuple[BlockTexture, ...]]:
     """Tables and codes of textures that share a decoder. `seed` decides which blocks are sampled, and so every byte."""
-    textures = [_prepared(source, config) for source in sources]
-    decoder = fit_decoder(textures, config, seed)
-    quantizer = TrellisQuantizer()
-    return decoder, tuple(encode_texture(texture, decoder, config, quantizer) for texture in textures)
+    decoder, quantizer = fit_decoder(sources, config, seed), TrellisQuantizer()
+    return decoder, tuple(encode_texture(source, decoder, config, quantizer) for source in sources)

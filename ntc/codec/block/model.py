@@ -23,8 +23,8 @@ class BlockDecoder:
 
     @property
     def stored_bits(self) -> int:
-        """Bits of the tables in a pack: depths take 4 bits each."""
-        return 8 * self.basis.size + 32 * self.basis_scale.size + 12 * self.depths.size
+        """Bits of the tables in a pack."""
+        return 8 * self.basis.size + 32 * self.basis_scale.size + 16 * self.depths.size
 
 
 @dataclass(frozen=True, eq=False)
