@@ -1,0 +1,170 @@
+"""Codec `block` from the command line: encode a folder and a scene with every grouping, decode, describe, refuse."""
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from ntc.codec.block.rate import bits_per_texel
+from ntc.codec.config import GroupingName
+from ntc.metrics.metrics import psnr_db
+from ntc.pack.file import read_pack
+from tests.end_to_end.conftest import two_squares
+from viewer import cli
+from viewer.cli.decode import image_file_names
+from viewer.scene.images import read_image, write_png
+
+SIZES = ((96, 64), (64, 64), (40, 24), (100, 36))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four pictures of waves in two categories."""
+    place = tmp_path_factory.mktemp("pictures")
+    for number, (width, height) in enumerate(SIZES):
+        y, x = np.mgrid[0:height, 0:width]
+        waves = [np.sin(x * (0.1 + 0.05 * c) + y * 0.07 * (number + 1) + c) for c in range(3)]
+        image = np.stack(waves, axis=-1) * 70 + 128
+        write_png(place / ("brick", "wood")[number % 2] / f"{number}.png", image.astype(np.uint8))
+    return place
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene of two textured squares, without packs."""
+    return two_squares().write(tmp_path_factory.mktemp("scene") / "scene.glb")
+
+
+def encode(source: Path, out: Path, *arguments: str) -> int:
+    """Exit status of `encode --codec block`."""
+    return cli.main(["encode", str(source), "--out", str(out), "--codec", "block", *arguments])
+
+
+@pytest.mark.parametrize("grouping", [name for name in get_args(GroupingName) if name != "covisible"])
+def test_a_folder_in_every_grouping(folder: Path, tmp_path: Path, grouping: str) -> None:
+    out = tmp_path / "a.ntc"
+    clusters = ("--clusters", "2") if grouping in ("clustered", "random") else ()
+    assert encode(folder, out, "--grouping", grouping, "--bits", "4", *clusters) == 0
+    pack = read_pack(out)
+    assert pack.grouping.name == grouping
+    assert len(pack.decoders) == pack.grouping.group_count
+    assert pack.training["codec"] == "block"
+    assert sorted((texture.width, texture.height) for texture in pack.textures) == sorted(SIZES)
+    images = {}
+    for backend in ("numpy", "torch"):
+        assert cli.main(["decode", str(out), "--out", str(tmp_path / backend), "--backend", backend]) == 0
+        images[backend] = {path.name: read_image(path).astype(int) for path in (tmp_path / backend).iterdir()}
+    for texture, file in zip(pack.textures, image_file_names([t.name for t in pack.textures]), strict=True):
+        one, other = images["numpy"][file], images["torch"][file]
+        assert np.abs(one - other).max() <= 1
+        original = read_image(folder / f"{texture.name}.png")
+        assert texture.psnr_db is not None
+        assert psnr_db(one.astype(np.uint8), original) == pytest.approx(texture.psnr_db, abs=1e-6)
+        assert texture.psnr_db > 26.0
+
+
+@pytest.mark.parametrize("grouping", get_args(GroupingName))
+def test_a_scene_in_every_grouping(scene: Path, tmp_path: Path, grouping: str) -> None:
+    out = tmp_path / "a.ntc"
+    clusters = ("--clusters", "1") if grouping in ("clustered", "random", "covisible") else ()
+    assert encode(scene, out, "--grouping", grouping, *clusters) == 0
+    pack = read_pack(out)
+    assert pack.grouping.name == grouping
+    assert [texture.name for texture in pack.textures] == ["picture 0", "picture 1"]
+    assert min(texture.psnr_db or 0.0 for texture in pack.textures) > 24.0
+
+
+def test_the_same_seed_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    files = [tmp_path / f"{name}.ntc" for name in ("one", "two", "three")]
+    for out, seed in zip(files, ("3", "3", "4"), strict=True):
+        assert encode(folder, out, "--grouping", "single", "--seed", seed) == 0
+    one, two, three = (out.read_bytes() for out in files)
+    assert one == two
+    assert one != three
+
+
+def test_bits_are_met_as_nearly_as_whole_words_allow(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = []
+    for asked in (3.0, 5.0, 8.0):
+        out = tmp_path / f"{asked}.ntc"
+        assert encode(folder, out, "--grouping", "single", "--bits", str(asked)) == 0
+        pack = read_pack(out)
+        came = bits_per_texel([(t.width, t.height) for t in pack.textures], 1, pack.block_config)
+        assert f"bits: {came:.2f} per texel of all mips, asked for {asked:g}" in capsys.readouterr().out
+        # A word more or less is half a bit a texel, more with blocks at edges and tables for so few texels.
+        assert abs(came - asked) < 0.75
+        stored = sum(t.latents.nbytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
+        texels = sum(
+            max(1, w >> level) * max(1, h >> level) for w, h in SIZES for level in range(16) if level <= last(w, h)
+        )
+        tables = pack.block_decoders[0].stored_bits
+        assert came == pytest.approx((8 * stored + tables) / texels)
+        found.append(min(t.psnr_db or 0.0 for t in pack.textures))
+    assert found[0] < found[1] < found[2]
+
+
+def last(width: int, height: int) -> int:
+    """The first mip that one block holds."""
+    return next(level for level in range(16) if max(width >> level, height >> level) <= 8)
+
+
+def test_info_says_what_the_codec_is(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.ntc"
+    assert encode(folder, out, "--grouping", "single") == 0
+    config = read_pack(out).block_config
+    capsys.readouterr()
+    assert cli.main(["info", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert f"codec block: blocks of 8x8 texels, {config.bits_per_texel:.2f} bits a texel" in printed
+    assert f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds" in printed
+    assert "for codec grid alone" in printed
+    assert cli.main(["info", str(out), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["codec"]["kind"] == "block"
+    assert content["codec"]["block_side"] == 8
+    assert content["certified_error"] is None
+
+
+def test_channels_and_levels(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    for name, channels in (("grey", 1), ("colour", 3), ("alpha", 4)):
+        ramp = np.linspace(20, 220, 32)[:, None, None] + random.normal(0, 3, (32, 32, channels))
+        write_png(tmp_path / "in" / f"{name}.png", ramp.astype(np.uint8))
+    out = tmp_path / "a.ntc"
+    assert encode(tmp_path / "in", out, "--grouping", "single", "--bits", "6", "--levels", "1") == 0
+    pack = read_pack(out)
+    assert pack.config.levels == 1
+    assert {len(texture.latents) for texture in pack.textures} == {16}
+    assert pack.config.output_channels == max(texture.channels for texture in pack.textures)
+    assert min(texture.psnr_db or 0.0 for texture in pack.textures) > 28.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--bits", "0"], "--bits 0: must be above 0"),
+        (["--bits", "-1"], "must be above 0"),
+        (["--bits", "nan"], "must be above 0"),
+        (["--bits", "1000"], "--bits 1000: set it above 0 and up to"),
+        (["--steps", "5"], "--steps 5: codec block is not trained"),
+        (["--epochs", "5"], "codec block is not trained"),
+        (["--state", "a.state"], "--state a.state: codec block is not trained"),
+        (["--recipe", "paper"], "--recipe paper: codec block is not trained"),
+        (["--device", "cuda"], "--device cuda: codec block is not trained"),
+        (["--codec", "grid", "--bits", "2"], "--bits 2: only --codec block"),
+        (["--codec", "wavelet"], "wavelet"),
+    ],
+)
+def test_bad_options_are_one_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    out = tmp_path / "o.ntc"
+    codec = [] if "--codec" in arguments else ["--codec", "block"]
+    assert cli.main(["encode", str(folder), "--out", str(out), "--grouping", "single", *codec, *arguments]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert words in line
+    assert not out.exists()
