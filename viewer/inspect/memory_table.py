@@ -64,7 +64,12 @@ def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str,
     table = psnr_table(pack)
     rows = [
         MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
-        MemoryRow("pack: decoders", table.decoder_bytes, table.decoder_bytes / original, "half precision"),
+        MemoryRow(
+            "pack: decoders",
+            table.decoder_bytes,
+            table.decoder_bytes / original,
+            "half precision" if pack.config.kind == "grid" else "bases and bit allocations",
+        ),
     ]
     if table.adapter_bytes:
         rows.append(MemoryRow("pack: adapters", table.adapter_bytes, table.adapter_bytes / original))

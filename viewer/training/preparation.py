@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from ntc.codec.config import GroupingConfig
+from ntc.codec.config import CodecConfig, GroupingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -82,6 +82,10 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         return _encode(job.settings, scene, report)
     if base is None:
         raise InputError("no pack is shown; encode the scene first")
+    if not isinstance(base.config, CodecConfig):
+        raise InputError(
+            f"{base.name}: codec block is not trained; encode it again with ntc-viewer encode --codec block"
+        )
     grouping = base.grouping
     if isinstance(job, MoveTexture):
         grouping = moved_texture(base.grouping, job.texture, job.group)
@@ -94,7 +98,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             raise InputError(f"{job.settings.grouping_text}: gives the groups that there are; nothing is to be trained")
     dirty = job.groups if isinstance(job, RetrainGroups) else None
     training = recipe_config(job.settings.recipe)
-    return TrainingRequest(textures, grouping, base.grid_config, training, job.settings.budget, base, dirty)
+    return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
 
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
