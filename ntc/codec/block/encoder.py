@@ -70,18 +70,21 @@ def _prepared(source: SourceTexture, config: BlockCodecConfig) -> _Texture:
 
 def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
     """(basis, basis_scale) of BlockDecoder: leading principal directions of `blocks` about 0, rounded to 8 bits."""
-    covariance = blocks.T.astype(np.float64) @ blocks / len(blocks)
-    vectors = np.linalg.eigh(covariance)[1][:, ::-1].T[: config.coefficients]
+    values = torch.from_numpy(blocks).double()
+    vectors = torch.linalg.eigh(values.T @ values / len(blocks))[1].numpy()[:, ::-1].T[: config.coefficients]
     vectors = vectors * np.where(vectors.sum(1, keepdims=True) < 0.0, -1.0, 1.0)
     scale = np.abs(vectors).max(1) / 127.0
     rounded = np.rint(vectors / scale[:, None]).astype(np.int8)
     return rounded.reshape(len(vectors), config.block_texels, config.output_channels), scale.astype(np.float32)
 
 
-def _coefficients(blocks: Array, basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:
-    """[blocks, coefficients] float32 with the least squared error under the rounded basis."""
-    rows = (basis.reshape(len(basis), -1) * basis_scale[:, None]).astype(np.float64)
-    return torch.from_numpy(blocks @ np.linalg.pinv(rows).astype(np.float32))
+def _projection(basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:
+    """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error under the rounded
+    basis."""
+    rows = torch.from_numpy((basis.reshape(len(basis), -1) * basis_scale[:, None]).astype(np.float64))
+    # The rows are orthogonal but for their rounding.
+    solution: torch.Tensor = torch.linalg.solve(rows @ rows.T, rows)
+    return solution.T.float().contiguous()
 
 
 def _fitted_modes(
@@ -150,7 +153,8 @@ def fit_decoder(sources: Sequence[SourceTexture], config: BlockCodecConfig, seed
     sample = np.concatenate(samples)
     with _one_thread():
         basis, basis_scale = _basis(sample, config)
-        depths, scales = _modes(_coefficients(sample, basis, basis_scale), config, random)
+        coefficients = torch.from_numpy(sample) @ _projection(basis, basis_scale)
+        depths, scales = _modes(coefficients, config, random)
     return BlockDecoder(basis, basis_scale, depths, scales)
 
 
@@ -162,9 +166,10 @@ def encode_texture(
     depths, scales = _tables(decoder.depths, decoder.scales)
     parts = []
     with _one_thread():
+        projection = _projection(decoder.basis, decoder.basis_scale)
         for start in range(0, len(texture.blocks), BLOCKS_AT_ONCE):
             blocks = texture.blocks[start : start + BLOCKS_AT_ONCE]
-            values = _coefficients(blocks, decoder.basis, decoder.basis_scale)
+            values = torch.from_numpy(blocks) @ projection
             modes = best_modes(values, depths, scales)
             numbers, _ = quantizer.quantize(values, depths[modes], scales[modes])
             indices = indices_of(numbers.numpy(), depths[modes].numpy())
