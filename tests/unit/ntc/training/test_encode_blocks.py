@@ -1,0 +1,122 @@
+"""Packs of codec `block`, encoded in the caller's process: textures of all kinds, progress, cancelling, sizes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+
+from ntc.accuracy.precision_choice import chosen_precision
+from ntc.accuracy.rescale import stored_pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.rate import bits_per_texel, config_for_bits
+from ntc.codec.model import Grouping
+from ntc.codec.reference import decode_image
+from ntc.codec.textures import SourceTexture, hash_pixels
+from ntc.errors import InputError, TrainingCancelledError
+from ntc.metrics.metrics import psnr_db, psnr_table
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.validate import check_pack
+from ntc.training.encode_blocks import BlockProgress, encode_blocks
+
+SMALL = BlockCodecConfig(coefficients=24, modes=4, output_channels=4)
+
+
+def waves(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:
+    """A smooth texture with a little noise."""
+    random = np.random.default_rng(seed)
+    y, x = np.mgrid[0:height, 0:width]
+    image = np.stack([np.sin(x * 0.2 + y * 0.1 * (seed + 1) + c) for c in range(channels)], axis=-1) * 80 + 128
+    pixels = np.clip(image + random.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+    return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels), wrap=("mirror", "repeat"))
+
+
+def test_textures_with_different_channels_share_a_group(tmp_path: Path) -> None:
+    sources = [waves(48, 40, channels, seed=channels) for channels in (1, 2, 3, 4)]
+    pack = encode_blocks(sources, Grouping("single", (0, 0, 0, 0)), SMALL)
+    check_pack(pack)
+    write_pack(tmp_path / "a.ntc", pack)
+    read = read_pack(tmp_path / "a.ntc")
+    for index, source in enumerate(sources):
+        found = read.textures[index]
+        assert (found.name, found.pixel_hash, found.wrap) == (source.name, source.pixel_hash, source.wrap)
+        assert found.channels == source.pixels.shape[2]
+        decoded = decode_image(read, index)
+        assert decoded.shape == source.pixels.shape
+        assert found.psnr_db == pytest.approx(psnr_db(decoded, source.pixels))
+        assert found.psnr_db is not None
+        assert found.psnr_db > 28.0
+
+
+def test_odd_textures_are_encoded() -> None:
+    random = np.random.default_rng(0)
+    shapes = {"texel": (1, 1, 3), "strip": (3, 200, 3), "noise": (33, 17, 3)}
+    images = {name: random.integers(0, 256, shape, np.uint8) for name, shape in shapes.items()}
+    images["flat"] = np.full((24, 24, 3), 255, np.uint8)
+    sources = [SourceTexture(name, pixels, hash_pixels(pixels)) for name, pixels in images.items()]
+    for groups in ((0, 0, 0, 0), (0, 1, 2, 3)):
+        pack = encode_blocks(sources, Grouping("any", groups), BlockCodecConfig())
+        check_pack(pack)
+        assert len(pack.decoders) == max(groups) + 1
+        assert decode_image(pack, 0).shape == (1, 1, 3)
+        np.testing.assert_array_equal(decode_image(pack, 3), images["flat"])
+
+
+def test_progress_names_every_texture_and_threads_are_given_back() -> None:
+    reports: list[BlockProgress] = []
+    before = torch.get_num_threads()
+    encode_blocks([waves(16, 16, seed=s) for s in range(3)], Grouping("any", (1, 0, 1)), SMALL, report=reports.append)
+    assert [(report.done, report.textures) for report in reports] == [(1, 3), (2, 3), (3, 3)]
+    assert reports[-1].seconds_left == 0.0
+    assert reports[-1].mean_psnr_db > 20.0
+    assert torch.get_num_threads() == before
+
+
+def test_cancelling_ends_it_before_the_next_texture() -> None:
+    reports: list[BlockProgress] = []
+    sources = [waves(16, 16, seed=seed) for seed in range(3)]
+    with pytest.raises(TrainingCancelledError):
+        encode_blocks(
+            sources, Grouping("single", (0, 0, 0)), SMALL, report=reports.append, cancelled=lambda: len(reports) > 0
+        )
+    assert len(reports) == 1
+
+
+def test_what_cannot_be_encoded_is_named() -> None:
+    with pytest.raises(InputError, match="no texture"):
+        encode_blocks([], Grouping("single", ()), SMALL)
+    with pytest.raises(InputError, match="needs a group for each texture"):
+        encode_blocks([waves(8, 8)], Grouping("single", (1,)), SMALL)
+    with pytest.raises(InputError, match="has 4 channels"):
+        encode_blocks([waves(8, 8, 4)], Grouping("single", (0,)), BlockCodecConfig())
+
+
+def test_a_block_pack_is_drawn_in_fp32_at_every_precision() -> None:
+    pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockCodecConfig(coefficients=16, modes=2))
+    assert chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
+    assert stored_pack(pack, "fp16-accumulate") is pack
+
+
+def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> None:
+    pack = encode_blocks([waves(40, 24), waves(16, 16, seed=1)], Grouping("any", (0, 1)), SMALL)
+    write_pack(tmp_path / "a.ntc", pack)
+    sizes = {"latents": 0, "decoder": 0}
+    with safe_open(tmp_path / "a.ntc", "np") as file:
+        for name in file.keys():  # noqa: SIM118  Not a mapping.
+            sizes[name.split(".")[0]] += file.get_tensor(name).nbytes
+    table = psnr_table(pack)
+    assert (table.latent_bytes, table.decoder_bytes, table.adapter_bytes) == (sizes["latents"], sizes["decoder"], 0)
+    assert table.bits_per_texel == pytest.approx(8 * sum(sizes.values()) / (40 * 24 + 16 * 16))
+
+
+@pytest.mark.parametrize("groups", [1, 8])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_large_textures_come_within_half_a_word_of_the_bits_asked_for(groups: int, channels: int) -> None:
+    sizes = [(1024, 1024)] * 8
+    for asked in (0.6, 1.0, 2.0, 3.3, 6.0):
+        config = config_for_bits(asked, sizes, groups, channels, None)
+        assert bits_per_texel(sizes, groups, config) == pytest.approx(asked, abs=0.32)
+        assert config.output_channels == channels
+    with pytest.raises(InputError, match=r"--bits 9\.5: set it above 0 and up to 8"):
+        config_for_bits(9.5, sizes, groups, 3, None)
