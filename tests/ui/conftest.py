@@ -91,8 +91,7 @@ def display() -> Iterator[str]:
     reading, writing = os.pipe()
     server = subprocess.Popen(
         # A number of this process: a server that ends removes the socket of one that has just taken the same number.
-        ["Xvfb", f":{1000 + os.getpid() % 50000}", "-displayfd", str(writing), "-screen", "0", "1024x640x24"]
-        + ["-nolisten", "tcp"],
+        f"Xvfb :{1000 + os.getpid() % 50000} -displayfd {writing} -screen 0 1024x640x24 -nolisten tcp".split(),
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
