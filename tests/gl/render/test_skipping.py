@@ -51,8 +51,8 @@ def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """Renderers made from now on count."""
     folder = tmp_path / "shaders"
     shutil.copytree(shaders_folder(), folder)
-    file = folder / "ntc" / "decode.glsl"
-    text, start = file.read_text(), "    if (isnan(lod) || isinf(lod)) lod = 0.0;"
+    file = folder / "ntc" / "grid.glsl"
+    text, start = file.read_text(), "    lod = present_lod(record, lod);"
     assert text.count(start) == 1
     text = text.replace(start, "    atomicAdd(work_done, 1u);\n" + start)
     declared = f"layout(std430, binding = {int(COUNTER)}) buffer Work {{ uint work_done; }};\n"
