@@ -162,7 +162,8 @@ _COMMANDS, _REPORTS = _decoders(Command), _decoders(WorkerReport)
 def encode(message: Command | WorkerReport) -> bytes:
     """The bytes of a message whose arrays are places. Raises WireError for values that cannot be encoded: halves of surrogate
     pairs, integers of more than 64 bits, records that are not JSON."""
-    name = type(message).__name__
+    # One that was received is of the narrower type that it was decoded into.
+    name = StartTraining.__name__ if isinstance(message, StartTraining) else type(message).__name__
     try:
         return _ENCODER.encode((name, message))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
