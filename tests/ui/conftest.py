@@ -91,7 +91,8 @@ def display() -> Iterator[str]:
     reading, writing = os.pipe()
     server = subprocess.Popen(
         # A number of this process: a server that ends removes the socket of one that has just taken the same number.
-        f"Xvfb :{1000 + os.getpid() % 50000} -displayfd {writing} -screen 0 1024x640x24 -nolisten tcp".split(),
+        # Nor does it start anew when a program closes its only window: the next one would find no screen.
+        f"Xvfb :{1000 + os.getpid() % 50000} -displayfd {writing} -screen 0 1024x640x24 -nolisten tcp -noreset".split(),
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
