@@ -15,6 +15,7 @@ from ntc.codec.block.trellis import BRANCHES, level_table
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
+from tests.support.parity import largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.block_tables import trellis_blocks, trellis_subsets
@@ -60,11 +61,7 @@ def largest_error(
 ) -> float:
     """Largest difference between GLSL and float64 at these requests, rounded to what both can represent."""
     pack, decoder = codec
-    at, level = (part.astype(np.float32).astype(np.float64) for part in (uv, lod))
-    expected = reference.decode_texels(pack, texture, at, level, wrap)
-    found = decoder.decode_texels(texture, uv, lod, wrap)
-    assert found.shape == expected.shape
-    return float(np.abs(found - expected).max())
+    return largest_difference(pack, decoder.decode_texels, texture, uv, lod, wrap)
 
 
 def test_random_codes_give_values_across_the_range(codec: Codec) -> None:

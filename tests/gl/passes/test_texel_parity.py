@@ -11,6 +11,7 @@ from ntc.codec import reference
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
+from tests.support.parity import in_float32, largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
@@ -51,20 +52,12 @@ def full(graphics: GraphicsContext) -> Iterator[tuple[Pack, GlTexelDecoder]]:
     decoder.release()
 
 
-def in_float32(values: np.ndarray) -> np.ndarray:
-    """`values` as both sides can represent them: float64 numbers that are float32 exactly."""
-    return values.astype(np.float32).astype(np.float64)
-
-
 def largest_error(
     codec: tuple[Pack, GlTexelDecoder], texture: int, uv: np.ndarray, lod: np.ndarray, wrap: tuple[WrapMode, WrapMode]
 ) -> float:
     """Largest difference between GLSL and float64 at these float32 requests."""
     pack, decoder = codec
-    expected = reference.decode_texels(pack, texture, in_float32(uv), in_float32(lod), wrap)
-    found = decoder.decode_texels(texture, uv, lod, wrap)
-    assert found.shape == expected.shape
-    return float(np.abs(found - expected).max())
+    return largest_difference(pack, decoder.decode_texels, texture, uv, lod, wrap)
 
 
 @pytest.mark.parametrize("wrap", WRAP_PAIRS, ids="-".join)

@@ -19,8 +19,8 @@ from ntc.codec.reference import decode_image, decode_texels, texel_centres
 from ntc.codec.torch_block import TorchBlockCodec, torch_codec
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
+from tests.support.parity import assert_torch_agrees
 
-TOLERANCE = 1e-4
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAPS = tuple(product(MODES, MODES))
@@ -43,19 +43,6 @@ def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     return image_of(values, geometry, config.block_side).astype(np.float64)
 
 
-def assert_same(
-    pack: Pack, index: int, uv: NDArray[np.float32], lod: NDArray[np.float32], wrap: tuple[WrapMode, WrapMode] | None
-) -> None:
-    """Both decode `uv` and `lod` to the same finite numbers in [0, 1]."""
-    truth = decode_texels(pack, index, uv.astype(np.float64), lod.astype(np.float64), wrap)
-    fast = TorchBlockCodec(pack, "cpu").decode_texels(index, uv, lod, wrap)
-    assert truth.shape == fast.shape == (len(uv), pack.textures[index].channels)
-    assert np.isfinite(truth).all()
-    assert truth.min(initial=0.0) >= 0.0
-    assert truth.max(initial=1.0) <= 1.0
-    np.testing.assert_allclose(fast, truth, atol=TOLERANCE, rtol=0.0)
-
-
 @pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("levels", [None, 1, 2])
 def test_random_places(wrap: tuple[WrapMode, WrapMode], levels: int | None) -> None:
@@ -63,7 +50,7 @@ def test_random_places(wrap: tuple[WrapMode, WrapMode], levels: int | None) -> N
     random = np.random.default_rng(3)
     for index in range(len(SIZES)):
         uv = random.uniform(-5.0, 5.0, (400, 2)).astype(np.float32)
-        assert_same(pack, index, uv, random.uniform(-1.0, 10.0, 400).astype(np.float32), wrap)
+        assert_torch_agrees(pack, index, uv, random.uniform(-1.0, 10.0, 400).astype(np.float32), wrap)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -72,7 +59,7 @@ def test_hostile_numbers_decode_to_something_finite(wrap: tuple[WrapMode, WrapMo
     hostile = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-45, -0.0, 0.5], np.float32)
     u, v, lod = (axis.ravel() for axis in np.meshgrid(hostile, hostile, hostile))
     for index in range(len(SIZES)):
-        assert_same(pack, index, np.stack([u, v], axis=-1), lod, wrap)
+        assert_torch_agrees(pack, index, np.stack([u, v], axis=-1), lod, wrap)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
@@ -133,7 +120,7 @@ def test_further_channels_are_dropped_and_nothing_decodes_to_nothing() -> None:
     uv, lod = np.full((1, 2), 0.3), np.zeros(1)
     np.testing.assert_array_equal(decode_texels(two, 0, uv, lod), decode_texels(pack, 0, uv, lod)[:, :2])
     assert decode_image(two, 0, 2).shape == TorchBlockCodec(two, "cpu").decode_image(0, 2).shape == (16, 16, 2)
-    assert_same(pack, 0, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), None)
+    assert_torch_agrees(pack, 0, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), None)
 
 
 def test_each_codec_has_its_decoder() -> None:

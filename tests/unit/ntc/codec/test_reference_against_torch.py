@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
@@ -13,8 +12,8 @@ from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, decoder_inputs, run_decoder, texel_centres
 from ntc.codec.torch_codec import TorchCodec
+from tests.support.parity import assert_torch_agrees
 
-TOLERANCE = 1e-4
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAPS = tuple(product(MODES, MODES))
@@ -25,19 +24,6 @@ def four_textures(channels: int = 3, levels: int | None = None) -> Pack:
     return random_pack(SIZES, (0, 1, 0, 1), CodecConfig(output_channels=channels, levels=levels))
 
 
-def assert_same(
-    pack: Pack, index: int, uv: NDArray[np.float32], lod: NDArray[np.float32], wrap: tuple[WrapMode, WrapMode] | None
-) -> None:
-    """Both decode `uv` and `lod` to the same finite numbers in [0, 1]."""
-    truth = decode_texels(pack, index, uv.astype(np.float64), lod.astype(np.float64), wrap)
-    fast = TorchCodec(pack, "cpu").decode_texels(index, uv, lod, wrap)
-    assert truth.shape == fast.shape == (len(uv), pack.textures[index].channels)
-    assert np.isfinite(truth).all()
-    assert truth.min(initial=0.0) >= 0.0
-    assert truth.max(initial=1.0) <= 1.0
-    np.testing.assert_allclose(fast, truth, atol=TOLERANCE, rtol=0.0)
-
-
 @pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("levels", [None, 1, 2])
 def test_random_places(wrap: tuple[WrapMode, WrapMode], levels: int | None) -> None:
@@ -46,7 +32,7 @@ def test_random_places(wrap: tuple[WrapMode, WrapMode], levels: int | None) -> N
     for index in range(len(SIZES)):
         uv = random.uniform(-5.0, 5.0, (400, 2)).astype(np.float32)
         lod = random.uniform(-1.0, 10.0, 400).astype(np.float32)
-        assert_same(pack, index, uv, lod, wrap)
+        assert_torch_agrees(pack, index, uv, lod, wrap)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
@@ -57,7 +43,7 @@ def test_every_level_at_texel_centres(channels: int, levels: int | None) -> None
     for index, size in enumerate(SIZES):
         for number, level in enumerate(latent_levels(*size, pack.config)):
             uv = texel_centres(level.texel_width, level.texel_height).astype(np.float32)
-            assert_same(pack, index, uv, np.full(len(uv), number, np.float32), None)
+            assert_torch_agrees(pack, index, uv, np.full(len(uv), number, np.float32), None)
             truth, fast = decode_image(pack, index, number), codec.decode_image(index, number)
             assert truth.shape == fast.shape == (level.texel_height, level.texel_width, channels)
             assert np.abs(truth.astype(int) - fast.astype(int)).max() <= 1
@@ -71,7 +57,7 @@ def test_edges_of_texels_cells_and_the_texture(wrap: tuple[WrapMode, WrapMode]) 
     for coordinates in ((edges, edges[::-1]), (edges, np.zeros_like(edges)), (np.ones_like(edges), edges)):
         uv = np.stack(coordinates, axis=-1)
         for lod in (0.0, 0.5, 1.0, 3.0):
-            assert_same(pack, 0, uv, np.full(len(uv), lod, np.float32), wrap)
+            assert_torch_agrees(pack, 0, uv, np.full(len(uv), lod, np.float32), wrap)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -80,7 +66,7 @@ def test_hostile_numbers_decode_to_something_finite(wrap: tuple[WrapMode, WrapMo
     hostile = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-45, -0.0, 0.5], np.float32)
     u, v, lod = (axis.ravel() for axis in np.meshgrid(hostile, hostile, hostile))
     for index in range(len(SIZES)):
-        assert_same(pack, index, np.stack([u, v], axis=-1), lod, wrap)
+        assert_torch_agrees(pack, index, np.stack([u, v], axis=-1), lod, wrap)
 
 
 def test_what_is_not_finite_counts_as_0() -> None:
@@ -93,7 +79,7 @@ def test_what_is_not_finite_counts_as_0() -> None:
 
 def test_nothing_decodes_to_nothing() -> None:
     pack = four_textures()
-    assert_same(pack, 0, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), None)
+    assert_torch_agrees(pack, 0, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), None)
 
 
 def test_the_textures_own_wrap_is_the_default() -> None:
@@ -194,4 +180,4 @@ def test_other_shapes_agree_too(config: CodecConfig) -> None:
     pack = random_pack(((40, 24),), (0,), config)
     random = np.random.default_rng(5)
     uv = random.uniform(-2.0, 2.0, (200, 2)).astype(np.float32)
-    assert_same(pack, 0, uv, random.uniform(0.0, 5.0, 200).astype(np.float32), None)
+    assert_torch_agrees(pack, 0, uv, random.uniform(0.0, 5.0, 200).astype(np.float32), None)
