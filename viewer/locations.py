@@ -23,10 +23,19 @@ def scene_roots() -> tuple[Path, ...]:
     return tuple(Path(name).resolve() for name in given.split(os.pathsep) if name)
 
 
+def _cache_folder(name: str) -> Path:
+    given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
+    return Path(given, name)
+
+
 def features_cache() -> Path:
     """Where features of textures are cached by pixel hash: in NTC_VIEWER_CACHE_DIR, else the platform's cache folder."""
-    given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
-    return Path(given, "features")
+    return _cache_folder("features")
+
+
+def blocks_cache() -> Path:
+    """Where textures in BC1, BC7 and ASTC are cached, likewise."""
+    return _cache_folder("blocks")
 
 
 def _installed_folder(name: str) -> Path:

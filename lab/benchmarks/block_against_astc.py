@@ -1,126 +1,151 @@
-"""Codec `block` beside ASTC (astcenc, thorough) on the same images, at ASTC's rates, mips and side information counted.
+"""Codec `block` in every grouping beside ASTC (astcenc, thorough): the same images, at ASTC's rates, mips and tables counted.
 
-python -m lab.benchmarks.block_against_astc FOLDER --texture-size 512 --json lab/benchmarks/results/studies/block_against_astc.json
+python -m lab.benchmarks.block_against_astc SCENE|FOLDER ... --most 100 --json lab/benchmarks/results/studies/block_against_astc.json
 """
 
 import argparse
 import json
 import sys
-import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import GroupingConfig
-from ntc.codec.latents import latent_levels
-from ntc.codec.model import Pack
+from lab.bench.record import write_figure
+from lab.studies.block_codec import measured_block_codec
+from lab.studies.hardware_formats import FormatStudy
+from lab.studies.rate_table import RatePoint, rate_figure, rate_table
+from lab.studies.set_quality import PictureQuality
+from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.io import write_text
-from ntc.metrics.metrics import PsnrSummary, psnr_db
-from ntc.training.encode_blocks import encode_blocks
+from ntc.metrics.block_compression import BlockFormat
 from viewer.cli.encode import read_source
+from viewer.cli.table import Cell, Column, Table
+from viewer.locations import blocks_cache, features_cache
 
-RATES: tuple[tuple[int, tuple[int, int]], ...] = ((2, (12, 10)), (4, (8, 8)), (8, (6, 5)))
-"""Words of an 8x8 block, and the ASTC block (width, height) whose rate is nearest: about 1, 2 and 4 bits a texel."""
-ASTC_THOROUGH = 98.0
-ASTC_BITS = 128
-
-
-def astc_decoded(pixels: NDArray[np.uint8], block: tuple[int, int]) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8: what hardware reads from `pixels` [H, W, 3] uint8 sRGB in ASTC LDR sRGB blocks. Raises InputError."""
-    try:
-        from astc_encoder import ASTCConfig, ASTCContext, ASTCImage, ASTCProfile, ASTCSwizzle, ASTCType
-    except ImportError as error:
-        raise InputError(f"ASTC: the encoder is not installed ({error}); pip install astc-encoder-py") from error
-    height, width = pixels.shape[:2]
-    context = ASTCContext(ASTCConfig(ASTCProfile.LDR_SRGB, *block, 1, ASTC_THOROUGH))
-    rgba = np.dstack([pixels, np.full((height, width), 255, np.uint8)])
-    swizzle = ASTCSwizzle.from_str("RGBA")
-    coded = context.compress(ASTCImage(ASTCType.U8, width, height, 1, rgba.tobytes()), swizzle)
-    image = ASTCImage(ASTCType.U8, width, height, 1)
-    context.decompress(coded, image, swizzle)
-    return np.frombuffer(image.data or b"", np.uint8).reshape(height, width, 4)[..., :3]
+FORMATS: tuple[BlockFormat, ...] = ("astc-12x10", "astc-8x8", "astc-6x5")
+"""About 1, 2 and 4 bits a texel."""
+GROUPINGS: tuple[GroupingName, ...] = ("clustered", "single", "baseline")
+ASTC = "ASTC"
+DIFFERENCES = (
+    Column("grouping", "grouping"),
+    Column("format", "beside"),
+    Column("bits_per_texel", "bits/texel, more", 3),
+    Column("mean_db", "mean dB, more"),
+    Column("of_mean_mse_db", "dB of mean MSE, more"),
+    Column("ssim", "SSIM, more", 4),
+    Column("flip", "FLIP, more", 4),
+    Column("largest_loss_db", "most a texture loses, dB"),
+    Column("worse_by_over_1_db", "textures worse by over 1 dB"),
+)
 
 
-def _texels_and_astc_bits(texture: SourceTexture, block: tuple[int, int], config: BlockCodecConfig) -> tuple[int, int]:
-    """Texels of the mips that the pack holds, and the bits of ASTC blocks for the same mips."""
-    levels = latent_levels(*texture.size, config)
-    texels = sum(level.texel_width * level.texel_height for level in levels)
-    blocks = sum(-(-level.texel_width // block[0]) * -(-level.texel_height // block[1]) for level in levels)
-    return texels, blocks * ASTC_BITS
+@dataclass(frozen=True)
+class Comparison:
+    """One set of textures."""
 
+    name: str
+    textures: int
+    points: tuple[RatePoint, ...]
+    differences: Table
+    """Codec `block` less ASTC, for each grouping and rate."""
 
-def _pack_bits(pack: Pack) -> int:
-    """Codes, colour axes and tables."""
-    own = sum(t.latents.nbytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
-    return 8 * own + sum(decoder.stored_bits for decoder in pack.block_decoders)
-
-
-def _summary(psnr: Sequence[float]) -> dict[str, float]:
-    found = PsnrSummary.of(psnr)
-    if found is None:
-        raise InputError("no texture to compare; name a folder of images that are not constant")
-    return {"mean_db": round(found.mean_db, 2), "of_mean_mse_db": round(found.of_mean_mse_db, 2)}
-
-
-def compare(textures: Sequence[SourceTexture], clusters: int) -> list[dict[str, Any]]:
-    """A row for each rate: bits a texel, PSNR in dB of mip 0, and seconds of both."""
-    grouping = make_grouping(GroupingConfig("clustered", clusters), textures, GroupingInputs())
-    rows = []
-    for words, block in RATES:
-        config = BlockCodecConfig(block_words=words)
-        began = time.perf_counter()
-        pack = encode_blocks(textures, grouping, config)
-        between = time.perf_counter()
-        astc = [psnr_db(astc_decoded(texture.pixels, block), texture.pixels) for texture in textures]
-        ended = time.perf_counter()
-        own = [texture.psnr_db for texture in pack.textures if texture.psnr_db is not None]
-        counted = [_texels_and_astc_bits(texture, block, config) for texture in textures]
-        texels = sum(each for each, _ in counted)
-        rows.append(
-            {
-                "block": {"bits_per_texel": round(_pack_bits(pack) / texels, 3), **_summary(own)},
-                "astc": {
-                    "block": f"{block[0]}x{block[1]}",
-                    "bits_per_texel": round(sum(bits for _, bits in counted) / texels, 3),
-                    **_summary(astc),
-                },
-                "worse_by_over_1_db": sum(mine < other - 1.0 for mine, other in zip(own, astc, strict=True)),
-                "seconds": {"block": round(between - began, 1), "astc": round(ended - between, 1)},
-            }
-        )
-        print(json.dumps(rows[-1]), flush=True)
-    return rows
-
-
-def main() -> int:
-    """Compare and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("source", type=Path, help="scene or folder of images without alpha")
-    parser.add_argument("--texture-size", type=int, default=512)
-    parser.add_argument("--clusters", type=int, default=4)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    try:
-        textures = [t for t in read_source(options.source, options.texture_size).textures if t.pixels.shape[2] == 3]
-        record = {
-            "source": options.source.name,
-            "textures": len(textures),
-            "texture_size": options.texture_size,
-            "clusters": options.clusters,
-            "rates": compare(textures, options.clusters),
+    def record(self) -> dict[str, Any]:
+        """Everything as JSON values."""
+        rows = [dict(row) for row in self.differences.rows]
+        return {
+            "source": self.name,
+            "textures": self.textures,
+            "points": [p.row() for p in self.points],
+            "differences": rows,
         }
+
+    def text(self) -> str:
+        """Both tables as Markdown."""
+        heading = f"## {self.name}: {self.textures} textures\n\n"
+        return f"{heading}{rate_table(self.points).markdown()}\n{self.differences.markdown()}"
+
+
+def read_textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
+    """At most `most` RGB textures of a scene or folder, evenly among all of them, at most `side` texels large. Raises InputError."""
+    textures = [texture for texture in read_source(source, side).textures if texture.pixels.shape[2] == 3]
+    if len(textures) > most:
+        textures = [textures[index * len(textures) // most] for index in range(most)]
+    return tuple(textures)
+
+
+def _difference(
+    grouping: str,
+    own: tuple[Sequence[PictureQuality], RatePoint],
+    other: tuple[Sequence[PictureQuality], RatePoint],
+) -> dict[str, Cell]:
+    mine, theirs = own[1].row(), other[1].row()
+    losses = np.array([b.psnr_db - a.psnr_db for a, b in zip(own[0], other[0], strict=True)])
+    keys = ("bits_per_texel", "mean_db", "of_mean_mse_db", "ssim", "flip")
+    return {
+        "grouping": grouping,
+        "format": other[1].setting,
+        **{key: float(mine[key] or 0.0) - float(theirs[key] or 0.0) for key in keys},
+        "largest_loss_db": float(max(0.0, losses.max())),
+        "worse_by_over_1_db": int((losses > 1.0).sum()),
+    }
+
+
+def compare(
+    name: str, textures: Sequence[SourceTexture], clusters: int, groupings: Sequence[GroupingName], cache: Path
+) -> Comparison:
+    """Every format of ASTC, and codec `block` in every grouping at its bits. Raises InputError."""
+    study, inputs = FormatStudy(cache), GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    astc = {}
+    for block_format in FORMATS:
+        pictures, quality = study.measure_all(textures, block_format)
+        astc[block_format] = (pictures, RatePoint(ASTC, block_format, quality))
+        print(f"{name}: {json.dumps(astc[block_format][1].row())}", flush=True)
+    points, rows = [point for _, point in astc.values()], []
+    for grouping_name in groupings:
+        grouping = make_grouping(GroupingConfig(grouping_name, min(clusters, len(textures))), textures, inputs)
+        for block_format, other in astc.items():
+            pictures, quality = measured_block_codec(textures, grouping, other[1].quality.bits_per_texel)
+            point = RatePoint(f"block, {grouping_name}", f"as {block_format}", quality)
+            points.append(point)
+            rows.append(_difference(grouping_name, (pictures, point), other))
+            print(f"{name}: {json.dumps(rows[-1])}", flush=True)
+    return Comparison(name, len(textures), tuple(points), Table(DIFFERENCES, rows))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compare, print, and write the record, a table (.md) and a plot (.png) beside it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sources", type=Path, nargs="+", help="scenes, or folders of images without alpha")
+    parser.add_argument("--texture-size", type=int, default=512)
+    parser.add_argument("--most", type=int, default=1000, help="textures of each source")
+    parser.add_argument("--clusters", type=int, default=4)
+    parser.add_argument("--groupings", nargs="*", default=GROUPINGS, help="none: ASTC alone, to be kept for later runs")
+    parser.add_argument("--cache", type=Path, default=blocks_cache(), help="folder that keeps ASTC's figures")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    try:
+        compared = []
+        for source in options.sources:
+            textures = read_textures(source, options.texture_size, options.most)
+            compared.append(compare(source.name, textures, options.clusters, options.groupings, options.cache))
+        if options.json:
+            settings = {"texture_size": options.texture_size, "clusters": options.clusters}
+            record = {**settings, "sets": [each.record() for each in compared]}
+            write_text(options.json, json.dumps(record, indent=1) + "\n")
+            text = "\n".join(each.text() for each in compared)
+            write_text(options.json.with_suffix(".md"), f"# Codec block beside ASTC\n\n{text}")
+            panels = {f"{each.name}: {each.textures} textures": each.points for each in compared}
+            write_figure(options.json.with_suffix(".png"), rate_figure(panels))
     except InputError as error:
         sys.stderr.write(f"error: {error}\n")
         return 2
-    if options.json:
-        write_text(options.json, json.dumps(record, indent=1) + "\n")
     return 0
 
 

@@ -1,27 +1,62 @@
-"""What graphics hardware's own texture formats make of a picture: BC1 and BC7, as yardsticks of quality for size."""
+"""What graphics hardware's own texture formats make of a picture: BC1, BC7 and ASTC, as yardsticks of quality for size."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.features.pixels import as_rgb, check_image
+from ntc.metrics import block_encoders
+from ntc.metrics.block_encoders import Effort as Effort
 
-BlockFormat = Literal["bc1", "bc7"]
+BlockFormat = Literal[
+    "bc1",
+    "bc7",
+    "astc-4x4",
+    "astc-5x4",
+    "astc-5x5",
+    "astc-6x5",
+    "astc-6x6",
+    "astc-8x5",
+    "astc-8x6",
+    "astc-10x5",
+    "astc-10x6",
+    "astc-8x8",
+    "astc-10x8",
+    "astc-10x10",
+    "astc-12x10",
+    "astc-12x12",
+]
+BLOCK_FORMATS: tuple[BlockFormat, ...] = get_args(BlockFormat)
+"""BC formats, then ASTC from most bits a texel to fewest."""
 
-BLOCK_SIDE = 4
-BC1_LEVEL = 18
-"""Quicktex's highest."""
-BC7_UBER_LEVEL = 4
-"""Etcpak's highest."""
-_MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[lab]'"
+
+def block_size(block_format: BlockFormat) -> tuple[int, int]:
+    """(width, height) in texels of a block. Raises InputError for a format that is none."""
+    if block_format not in BLOCK_FORMATS:
+        raise InputError(f"block format {block_format}: choose {', '.join(BLOCK_FORMATS[:-1])} or {BLOCK_FORMATS[-1]}")
+    if block_format in ("bc1", "bc7"):
+        return 4, 4
+    width, height = block_format.removeprefix("astc-").split("x")
+    return int(width), int(height)
+
+
+def block_bytes(block_format: BlockFormat) -> int:
+    """Bytes of a block: 8 (BC1) or 16."""
+    return 8 if block_format == "bc1" else 16
+
+
+def compressed_bytes(width: int, height: int, block_format: BlockFormat) -> int:
+    """Bytes of all blocks of a picture of so many texels, those over the edge included."""
+    across, down = block_size(block_format)
+    return -(-width // across) * -(-height // down) * block_bytes(block_format)
 
 
 @dataclass(frozen=True, eq=False)
 class BlockCompressed:
-    """A picture in blocks of 4x4 texels, and what hardware reads from them."""
+    """A picture in blocks of texels, and what hardware reads from them."""
 
     decoded: NDArray[np.uint8]
     """[H, W, C] uint8, coded as the picture was; of BC1 without the picture's alpha, so C is 1 or 3."""
@@ -30,74 +65,66 @@ class BlockCompressed:
 
     @property
     def bits_per_texel(self) -> float:
-        """Bits of all blocks per texel of the picture: 4 (BC1) or 8 (BC7), more where a side is not a multiple of 4."""
+        """Bits of all blocks per texel of the picture; more than the format's own where blocks reach over the edge."""
         height, width, _ = self.decoded.shape
         return float(8.0 * len(self.blocks) / (height * width))
 
 
-def _padded_rgba(pixels: NDArray[np.uint8], with_alpha: bool) -> NDArray[np.uint8]:
+def _padded_rgba(pixels: NDArray[np.uint8], block: tuple[int, int], with_alpha: bool) -> NDArray[np.uint8]:
     """[whole blocks, whole blocks, 4] uint8: grey repeated, alpha 255 where there is none or it is not wanted."""
     height, width, channels = pixels.shape
     rgba = np.full((height, width, 4), 255, np.uint8)
     rgba[..., :3] = as_rgb(pixels)
     if with_alpha and channels % 2 == 0:
         rgba[..., 3] = pixels[..., -1]
-    return np.pad(rgba, ((0, -height % BLOCK_SIDE), (0, -width % BLOCK_SIDE), (0, 0)), mode="edge")
+    return np.pad(rgba, ((0, -height % block[1]), (0, -width % block[0]), (0, 0)), mode="edge")
 
 
-def _encode_bc1(rgba: NDArray[np.uint8]) -> bytes:
-    try:
-        from quicktex import RawTexture
-        from quicktex.s3tc.bc1 import BC1Encoder
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    # Three colours may be the better fit of a block; the fourth, black without alpha, is never used.
-    encoder = BC1Encoder(BC1_LEVEL, BC1Encoder.ColorMode.ThreeColor)
-    return bytes(encoder.encode(RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0])))
+def compressed_blocks(pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough") -> bytes:
+    """The blocks of `pixels`, as of `compress`, which raises the same."""
+    check_image(pixels)
+    block = block_size(block_format)
+    rgba = _padded_rgba(pixels, block, with_alpha=block_format != "bc1")
+    if block_format == "bc1":
+        return block_encoders.encode_bc1(rgba, effort)
+    if block_format == "bc7":
+        return block_encoders.encode_bc7(rgba, effort)
+    return block_encoders.encode_astc(rgba, block, effort)
 
 
-def _encode_bc7(rgba: NDArray[np.uint8]) -> bytes:
-    try:
-        import etcpak
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    settings = etcpak.BC7CompressBlockParams()
-    # It starts with weights of how colours look, and would lose 0.8 to 1.1 dB of PSNR by them.
-    settings.init_linear_weights()
-    settings.m_uber_level = BC7_UBER_LEVEL
-    settings.m_mode17_partition_estimation_filterbank = False
-    return etcpak.compress_bc7(rgba.tobytes(), rgba.shape[1], rgba.shape[0], settings)
+def decompress(blocks: bytes, shape: tuple[int, int, int], block_format: BlockFormat) -> NDArray[np.uint8]:
+    """[H, W, C] uint8: what hardware reads from the blocks of a picture of `shape` (H, W, C); of BC1 without its alpha.
+
+    Raises InputError for blocks of another number, and where the decoder is not installed.
+    """
+    height, width, channels = shape
+    block = block_size(block_format)
+    if len(blocks) != compressed_bytes(width, height, block_format):
+        raise InputError(f"{block_format}: {len(blocks)} bytes are not the blocks of {width}x{height} texels")
+    whole = (width + -width % block[0], height + -height % block[1])
+    kept = [1] if channels <= 2 else [0, 1, 2]
+    if block_format == "bc1":
+        decoded = block_encoders.decode_bc(blocks, *whole, 1)
+    else:
+        is_bc7 = block_format == "bc7"
+        decoded = (
+            block_encoders.decode_bc(blocks, *whole, 7) if is_bc7 else block_encoders.decode_astc(blocks, *whole, block)
+        )
+        kept = kept + [3] * (channels % 2 == 0)
+    return np.ascontiguousarray(decoded[:height, :width, kept])
 
 
-def _decode(blocks: bytes, width: int, height: int, number: int) -> NDArray[np.uint8]:
-    """[height, width, 4] uint8 of BC`number` blocks; whole blocks only."""
-    # By Pillow: etcpak 0.9.15 decodes into memory that it does not own.
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    return np.asarray(Image.frombytes("RGBA", (width, height), blocks, "bcn", number))
+def compress(pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough") -> BlockCompressed:
+    """`pixels` [H, W, C] uint8 in BC1 (4 bits a texel), BC7 (8 bits) or ASTC (128 bits a block); C from 1 to 4.
 
-
-def compress(pixels: NDArray[np.uint8], block_format: BlockFormat) -> BlockCompressed:
-    """`pixels` [H, W, C] uint8 in BC1 (4 bits a texel) or BC7 (8 bits), C from 1 to 4; least squared error is sought.
-
-    BC1 is by quicktex 0.3.1 (rgbcx), level 18 of 18; BC7 by etcpak 0.9.15 (bc7enc), uber level 4 of 4 with all 64
-    partitions, which knows four of BC7's eight modes (1, 5, 6 and 7), so that the format can do a little better still.
+    Least squared error is sought. `thorough`: BC1 by quicktex 0.3.1 (rgbcx) at level 18 of 18, BC7 by etcpak 0.9.15 (bc7enc)
+    at uber level 4 of 4 with all 64 partitions, ASTC LDR sRGB by astcenc at quality 98 (`-thorough`). `medium` (levels 8 and 1,
+    quality 60) is 0.1 to 0.2 dB below on photographs. The encoder of BC7 knows four of its eight modes (1, 5, 6 and 7), so that
+    the format can do a little better still.
     Of one or two channels the first is grey: repeated, and read from green, which BC1 keeps finest. The second and the
-    fourth one are alpha: kept by BC7, left out of BC1. Sides that are not a multiple of 4 are padded with their last
+    fourth one are alpha: kept by BC7 and ASTC, left out of BC1. Blocks over the edge are padded with the last
     texels. Raises InputError for another shape, type or format, and where the encoders are not installed.
     """
-    check_image(pixels)
+    blocks = compressed_blocks(pixels, block_format, effort)
     height, width, channels = pixels.shape
-    colors = [1] if channels <= 2 else [0, 1, 2]
-    if block_format == "bc1":
-        rgba = _padded_rgba(pixels, with_alpha=False)
-        blocks, number, kept = _encode_bc1(rgba), 1, colors
-    elif block_format == "bc7":
-        rgba = _padded_rgba(pixels, with_alpha=True)
-        blocks, number, kept = _encode_bc7(rgba), 7, colors + [3] * (channels % 2 == 0)
-    else:
-        raise InputError(f"block format {block_format}: choose bc1 or bc7")
-    decoded = _decode(blocks, rgba.shape[1], rgba.shape[0], number)
-    return BlockCompressed(np.ascontiguousarray(decoded[:height, :width, kept]), blocks)
+    return BlockCompressed(decompress(blocks, (height, width, channels), block_format), blocks)

@@ -1,4 +1,4 @@
-"""BC1 and BC7: what must survive them, what they must cost, and OpenImageIO's decoder of the same blocks."""
+"""BC1, BC7 and ASTC: what must survive them, what they must cost, and OpenImageIO's decoder of the same blocks."""
 
 import struct
 import sys
@@ -10,15 +10,23 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.metrics.block_compression import BlockFormat, compress
+from ntc.metrics.block_compression import (
+    BLOCK_FORMATS,
+    BlockFormat,
+    block_size,
+    compress,
+    compressed_bytes,
+    decompress,
+)
 from ntc.metrics.metrics import psnr_db
 
 pytest.importorskip("quicktex")
 pytest.importorskip("etcpak")
+pytest.importorskip("astc_encoder")
 
 Image = NDArray[np.uint8]
-FORMATS: tuple[BlockFormat, ...] = ("bc1", "bc7")
-BITS = {"bc1": 4.0, "bc7": 8.0}
+BC_FORMATS: tuple[BlockFormat, ...] = ("bc1", "bc7")
+FORMATS: tuple[BlockFormat, ...] = (*BC_FORMATS, "astc-4x4", "astc-6x5", "astc-12x12")
 
 
 def noise(width: int, height: int, channels: int, seed: int = 0) -> Image:
@@ -63,22 +71,58 @@ def test_any_shape_is_padded_and_cropped(block_format: BlockFormat, size: tuple[
     kept = channels - 1 if has_alpha and block_format == "bc1" else channels
     assert compressed.decoded.shape == (height, width, kept)
     assert compressed.decoded.dtype == np.uint8
-    blocks = -(-width // 4) * -(-height // 4)
-    assert compressed.bits_per_texel == pytest.approx(BITS[block_format] * 16 * blocks / (width * height))
-    assert psnr_db(compressed.decoded, image[..., :kept]) > 25.0
+    assert len(compressed.blocks) == compressed_bytes(width, height, block_format)
+    assert compressed.bits_per_texel == pytest.approx(8 * len(compressed.blocks) / (width * height))
+    assert psnr_db(compressed.decoded, image[..., :kept]) > (18.0 if block_format == "astc-12x12" else 25.0)
 
 
 @pytest.mark.parametrize("block_format", FORMATS)
 def test_padding_repeats_the_edge(block_format: BlockFormat) -> None:
     image = waves(10, 7, 3)
-    padded = np.pad(image, ((0, 1), (0, 2), (0, 0)), mode="edge")
+    across, down = block_size(block_format)
+    padded = np.pad(image, ((0, -7 % down), (0, -10 % across), (0, 0)), mode="edge")
     assert compress(image, block_format).blocks == compress(padded, block_format).blocks
 
 
 @pytest.mark.parametrize(("image", "gain_db"), [(waves(64, 64, 3), 5.0), (noise(64, 64, 3), 1.0)])
 def test_bc7_is_better_than_bc1(image: Image, gain_db: float) -> None:
-    bc1, bc7 = (psnr_db(compress(image, block_format).decoded, image) for block_format in FORMATS)
+    bc1, bc7 = (psnr_db(compress(image, block_format).decoded, image) for block_format in BC_FORMATS)
     assert bc7 > bc1 + gain_db
+
+
+def test_every_format_has_the_bits_of_its_blocks() -> None:
+    """Of a picture that all blocks fill: 128 bits a block, 64 for BC1; ASTC's from most to fewest."""
+    bits = {name: 8.0 * compressed_bytes(240, 240, name) / 240**2 for name in BLOCK_FORMATS}
+    assert bits["bc1"] == 4.0
+    assert bits["bc7"] == bits["astc-4x4"] == 8.0
+    assert bits["astc-8x8"] == 2.0
+    assert bits["astc-12x12"] == pytest.approx(0.889, abs=1e-3)
+    astc = [value for name, value in bits.items() if name.startswith("astc")]
+    assert len(astc) == 14
+    assert astc == sorted(astc, reverse=True)
+
+
+def test_larger_blocks_of_astc_are_worse_and_more_effort_is_no_worse() -> None:
+    image = waves(120, 120, 3) // 2 + noise(120, 120, 3) // 4
+    formats: tuple[BlockFormat, ...] = ("astc-4x4", "astc-6x5", "astc-8x8", "astc-12x12")
+    thorough = [psnr_db(compress(image, name).decoded, image) for name in formats]
+    assert thorough == sorted(thorough, reverse=True)
+    assert psnr_db(compress(image, "astc-8x8", "medium").decoded, image) <= thorough[2]
+
+
+def test_alpha_of_two_and_four_channels_is_kept_by_astc() -> None:
+    for channels in (2, 4):
+        image = waves(32, 32, channels)
+        image[..., -1] = np.arange(32, dtype=np.uint8)[None, :] * 8
+        decoded = compress(image, "astc-4x4").decoded
+        assert decoded.shape == image.shape
+        assert psnr_db(decoded[..., -1], image[..., -1]) > 30.0
+
+
+@pytest.mark.parametrize("block_format", FORMATS)
+def test_blocks_of_another_size_are_refused(block_format: BlockFormat) -> None:
+    with pytest.raises(InputError, match="are not the blocks of 8x8 texels"):
+        decompress(b"\0" * 24, (8, 8, 3), block_format)
 
 
 def test_alpha_is_kept_by_bc7_and_left_out_of_bc1() -> None:
@@ -103,7 +147,7 @@ def test_bc1_blocks_are_read_as_opaque() -> None:
     assert not (selectors[three] == 3).any()
 
 
-@pytest.mark.parametrize("block_format", FORMATS)
+@pytest.mark.parametrize("block_format", BC_FORMATS)
 @pytest.mark.parametrize("channels", [3, 4])
 def test_openimageio_reads_the_same_blocks(tmp_path: Path, block_format: BlockFormat, channels: int) -> None:
     image = np.concatenate([waves(64, 32, channels), noise(64, 32, channels)])
@@ -125,11 +169,13 @@ def test_bad_pictures_are_one_line(block_format: BlockFormat, image: Image) -> N
 
 
 def test_an_unknown_format_is_one_line() -> None:
-    with pytest.raises(InputError, match="choose bc1 or bc7"):
+    with pytest.raises(InputError, match=r"choose bc1, bc7, .* or astc-12x12"):
         compress(noise(4, 4, 3), "bc2")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("block_format", "package"), [("bc1", "quicktex"), ("bc7", "etcpak"), ("bc7", "PIL")])
+@pytest.mark.parametrize(
+    ("block_format", "package"), [("bc1", "quicktex"), ("bc7", "etcpak"), ("bc7", "PIL"), ("astc-8x8", "astc_encoder")]
+)
 def test_missing_packages_are_one_line(
     monkeypatch: pytest.MonkeyPatch, block_format: BlockFormat, package: str
 ) -> None:

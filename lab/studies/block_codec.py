@@ -1,0 +1,33 @@
+"""Codec `block` on a set of textures at a number of bits: encoded, decoded again, measured."""
+
+import time
+from collections.abc import Sequence
+
+from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
+from ntc.codec.block.rate import config_for_bits
+from ntc.codec.model import Grouping, Pack
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_block import torch_codec
+from ntc.training.encode_blocks import encode_blocks
+
+
+def measured_pack(
+    pack: Pack, textures: Sequence[SourceTexture], cpu_seconds: float
+) -> tuple[tuple[PictureQuality, ...], SetQuality]:
+    """Each texture's quality in `pack`, which encodes `textures`, and the set's."""
+    codec = torch_codec(pack, "cpu")
+    pictures = tuple(
+        picture_quality(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)
+    )
+    return pictures, SetQuality.of(pictures, pack_bits_per_texel(pack), cpu_seconds)
+
+
+def measured_block_codec(
+    textures: Sequence[SourceTexture], grouping: Grouping, bits: float
+) -> tuple[tuple[PictureQuality, ...], SetQuality]:
+    """Encode in the settings whose bits come nearest to `bits` a texel. Raises InputError for bits that cannot be had."""
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    config = config_for_bits(bits, [texture.size for texture in textures], grouping.group_count, channels, None)
+    began = time.process_time()
+    pack = encode_blocks(textures, grouping, config)
+    return measured_pack(pack, textures, time.process_time() - began)

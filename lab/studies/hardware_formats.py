@@ -1,0 +1,75 @@
+"""Textures in BC1, BC7 and ASTC, measured once: what they cost and how near they come, kept by pixels and format."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from lab.studies.set_quality import PictureQuality, SetQuality, mip_sizes, picture_quality, texels_with_mips
+from ntc.codec.textures import SourceTexture, hash_pixels
+from ntc.errors import InputError
+from ntc.io import write_text
+from ntc.metrics.block_cache import VERSION
+from ntc.metrics.block_compression import BlockFormat, Effort, compress, compressed_bytes
+
+
+@dataclass(frozen=True)
+class FormatQuality:
+    """One texture in one format."""
+
+    quality: PictureQuality
+    cpu_seconds: float
+    """That encoding mip 0 took."""
+
+
+@dataclass(frozen=True)
+class FormatStudy:
+    """How textures are measured, and where the figures are kept."""
+
+    folder: Path
+    effort: Effort = "thorough"
+
+    def measure(self, texture: SourceTexture, block_format: BlockFormat) -> FormatQuality:
+        """Encode mip 0 of a texture, or read what an earlier call found. Raises InputError as `compress` does."""
+        key = f"{VERSION} {hash_pixels(texture.pixels)} {block_format} {self.effort}"
+        path = self.folder / f"quality-{block_format}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
+        kept = _kept(path)
+        if kept is not None:
+            return kept
+        began = time.thread_time()
+        decoded = compress(texture.pixels, block_format, self.effort).decoded
+        seconds = time.thread_time() - began
+        truth = texture.pixels[..., : decoded.shape[2]]
+        found = FormatQuality(picture_quality(truth, decoded), seconds)
+        with suppress(InputError):
+            write_text(path, json.dumps(asdict(found)) + "\n")
+        return found
+
+    def measure_all(
+        self,
+        textures: Sequence[SourceTexture],
+        block_format: BlockFormat,
+        report: Callable[[int, int], None] = lambda _done, _of: None,
+    ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
+        """Each texture's quality, and the set's; bits are those of all mips."""
+        found = []
+        for number, texture in enumerate(textures):
+            found.append(self.measure(texture, block_format))
+            report(number + 1, len(textures))
+        sizes = [texture.size for texture in textures]
+        stored = sum(compressed_bytes(*mip, block_format) for size in sizes for mip in mip_sizes(*size))
+        pictures = tuple(each.quality for each in found)
+        seconds = sum(each.cpu_seconds for each in found)
+        return pictures, SetQuality.of(pictures, 8.0 * stored / texels_with_mips(sizes), seconds)
+
+
+def _kept(path: Path) -> FormatQuality | None:
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return FormatQuality(PictureQuality(**content["quality"]), float(content["cpu_seconds"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

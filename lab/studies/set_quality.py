@@ -1,0 +1,83 @@
+"""Quality of decoded textures, one by one and as a set."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.model import Pack
+from ntc.errors import InputError
+from ntc.metrics.image_quality import flip, ssim
+from ntc.metrics.metrics import PsnrSummary, psnr_db, psnr_of_mse, psnr_table
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class PictureQuality:
+    """How near a decoded texture is to its original: mip 0 over 8-bit values."""
+
+    psnr_db: float
+    """An exact one counts as if a single value were off by one step."""
+    ssim: float
+    flip: float | None
+    """None where it was not measured."""
+
+
+def picture_quality(truth: NDArray[np.uint8], decoded: NDArray[np.uint8], with_flip: bool = True) -> PictureQuality:
+    """The quality of `decoded`, of the shape of `truth`. Raises InputError where FLIP is not installed."""
+    found = min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size))
+    return PictureQuality(found, ssim(truth, decoded), flip(truth, decoded) if with_flip else None)
+
+
+@dataclass(frozen=True)
+class SetQuality:
+    """Quality and size of a set of textures."""
+
+    bits_per_texel: float
+    """Everything that is stored, per texel of all mips."""
+    mean_db: float
+    of_mean_mse_db: float
+    """PSNR of the mean over textures of their mean square errors."""
+    worst_db: float
+    ssim: float
+    flip: float | None
+    """Mean of those that were measured; None for none."""
+    cpu_seconds: float
+    """That encoding took, of all cores together."""
+
+    @classmethod
+    def of(cls, pictures: Sequence[PictureQuality], bits_per_texel: float, cpu_seconds: float) -> "SetQuality":
+        """Means over `pictures`. Raises InputError for none."""
+        summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
+        if summary is None:
+            raise InputError("no texture to compare; name a scene or folder of images that are not constant")
+        flips = [picture.flip for picture in pictures if picture.flip is not None]
+        return cls(
+            bits_per_texel,
+            summary.mean_db,
+            summary.of_mean_mse_db,
+            summary.minimum_db,
+            float(np.mean([picture.ssim for picture in pictures])),
+            float(np.mean(flips)) if flips else None,
+            cpu_seconds,
+        )
+
+
+def mip_sizes(width: int, height: int) -> list[Size]:
+    """(width, height) of all mips, down to 1x1 texel."""
+    return [(max(1, width >> level), max(1, height >> level)) for level in range(max(width, height).bit_length())]
+
+
+def texels_with_mips(sizes: Sequence[Size]) -> int:
+    """Texels of all mips of textures of these sizes."""
+    return sum(math.prod(mip) for size in sizes for mip in mip_sizes(*size))
+
+
+def pack_bits_per_texel(pack: Pack) -> float:
+    """Bits of latents, decoders and adapters per texel of all mips."""
+    table = psnr_table(pack)
+    stored = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
+    return 8.0 * stored / texels_with_mips([(texture.width, texture.height) for texture in pack.textures])

@@ -1,0 +1,107 @@
+"""Figures of rate and distortion: what counts as bits and quality of a set, and codec `block` beside ASTC end to end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO
+import pytest
+
+from lab.benchmarks import block_against_astc
+from lab.studies import hardware_formats
+from lab.studies.hardware_formats import FormatStudy
+from lab.studies.rate_table import RatePoint, rate_figure, rate_table
+from lab.studies.set_quality import PictureQuality, SetQuality, mip_sizes, picture_quality, texels_with_mips
+from ntc.codec.textures import SourceTexture, hash_pixels
+from ntc.errors import InputError
+
+Image = np.ndarray
+
+
+def waves(side: int, seed: int) -> Image:
+    """[side, side, 3] uint8: waves with noise."""
+    random = np.random.default_rng(seed)
+    y, x = np.mgrid[0:side, 0:side]
+    layers = [128 + 90 * np.sin(x / (5 + seed + 3 * i) + y / (9 - i)) for i in range(3)]
+    return np.clip(np.stack(layers, axis=-1) + random.normal(0, 8, (side, side, 3)), 0, 255).astype(np.uint8)
+
+
+def texture(side: int, seed: int) -> SourceTexture:
+    """A texture of `waves`."""
+    pixels = waves(side, seed)
+    return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels))
+
+
+def test_mips_go_down_to_one_texel() -> None:
+    assert mip_sizes(5, 2) == [(5, 2), (2, 1), (1, 1)]
+    assert texels_with_mips([(4, 4), (5, 2)]) == 16 + 4 + 1 + 10 + 2 + 1
+
+
+def test_an_exact_picture_counts_as_off_by_one_value() -> None:
+    image = waves(16, 0)
+    found = picture_quality(image, image)
+    assert (found.ssim, found.flip) == (1.0, 0.0)
+    off = image.copy()
+    off[0, 0, 0] ^= 1
+    assert found.psnr_db == pytest.approx(picture_quality(image, off).psnr_db)
+
+
+def test_a_set_has_means_and_the_worst() -> None:
+    pictures = [PictureQuality(20.0, 0.5, 0.1), PictureQuality(40.0, 0.9, None)]
+    found = SetQuality.of(pictures, 2.0, 1.0)
+    assert (found.mean_db, found.worst_db, found.ssim, found.flip) == (30.0, 20.0, 0.7, 0.1)
+    assert found.of_mean_mse_db == pytest.approx(22.967, abs=1e-3)
+    with pytest.raises(InputError, match="no texture to compare"):
+        SetQuality.of([], 2.0, 1.0)
+
+
+def test_a_format_is_measured_once_and_its_bits_count_all_mips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("quicktex")
+    textures = [texture(32, seed) for seed in range(2)]
+    pictures, quality = FormatStudy(tmp_path, "medium").measure_all(textures, "bc1")
+    # 64 + 16 + 4 + 1 + 1 + 1 blocks of 64 bits for 1365 texels.
+    assert quality.bits_per_texel == pytest.approx(87 * 64 / 1365)
+    monkeypatch.setattr(hardware_formats, "compress", lambda *_: pytest.fail("encoded again"))
+    assert FormatStudy(tmp_path, "medium").measure_all(textures, "bc1") == (pictures, quality)
+
+
+def test_points_make_a_table_and_a_plot() -> None:
+    points = [
+        RatePoint("ASTC", f"astc-{n}", SetQuality(float(n), 30.0 + n, 29.0 + n, 25.0, 0.9, None, 1.0)) for n in (2, 4)
+    ]
+    points.append(RatePoint("BC1", "bc1", SetQuality(4.0, 33.0, 32.0, 28.0, 0.9, None, 1.0)))
+    table = rate_table(points)
+    assert "FLIP" not in table.markdown()
+    assert [row["bits_per_texel"] for row in table.rows] == [2.0, 4.0, 4.0]
+    figure = rate_figure({"one": points, "another": points[:2]})
+    assert [axes.get_title() for axes in figure.axes] == ["one", "one", "another", "another"]
+    assert np.array_equal(figure.axes[0].lines[0].get_xdata(), [2.0, 4.0])
+
+
+@pytest.mark.slow
+def test_block_beside_astc_writes_record_table_and_plot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("astc_encoder")
+    monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        for seed in range(3):
+            picture = OpenImageIO.ImageBuf(waves(64, seed))
+            assert picture.write(str(tmp_path / name / f"{seed}.png"))
+    record = tmp_path / "record.json"
+    sources = [str(tmp_path / "one"), str(tmp_path / "two")]
+    options = ["--most", "2", "--groupings", "single", "--cache", str(tmp_path / "kept"), "--json", str(record)]
+    assert block_against_astc.main([*sources, *options]) == 0
+    content = json.loads(record.read_text())
+    assert [(each["source"], each["textures"]) for each in content["sets"]] == [("one", 2), ("two", 2)]
+    points = content["sets"][0]["points"]
+    assert [point["curve"] for point in points] == ["ASTC"] * 3 + ["block, single"] * 3
+    assert all(point["ssim"] > 0.3 and point["flip"] < 0.5 for point in points)
+    first = content["sets"][0]["differences"][1]
+    assert first["mean_db"] == pytest.approx(points[4]["mean_db"] - points[1]["mean_db"])
+    assert "| single | astc-8x8 |" in record.with_suffix(".md").read_text()
+    assert record.with_suffix(".png").stat().st_size > 10_000
+    capsys.readouterr()
+    assert block_against_astc.main([str(tmp_path / "nothing")]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
