@@ -11,7 +11,7 @@ from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Adapter, AnyCodec, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
 from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_SIDE
 
 LARGEST_BLOCK_NUMBER = 16.0
@@ -119,6 +119,24 @@ def _check_block_numbers(array: NDArray[Any], shape: tuple[int, ...], name: str)
         raise ValueError(f"{name}: a number is beyond {LARGEST_BLOCK_NUMBER:g}")
 
 
+def check_texture(texture: EncodedTexture, config: AnyCodec) -> None:
+    """Raises ValueError for what a pack of the codec of `config` cannot hold."""
+    if isinstance(config, BlockCodecConfig):
+        check_block_texture(texture, config)
+    else:
+        check_encoded(texture, config)
+
+
+def check_any_decoder(decoder: AnyDecoder, config: AnyCodec) -> None:
+    """Raises ValueError for a decoder of another codec than that of `config`, and for one that does not fit it."""
+    if isinstance(config, BlockCodecConfig) and isinstance(decoder, BlockDecoder):
+        check_block_decoder(decoder, config)
+    elif isinstance(config, CodecConfig) and isinstance(decoder, Decoder):
+        check_decoder(decoder, config)
+    else:
+        raise ValueError(f"a {type(decoder).__name__} is none of codec {config.kind}")
+
+
 def check_pack(pack: Pack) -> None:
     """Raises ValueError for a pack that cannot be decoded. Unused decoders are allowed."""
     if len(pack.grouping.groups) != len(pack.textures):
@@ -126,13 +144,7 @@ def check_pack(pack: Pack) -> None:
     for texture, group in zip(pack.textures, pack.grouping.groups, strict=True):
         if texture.group != group or not 0 <= group < len(pack.decoders):
             raise ValueError(f"{texture.name}: has group {texture.group} and {group} of {len(pack.decoders)}")
-    if isinstance(pack.config, BlockCodecConfig):
-        for texture in pack.textures:
-            check_block_texture(texture, pack.config)
-        for block_decoder in pack.block_decoders:
-            check_block_decoder(block_decoder, pack.config)
-        return
     for texture in pack.textures:
-        check_encoded(texture, pack.config)
-    for decoder in pack.grid_decoders:
-        check_decoder(decoder, pack.config)
+        check_texture(texture, pack.config)
+    for decoder in pack.decoders:
+        check_any_decoder(decoder, pack.config)

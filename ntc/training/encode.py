@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ntc.codec.config import CodecConfig
-from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
 from ntc.training.config import TrainingConfig
@@ -22,7 +22,7 @@ class _CallingHost:
     def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
         self._listener, self._cancelled = listener, cancelled
         self.textures: dict[int, EncodedTexture] = {}
-        self.decoders: dict[int, Decoder] = {}
+        self.decoders: dict[int, AnyDecoder] = {}
 
     def interruption(self) -> None:
         if self._cancelled is not None and self._cancelled():

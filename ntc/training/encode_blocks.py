@@ -2,8 +2,9 @@
 
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,6 +24,34 @@ from ntc.training.request import check_textures
 from ntc.training.snapshot import group_members
 
 
+@dataclass(frozen=True, eq=False)
+class BlockGroup:
+    """A group as a pack stores it, at one moment of an encoding."""
+
+    group: int
+    members: tuple[int, ...]
+    """Indices of its textures."""
+    textures: tuple[EncodedTexture, ...]
+    """The members, with PSNR."""
+    decoder: BlockDecoder
+    final: bool
+    """Whether no later stage changes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockStage:
+    """Where an encoding stands. A pack of the groups so far is a valid one."""
+
+    done: int
+    """Textures encoded so far."""
+    total: int
+    """Textures to encode."""
+    psnr_db: Mapping[int, float]
+    """By texture: PSNR in dB of mip 0, of those encoded so far; infinity where it is exact."""
+    changed: BlockGroup | None = None
+    """A group all of whose textures have now been encoded, or that is better than it was before."""
+
+
 @dataclass(frozen=True)
 class BlockProgress:
     """One report of an encoding under way: after each texture."""
@@ -39,6 +68,44 @@ class BlockProgress:
 BlockProgressListener = Callable[[BlockProgress], None]
 
 
+def encoding_stages(
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    config: BlockCodecConfig,
+    seed: int,
+    groups: Sequence[int],
+) -> Iterator[BlockStage]:
+    """Encode `groups` of `grouping`, one after the other; yields before the first texture and after each one.
+
+    The same seed gives the same groups, whichever others are encoded. Whoever stops asking ends it.
+    """
+    quantizer, psnr_db_of = TrellisQuantizer(), dict[int, float]()
+    total = sum(len(group_members(grouping, group)) for group in groups)
+    yield BlockStage(0, total, {})
+    for group in groups:
+        members = group_members(grouping, group)
+        decoder = fit_decoder([textures[index] for index in members], config, seed)
+        encoded: list[EncodedTexture] = []
+        for index in members:
+            encoded.append(_encoded(textures[index], group, decoder, config, quantizer))
+            psnr_db_of[index] = encoded[-1].psnr_db or 0.0
+            whole = len(encoded) == len(members)
+            changed = BlockGroup(group, members, tuple(encoded), decoder, final=True) if whole else None
+            yield BlockStage(len(psnr_db_of), total, dict(psnr_db_of), changed)
+
+
+def encoding_record(config: BlockCodecConfig, seed: int) -> dict[str, Any]:
+    """What a pack records of its encoding."""
+    return {
+        "codec": config.kind,
+        "seed": seed,
+        "device": "cpu",
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }
+
+
 def encode_blocks(
     textures: Sequence[SourceTexture],
     grouping: Grouping,
@@ -52,33 +119,24 @@ def encode_blocks(
     Raises InputError for textures and groups that cannot be encoded, TrainingCancelledError when `cancelled` says so.
     """
     check_textures(textures, grouping, config)
-    began, quantizer = time.monotonic(), TrellisQuantizer()
+    began = time.monotonic()
     encoded: dict[int, EncodedTexture] = {}
-    decoders: list[BlockDecoder] = []
-    for group in range(grouping.group_count):
-        members = group_members(grouping, group)
-        _check_cancelled(cancelled)
-        decoder = fit_decoder([textures[index] for index in members], config, seed)
-        decoders.append(decoder)
-        for index in members:
-            _check_cancelled(cancelled)
-            encoded[index] = _encoded(textures[index], group, decoder, config, quantizer)
-            if report is not None:
-                report(_progress(encoded, len(textures), time.monotonic() - began))
-    record = {
-        "codec": config.kind,
-        "seed": seed,
-        "device": "cpu",
-        "torch": torch.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
-    return Pack(config, grouping, tuple(encoded[index] for index in range(len(textures))), tuple(decoders), record)
-
-
-def _check_cancelled(cancelled: CancelQuestion | None) -> None:
-    if cancelled is not None and cancelled():
-        raise TrainingCancelledError
+    decoders: dict[int, BlockDecoder] = {}
+    for stage in encoding_stages(textures, grouping, config, seed, range(grouping.group_count)):
+        if stage.changed is not None:
+            decoders[stage.changed.group] = stage.changed.decoder
+            encoded.update(zip(stage.changed.members, stage.changed.textures, strict=True))
+        if report is not None and stage.done:
+            report(_progress(stage, time.monotonic() - began))
+        if cancelled is not None and cancelled() and stage.done < stage.total:
+            raise TrainingCancelledError
+    return Pack(
+        config,
+        grouping,
+        tuple(encoded[index] for index in range(len(textures))),
+        tuple(decoders[group] for group in range(grouping.group_count)),
+        encoding_record(config, seed),
+    )
 
 
 def _encoded(
@@ -90,7 +148,7 @@ def _encoded(
     return replace(found, psnr_db=psnr_db(decoded, source.pixels))
 
 
-def _progress(encoded: dict[int, EncodedTexture], textures: int, seconds: float) -> BlockProgress:
-    summary = PsnrSummary.of([texture.psnr_db for texture in encoded.values() if texture.psnr_db is not None])
-    left = seconds * (textures - len(encoded)) / len(encoded)
-    return BlockProgress(len(encoded), textures, summary.of_mean_mse_db if summary else 0.0, left)
+def _progress(stage: BlockStage, seconds: float) -> BlockProgress:
+    summary = PsnrSummary.of(list(stage.psnr_db.values()))
+    left = seconds * (stage.total - stage.done) / stage.done
+    return BlockProgress(stage.done, stage.total, summary.of_mean_mse_db if summary else 0.0, left)

@@ -20,7 +20,7 @@ def no_interruption() -> None:
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """One report of a training under way."""
+    """One report of a training under way. Codec `block` is encoded texture by texture: each of them is a step."""
 
     step: int
     steps: int
@@ -29,9 +29,10 @@ class TrainingProgress:
     elapsed_seconds: float
     """Of training, without pauses."""
     losses: Mapping[int, float]
-    """By group: mean square error of its latest samples, colours in [0, 1], all lods mixed. Groups not yet begun are missing."""
+    """By group: mean square error of its latest samples, colours in [0, 1], all lods mixed (codec `block`: of the mip 0 of its
+    textures so far). Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
-    """By texture: PSNR in dB of its latest samples, all lods mixed, before 8-bit rounding."""
+    """By texture: PSNR in dB of its latest samples, all lods mixed, before 8-bit rounding (codec `block`: of its mip 0)."""
     freezing_scale: float
     """Of the decoder's updates: 1 free, 0 frozen."""
     ktexels_per_second: float

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -16,13 +17,14 @@ from ntc.training.snapshot import unchanged_groups
 
 
 class StepBudget(msgspec.Struct, frozen=True, tag=True):
-    """Train for a number of steps."""
+    """Train for a number of steps. Codec `block`: until so many textures have been encoded or refined, each once at least."""
 
     steps: int
 
 
 class TimeBudget(msgspec.Struct, frozen=True, tag=True):
-    """Train for a number of seconds, pauses not counted; the learning rates have fallen to 0 when they are over."""
+    """Train for a number of seconds, pauses not counted; the learning rates have fallen to 0 when they are over. Codec `block`
+    ends earlier where nothing is left to do, and later where not all groups have been encoded."""
 
     seconds: float
 
@@ -43,8 +45,9 @@ class TrainingRequest:
 
     textures: tuple[SourceTexture, ...]
     grouping: Grouping
-    codec: CodecConfig
+    codec: AnyCodec
     training: TrainingConfig
+    """Of it codec `block` takes the seed alone."""
     budget: Budget | None = None
     """None: as many steps as `training` has."""
     start: Pack | None = None
@@ -53,6 +56,20 @@ class TrainingRequest:
     """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
     must be groups of `start`."""
     seconds_between_snapshots: float = 2.0
+
+    @property
+    def grid_codec(self) -> CodecConfig:
+        """`codec` of a training of codec `grid`. Raises InputError for another codec."""
+        if isinstance(self.codec, CodecConfig):
+            return self.codec
+        raise InputError("training: codec block has no steps to train; it is encoded")
+
+    @property
+    def block_codec(self) -> BlockCodecConfig:
+        """`codec` of an encoding in codec `block`. Raises InputError for another codec."""
+        if isinstance(self.codec, BlockCodecConfig):
+            return self.codec
+        raise InputError("encoding: codec grid is not encoded in closed form; it is trained")
 
 
 def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: AnyCodec) -> None:
@@ -101,7 +118,7 @@ def checked_request(request: TrainingRequest) -> TrainingRequest:
     return replace(request, dirty=dirty)
 
 
-def _check_start(textures: Sequence[SourceTexture], codec: CodecConfig, start: Pack) -> None:
+def _check_start(textures: Sequence[SourceTexture], codec: AnyCodec, start: Pack) -> None:
     where = start.path or start.grouping.name
     if start.config != codec:
         raise InputError(f"{where}: was made with another codec; encode from nothing, or with the pack's own codec")

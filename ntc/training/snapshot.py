@@ -5,12 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import QuantizedLatents
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+
+MEANT_TEXELS = 64
+"""Along one side: so many texels at least, where there are, give a texture's mean colour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +30,8 @@ class GroupSnapshot:
     members: tuple[int, ...]
     """Indices of its textures."""
     textures: tuple[EncodedTexture, ...]
-    """The members; without PSNR unless final."""
-    decoder: Decoder
+    """The members; in codec `grid` without PSNR unless final."""
+    decoder: AnyDecoder
     final: bool = False
     """Whether training of this group has ended with this."""
 
@@ -126,6 +132,29 @@ def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: Code
             np.zeros((cells, channels), np.uint8), np.ones(channels, np.float32), np.zeros(channels, np.float32)
         )
         encoded.append(encoded_texture(texture, group, latents, adapter))
+    return Pack(codec, grouping, tuple(encoded), (decoder,) * grouping.group_count)
+
+
+def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: BlockCodecConfig) -> Pack:
+    """A pack in which every texel has the mean colour of some texels of its texture, in the groups of `grouping`: shown until the
+    first snapshots."""
+    channels, allocations = codec.output_channels, (codec.modes, codec.coefficients)
+    decoder = BlockDecoder(
+        np.zeros((codec.coefficients, codec.block_texels, channels), np.int8),
+        np.zeros(codec.coefficients, np.float32),
+        np.zeros(allocations, np.uint8),
+        np.zeros(allocations, np.uint8),
+    )
+    encoded = []
+    for texture, group in zip(textures, grouping.groups, strict=True):
+        cells = latent_cell_count(*texture.size, codec)
+        mean = np.zeros(channels, np.float32)
+        strides = (1 + side // MEANT_TEXELS for side in texture.pixels.shape[:2])
+        sample = texture.pixels[tuple(slice(None, None, stride) for stride in strides)]
+        mean[: texture.pixels.shape[2]] = sample.mean(axis=(0, 1)) / 255.0
+        codes = np.zeros((cells, codec.block_words), np.uint32)
+        flat = BlockTexture(*texture.size, codes, mean, np.zeros((channels, channels), np.float32))
+        encoded.append(encoded_block_texture(texture, group, flat))
     return Pack(codec, grouping, tuple(encoded), (decoder,) * grouping.group_count)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
@@ -83,7 +83,7 @@ class Trainer:
             TrainingBatch(
                 [textures[i] for i in members],
                 [grouping.groups[i] for i in members],
-                request.codec,
+                request.grid_codec,
                 self._training,
                 self._device,
                 self._generator,
@@ -112,7 +112,7 @@ class Trainer:
 
     def _settings(self) -> dict[str, Any]:
         request = self._request
-        return training_settings(request.textures, request.grouping, request.codec, request.training)
+        return training_settings(request.textures, request.grouping, request.grid_codec, request.training)
 
     def _load(self, path: Path) -> None:
         state = load_state(path, self._settings())
@@ -283,7 +283,7 @@ class Trainer:
             yield GroupOutcome(found.group, before_db, psnr_of_mse(after), kept_old)
 
     def _measured(
-        self, textures: Sequence[EncodedTexture], decoder: Decoder, sources: Sequence[SourceTexture]
+        self, textures: Sequence[EncodedTexture], decoder: AnyDecoder, sources: Sequence[SourceTexture]
     ) -> tuple[EncodedTexture, ...]:
         """The textures with the PSNR in dB of their mip 0 over 8-bit values."""
         own = tuple(replace(texture, group=0) for texture in textures)

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError, WireError
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, mean_colour_pack
 from ntc.worker.pipe import WindowEnd, framed
 from ntc.worker.process import TrainingProcess, start_process
 from ntc.worker.protocol import (
@@ -71,8 +72,13 @@ class _Job:
 
 
 def starting_pack(request: TrainingRequest) -> Pack:
-    """The pack that snapshots of a training are applied to: the one it starts from, or mid-grey."""
-    return request.start or grey_pack(request.textures, request.grouping, request.codec)
+    """The pack that snapshots of a training are applied to: the one it starts from, else mid-grey (codec `grid`) or the mean
+    colours of textures (codec `block`)."""
+    if request.start is not None:
+        return request.start
+    if isinstance(request.codec, BlockCodecConfig):
+        return mean_colour_pack(request.textures, request.grouping, request.codec)
+    return grey_pack(request.textures, request.grouping, request.codec)
 
 
 def _job(request: TrainingRequest) -> _Job:

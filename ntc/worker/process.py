@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.validate import check_pack
 from ntc.training.progress import Ended, TrainingProgress
@@ -186,17 +187,25 @@ def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> Worker
         # Importing torch takes seconds, in which commands are already listened to.
         import torch
 
-        from ntc.training.trainer import Trainer
-
         torch.set_num_threads(max(1, _cores() - 1))
         _yield_to_others()
         try:
             host.interruption()
-            return Trainer(request, host).run()
+            return _trained(request, host)
         except TrainingCancelledError:
             return Ended("cancelled")
     finally:
         block.close()
+
+
+def _trained(request: TrainingRequest, host: PipeHost) -> Ended:
+    if isinstance(request.codec, BlockCodecConfig):
+        from ntc.training.block_trainer import BlockTrainer
+
+        return BlockTrainer(request, host).run()
+    from ntc.training.trainer import Trainer
+
+    return Trainer(request, host).run()
 
 
 def _yield_to_others() -> None:
@@ -223,7 +232,9 @@ def _one_line(error: BaseException) -> str:
 def _import_training() -> None:
     # An error is reported when a training imports it again.
     with suppress(Exception):
-        importlib.import_module("ntc.training.trainer")
+        # What encodes a scene from nothing first.
+        for name in ("block_trainer", "trainer"):
+            importlib.import_module(f"ntc.training.{name}")
 
 
 def failure(error: Exception) -> Failed:

@@ -1,10 +1,12 @@
 """The messages between the window and the training process, and their bytes. Needs no torch.
 
 Messages are frozen dataclasses. As bytes they are msgpack, [name of the class, its fields], checked against the fields' types
-when decoded. Not pickle, which `Connection.send` would use: unpickling damaged bytes may call anything. Arrays are sent as
-places in shared memory (`ntc.worker.shared_arrays`). File paths are sent as null: they mean nothing to the other process.
+when decoded; the name of what depends on the codec ends in the codec's: `StartTraining.block`. Not pickle, which
+`Connection.send` would use: unpickling damaged bytes may call anything. Arrays are sent as places in shared memory
+(`ntc.worker.shared_arrays`). File paths are sent as null: they mean nothing to the other process.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,8 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Decoder, Pack
 from ntc.errors import WireError
@@ -129,28 +133,74 @@ def _decode_other(kind: type, value: Any) -> Any:
     return boxed
 
 
+# msgspec decodes no union of dataclasses, so what depends on the codec has a type for each codec.
+
+
 @dataclass(frozen=True, eq=False)
 class _GridPack(Pack):
-    """What is trained: no other codec is. msgspec decodes no union of dataclasses."""
-
     config: CodecConfig
     decoders: tuple[Decoder, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class _GridRequest(TrainingRequest):
+    codec: CodecConfig
     start: _GridPack | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class _StartGridTraining(StartTraining):
+class _GridStart(StartTraining):
     request: _GridRequest
 
 
+@dataclass(frozen=True, eq=False)
+class _GridSnapshot(GroupSnapshot):
+    decoder: Decoder
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockPack(Pack):
+    config: BlockCodecConfig
+    decoders: tuple[BlockDecoder, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockRequest(TrainingRequest):
+    codec: BlockCodecConfig
+    start: _BlockPack | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockStart(StartTraining):
+    request: _BlockRequest
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockSnapshot(GroupSnapshot):
+    decoder: BlockDecoder
+
+
+_BY_CODEC: Mapping[type[Any], Mapping[str, type[Any]]] = {
+    StartTraining: {CodecConfig.kind: _GridStart, BlockCodecConfig.kind: _BlockStart},
+    GroupSnapshot: {CodecConfig.kind: _GridSnapshot, BlockCodecConfig.kind: _BlockSnapshot},
+}
+
+
+def _name(message: Command | WorkerReport) -> str:
+    if isinstance(message, StartTraining):
+        return f"{StartTraining.__name__}.{message.request.codec.kind}"
+    if isinstance(message, GroupSnapshot):
+        codec = BlockCodecConfig if isinstance(message.decoder, BlockDecoder) else CodecConfig
+        return f"{GroupSnapshot.__name__}.{codec.kind}"
+    return type(message).__name__
+
+
 def _decoders(messages: Any) -> dict[str, msgspec.msgpack.Decoder[Any]]:
-    decoded = {kind.__name__: kind for kind in get_args(messages)}
-    if StartTraining.__name__ in decoded:
-        decoded[StartTraining.__name__] = _StartGridTraining
+    decoded: dict[str, type] = {}
+    for kind in get_args(messages):
+        by_codec = _BY_CODEC.get(kind)
+        names = {kind.__name__: kind} if by_codec is None else {f"{kind.__name__}.{c}": t for c, t in by_codec.items()}
+        decoded.update(names)
     return {name: msgspec.msgpack.Decoder(kind, dec_hook=_decode_other) for name, kind in decoded.items()}
 
 
@@ -162,12 +212,19 @@ _COMMANDS, _REPORTS = _decoders(Command), _decoders(WorkerReport)
 def encode(message: Command | WorkerReport) -> bytes:
     """The bytes of a message whose arrays are places. Raises WireError for values that cannot be encoded: halves of surrogate
     pairs, integers of more than 64 bits, records that are not JSON."""
-    # One that was received is of the narrower type that it was decoded into.
-    name = StartTraining.__name__ if isinstance(message, StartTraining) else type(message).__name__
+    name = _name(message)
     try:
         return _ENCODER.encode((name, message))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise WireError(f"{name} cannot be sent: {error}") from error
+
+
+def _widened(message: Any) -> Any:
+    """A message of the type that is known outside, instead of that for one codec."""
+    for kind in _BY_CODEC:
+        if isinstance(message, kind):
+            return kind(**{field.name: getattr(message, field.name) for field in dataclasses.fields(message)})
+    return message
 
 
 def _decode(decoders: Mapping[str, msgspec.msgpack.Decoder[Any]], data: bytes) -> Any:
@@ -175,7 +232,7 @@ def _decode(decoders: Mapping[str, msgspec.msgpack.Decoder[Any]], data: bytes) -
         name, fields = _NAMED.decode(data)
         if name not in decoders:
             raise ValueError(f"unknown message {name[:60]!r}")
-        return replaced(decoders[name].decode(fields), np.ndarray, lambda boxed: boxed.item())
+        return _widened(replaced(decoders[name].decode(fields), np.ndarray, lambda boxed: boxed.item()))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         # msgspec's own errors are ValueErrors, and so is what is not UTF-8.
         raise WireError(" ".join(str(error).split())[:200]) from error

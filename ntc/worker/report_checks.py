@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ntc.errors import InputError
-from ntc.pack.validate import check_decibels, check_decoder, check_encoded
+from ntc.pack.validate import check_any_decoder, check_decibels, check_texture
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, group_members
@@ -63,8 +63,8 @@ def check_snapshot(snapshot: GroupSnapshot, request: TrainingRequest) -> None:
             names.append((request.start.textures[index].name, request.start.textures[index].category))
         if own != expected or (found.name, found.category) not in names:
             raise ValueError(f"texture {index} is another one")
-        check_encoded(found, request.codec)
-    check_decoder(snapshot.decoder, request.codec)
+        check_texture(found, request.codec)
+    check_any_decoder(snapshot.decoder, request.codec)
 
 
 def check_ended(ended: Ended, request: TrainingRequest) -> None:

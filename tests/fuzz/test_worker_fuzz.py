@@ -39,6 +39,8 @@ from ntc.worker.protocol import (
 )
 from ntc.worker.shared_arrays import ArrayPlace
 from tests.support.worker_sessions import (
+    BLOCK_CODEC,
+    CODEC,
     Session,
     left_of,
     placed,
@@ -54,6 +56,9 @@ REQUEST = small_request()
 
 
 WHOLE = whole_training(REQUEST)
+
+
+IN_BLOCKS = small_request(BLOCK_CODEC)
 
 
 FIRST, REST = stream(WHOLE[:1]), stream(WHOLE[1:])
@@ -80,15 +85,28 @@ def reader() -> Iterator[MessageReader]:
     made.close()
 
 
-@pytest.mark.parametrize("message", [*WHOLE, Failed("a", "b"), Ended("cancelled")], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(
+    "message",
+    [*WHOLE, *snapshots(IN_BLOCKS), Failed("a", "b"), Ended("cancelled")],
+    ids=lambda m: type(m).__name__,
+)
 def test_reports_arrive_as_they_were_sent(message: WorkerReport) -> None:
+    if isinstance(message, GroupSnapshot):
+        (message,) = placed(IN_BLOCKS, [message])
     found = decode_report(encode(message))
     assert type(found) is type(message)
     assert encode(found) == encode(message)
 
 
 def test_orders_arrive_as_they_were_sent() -> None:
-    orders: tuple[Command, ...] = (*starts(), Pause(), Cancel(), SnapshotTaken(3), ProgressTaken())
+    orders: tuple[Command, ...] = (
+        *starts(),
+        *starts(BLOCK_CODEC),
+        Pause(),
+        Cancel(),
+        SnapshotTaken(3),
+        ProgressTaken(),
+    )
     for order in orders:
         assert encode(decode_command(encode(order))) == encode(order)
 
@@ -119,7 +137,9 @@ JSON_LIKE = st.recursive(
 
 
 @given(
-    name=st.sampled_from(["Ready", "Ended", "Failed", "GroupSnapshot", "TrainingProgress", "SnapshotTaken", "x"]),
+    name=st.sampled_from(
+        ["Ready", "Ended", "Failed", "GroupSnapshot.grid", "GroupSnapshot.block", "SnapshotTaken", "x"]
+    ),
     fields=st.dictionaries(
         st.sampled_from(["step", "group", "line", "details", "reason", "outcomes", "record", "members", "shape"]),
         st.one_of(JSON_LIKE, st.sampled_from(["Ready", "Ended", "Failed", "GroupSnapshot", "Cancel", "done"])),
@@ -205,8 +225,9 @@ HOSTILE: dict[str, WorkerReport | bytes] = {
     "half an adapter": _with_texture(adapter=replace(_snapshot().textures[0].adapter, output_bias=None)),  # type: ignore[type-var]
     "no decoder": _snapshot(decoder=Decoder((), ())),
     "a decoder with too few layers": _snapshot(
-        decoder=Decoder(_snapshot().decoder.weights[:2], _snapshot().decoder.biases)
+        decoder=Decoder(_snapshot().decoder.weights[:2], _snapshot().decoder.biases)  # type: ignore[union-attr]
     ),
+    "a snapshot of another codec": placed(IN_BLOCKS, snapshots(IN_BLOCKS))[0],
     "ended before all groups": _ended(),
     "ended by a cancel that nobody sent": _ended(reason="cancelled"),
     "an outcome of no group": _ended(outcomes=(GroupOutcome(5, None, 1.0),)),
@@ -234,6 +255,57 @@ HOSTILE: dict[str, WorkerReport | bytes] = {
 }
 
 
+def _block_snapshot(**changes: Any) -> GroupSnapshot:
+    return replace(placed(IN_BLOCKS, snapshots(IN_BLOCKS))[0], **changes)
+
+
+def _with_block_texture(**changes: Any) -> GroupSnapshot:
+    first, *others = _block_snapshot().textures
+    return _block_snapshot(textures=(replace(first, **changes), *others))
+
+
+BLOCK: Any = _block_snapshot()
+"""With places instead of arrays."""
+
+
+HOSTILE_IN_BLOCKS: dict[str, WorkerReport] = {
+    "a decoder of codec grid": _block_snapshot(decoder=_snapshot().decoder),
+    "a texture of codec grid": _block_snapshot(textures=_snapshot().textures),
+    "codes of half a word": _with_block_texture(latents=replace(BLOCK.textures[0].latents, shape=(1, 2))),
+    "a mean of too many channels": _with_block_texture(offset=replace(BLOCK.textures[0].offset, shape=(4,))),
+    "codes that are no integers": _with_block_texture(latents=replace(BLOCK.textures[0].latents, dtype="<f4")),
+    "a basis of other blocks": _block_snapshot(
+        decoder=replace(BLOCK.decoder, basis=replace(BLOCK.decoder.basis, shape=(8, 16, 3)))
+    ),
+    "scales behind the block": _block_snapshot(
+        decoder=replace(BLOCK.decoder, scales=replace(BLOCK.decoder.scales, offset=2**40))
+    ),
+    "an adapter": _with_block_texture(adapter=_snapshot().textures[0].adapter),
+}
+
+
+def test_a_whole_encoding_in_blocks_is_taken() -> None:
+    session = Session(FIRST, stream(whole_training(IN_BLOCKS)[1:]))
+    session.start(IN_BLOCKS)
+    session.run()
+    assert isinstance(session.ends[0], Finished)
+    assert session.ends[0].pack is not None
+    assert session.ends[0].pack.config == BLOCK_CODEC
+    session.worker.close()
+
+
+@pytest.mark.parametrize("what", HOSTILE_IN_BLOCKS)
+def test_snapshots_that_no_block_pack_can_hold_end_the_encoding(what: str) -> None:
+    session = Session(FIRST, stream([Received(), progress(), HOSTILE_IN_BLOCKS[what]]))
+    session.start(IN_BLOCKS)
+    session.run()
+    (end,) = session.ends
+    assert isinstance(end, Failed)
+    assert "invalid message" in end.line
+    session.worker.close()
+    assert all(left_of(process) == [] for process in session.processes)
+
+
 @pytest.mark.parametrize("what", HOSTILE)
 def test_what_makes_no_sense_ends_the_training_in_one_line_and_it_can_begin_again(what: str) -> None:
     bad = HOSTILE[what]
@@ -256,7 +328,7 @@ def test_what_makes_no_sense_ends_the_training_in_one_line_and_it_can_begin_agai
 
 @pytest.mark.parametrize("fill", [127, 255])
 def test_weights_that_are_no_numbers_are_refused(fill: int) -> None:
-    codec = replace(REQUEST.codec, latent_bits=8)
+    codec = replace(CODEC, latent_bits=8)
     request = small_request(codec)
     session = Session(FIRST, stream(whole_training(request)[1:]), fill)
     session.start(request)

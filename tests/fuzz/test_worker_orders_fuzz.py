@@ -33,6 +33,7 @@ from ntc.worker.protocol import (
     encode,
 )
 from tests.support.worker_sessions import (
+    BLOCK_CODEC,
     REFUSED,
     Orders,
     starts,
@@ -98,6 +99,9 @@ BAD_ORDERS: dict[str, Any] = {
             starts()[1].request,
             start=replace(starts()[1].request.start, grouping=Grouping("x", (0, 2**62, 0))),  # type: ignore[type-var]
         ),
+    ),
+    "a pack of another codec": replace(
+        ORDER, request=replace(ORDER.request, start=starts(BLOCK_CODEC)[1].request.start)
     ),
     "objects": replace(
         ORDER,

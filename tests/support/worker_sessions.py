@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.schema import metadata_json, parse_metadata
@@ -16,7 +17,7 @@ from ntc.pack.validate import check_pack
 from ntc.training.config import TrainingConfig
 from ntc.training.progress import Ended, GroupOutcome, TrainingProgress
 from ntc.training.request import QualityBudget, TrainingRequest
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, grey_pack
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.pipe import framed
 from ntc.worker.protocol import (
@@ -39,11 +40,12 @@ from viewer.training.run_log import Curves
 CODEC = CodecConfig(
     hidden_width=4, latent_bits=4, positional_octaves=1, output_channels=3, adapters=True, adapter_output=True
 )
+BLOCK_CODEC = BlockCodecConfig(coefficients=8, modes=2)
 GIVEN_BLOCK, SNAPSHOT_BLOCK = "ntc-0-" + "0" * 16, "ntc-0-" + "1" * 16
 MOST_POLLS = 2000
 
 
-def small_request(codec: CodecConfig = CODEC) -> TrainingRequest:
+def small_request(codec: AnyCodec = CODEC) -> TrainingRequest:
     """Three tiny textures in two groups."""
     sizes = ((4, 4, 3), (3, 5, 1), (8, 4, 3))
     textures = tuple(
@@ -54,13 +56,13 @@ def small_request(codec: CodecConfig = CODEC) -> TrainingRequest:
 
 
 def snapshots(request: TrainingRequest, version: int = 1, final: bool = True) -> list[GroupSnapshot]:
-    """One of each group, mid-grey, with arrays."""
-    pack = grey_pack(request.textures, request.grouping, request.codec)
+    """One of each group, without detail, with arrays."""
+    pack = starting_pack(replace(request, start=None))
     found = []
     for group in range(request.grouping.group_count):
         members = tuple(index for index, number in enumerate(request.grouping.groups) if number == group)
         textures = tuple(replace(pack.textures[index], psnr_db=20.0 if final else None) for index in members)
-        found.append(GroupSnapshot(version, group, members, textures, pack.grid_decoders[group], final))
+        found.append(GroupSnapshot(version, group, members, textures, pack.decoders[group], final))
     return found
 
 
@@ -91,9 +93,9 @@ def stream(reports: list[WorkerReport]) -> bytes:
     return b"".join(framed(encode(report)) for report in reports)
 
 
-def starts() -> list[StartTraining]:
+def starts(codec: AnyCodec = CODEC) -> list[StartTraining]:
     """Orders to train: from nothing, and going on from a pack."""
-    plain = small_request()
+    plain = small_request(codec)
     pack = starting_pack(plain)
     again = replace(plain, start=pack, dirty=frozenset({1}), budget=QualityBudget(30.0))
     return [

@@ -26,6 +26,7 @@ from ntc.worker.protocol import (
     encode,
 )
 from tests.support.worker_sessions import (
+    BLOCK_CODEC,
     REFUSED,
     Orders,
     Session,
@@ -48,15 +49,23 @@ FILLS = (None, 0, 63, 127, 255)
 def talks() -> Iterator[bytes]:
     """Well-formed ones."""
     request = small_request()
-    whole = whole_training(request)
+    whole, in_blocks = whole_training(request), whole_training(small_request(BLOCK_CODEC))
     failing = [*whole[:4], Failed("training: ran out of luck", "Traceback")]
     early = [*whole[:3], *placed(request, snapshots(request, final=False)), whole[-1]]
     for kind in (REPORTS, TRAINING, DYING):
-        for reports in (whole, failing, early):
+        for reports in (whole, failing, early, in_blocks):
             yield bytes([kind]) + stream(reports)
     yield bytes([TRAINING + KINDS]) + stream([report for report in whole if not isinstance(report, GroupSnapshot)])
     yield bytes([TRAINING + KINDS * 3]) + stream(whole)
-    commands: list[Command] = [*starts(), Pause(), Resume(), SnapshotTaken(1), ProgressTaken(), Cancel()]
+    commands: list[Command] = [
+        *starts(),
+        *starts(BLOCK_CODEC),
+        Pause(),
+        Resume(),
+        SnapshotTaken(1),
+        ProgressTaken(),
+        Cancel(),
+    ]
     yield bytes([COMMANDS]) + b"".join(framed(encode(command)) for command in commands)
 
 
@@ -75,7 +84,8 @@ class MessageReader:
 
     def __init__(self) -> None:
         self._orders = Orders()
-        self._request = small_request()
+        self._requests = {False: small_request(), True: small_request(BLOCK_CODEC)}
+        """By whether snapshots are of codec `block`."""
         self._first = stream([Ready()])
 
     def close(self) -> None:
@@ -119,7 +129,7 @@ class MessageReader:
         whole = data.startswith(self._first)
         session = Session(self._first if whole else data, data[len(self._first) :] if whole else b"", fill)
         try:
-            session.start(self._request)
+            session.start(self._requests[b"GroupSnapshot.block" in data])
             session.run()
             if dies and session.worker.busy:
                 session.processes[-1].die()
