@@ -4,11 +4,12 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
 
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.training.config import TrainingConfig
@@ -36,7 +37,27 @@ ENDLESS = replace(SHORT, steps=10**7)
 FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
 
 
+BLOCKS_FROM_NOTHING = replace(FROM_NOTHING, codec=BlockCodecConfig(coefficients=24, modes=4))
+
+
+MANY_BLOCKS = TrainingRequest(
+    (texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BlockCodecConfig(coefficients=24, modes=4), SHORT
+)
+"""Takes many seconds."""
+
+
 LONGEST_WAIT = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class CodecCase:
+    """What the tests of background training need of a codec."""
+
+    from_nothing: TrainingRequest
+    """Four small textures in two groups."""
+    endless: TrainingRequest
+    trained: Pack
+    """What `from_nothing` gives without a process."""
 
 
 @contextmanager

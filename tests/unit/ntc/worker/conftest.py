@@ -2,18 +2,25 @@
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
 from ntc.codec.model import Pack
 from ntc.training.encode import train
+from ntc.training.encode_blocks import encode_blocks
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished
 from tests.support.training_workers import (
+    BLOCKS_FROM_NOTHING,
     CODEC,
+    ENDLESS,
+    FROM_NOTHING,
     GROUPS,
+    MANY_BLOCKS,
     SHORT,
     TEXTURES,
+    CodecCase,
     threads,
     until,
 )
@@ -40,3 +47,12 @@ def trained() -> Pack:
     """What training without a process gives, with as many threads as the process has."""
     with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
         return train(TEXTURES, GROUPS, CODEC, SHORT)
+
+
+@pytest.fixture(scope="session", params=["grid", "block"])
+def case(request: pytest.FixtureRequest, trained: Pack) -> CodecCase:
+    """The codecs, one after the other."""
+    if request.param == "grid":
+        return CodecCase(FROM_NOTHING, replace(FROM_NOTHING, training=ENDLESS), trained)
+    encoded = encode_blocks(TEXTURES, GROUPS, BLOCKS_FROM_NOTHING.block_codec, SHORT.seed)
+    return CodecCase(BLOCKS_FROM_NOTHING, MANY_BLOCKS, encoded)

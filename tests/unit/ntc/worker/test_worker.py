@@ -22,6 +22,7 @@ from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.protocol import Failed, Finished
+from ntc.worker.shared_arrays import without_arrays
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,
@@ -29,13 +30,13 @@ from tests.support.training_workers import (
     GROUPS,
     SHORT,
     TEXTURES,
+    CodecCase,
     blocks,
     finished,
     pack_of,
     threads,
     until,
 )
-from tests.unit.ntc.training.test_train import same
 
 pytestmark = pytest.mark.process
 
@@ -44,27 +45,33 @@ def digest(pack: Pack, texture_index: int) -> str:
     """Over everything that decodes a texture."""
     encoded = pack.textures[texture_index]
     arrays: list[NDArray[Any]] = [encoded.latents, encoded.scale, encoded.offset]
-    arrays += [part for part in vars(encoded.adapter).values() if part is not None]
-    decoder = pack.grid_decoders[encoded.group]
-    return hashlib.sha256(b"".join(a.tobytes() for a in (*arrays, *decoder.weights, *decoder.biases))).hexdigest()
+    arrays += without_arrays((encoded.adapter, pack.decoders[encoded.group]))[1]
+    return hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
+
+
+def same(a: Pack, b: Pack) -> bool:
+    """Whether two packs hold the same bits."""
+    found = [[array.tobytes() for array in without_arrays((pack.textures, pack.decoders))[1]] for pack in (a, b)]
+    return found[0] == found[1]
 
 
 def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
-    shared: TrainingWorker, trained: Pack, tmp_path: Path
+    shared: TrainingWorker, case: CodecCase, tmp_path: Path
 ) -> None:
-    end, reports = finished(shared, FROM_NOTHING)
+    end, reports = finished(shared, case.from_nothing)
     pack = pack_of(end)
     assert end.reason == "done"
-    assert same(pack, trained)
-    assert [t.psnr_db for t in pack.textures] == [t.psnr_db for t in trained.textures]
-    assert pack.training == trained.training
+    assert same(pack, case.trained)
+    assert [t.psnr_db for t in pack.textures] == [t.psnr_db for t in case.trained.textures]
+    assert pack.training == case.trained.training
     write_pack(tmp_path / "a.ntc", pack)
     assert same(read_pack(tmp_path / "a.ntc"), pack)
     assert [outcome.before_db for outcome in end.outcomes] == [None, None]
     assert blocks() == []
 
     last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
-    assert (last.step, last.steps, last.seconds_left) == (120, 120, 0.0)
+    steps = 120 if case.from_nothing is FROM_NOTHING else len(TEXTURES)
+    assert (last.step, last.steps, last.seconds_left) == (steps, steps, 0.0)
     assert set(last.losses) == {0, 1}
     assert set(last.psnr_db) == {0, 1, 2, 3}
     assert all(math.isfinite(value) for value in (*last.losses.values(), *last.psnr_db.values()))
@@ -139,11 +146,11 @@ def test_a_group_never_ends_worse(shared: TrainingWorker, trained: Pack) -> None
     assert same(apply_snapshot(trained, final), trained)
 
 
-def test_a_texture_moves_and_its_two_groups_alone_are_trained(shared: TrainingWorker) -> None:
+def test_a_texture_moves_and_its_two_groups_alone_are_trained(shared: TrainingWorker, case: CodecCase) -> None:
     groups = Grouping("random", (0, 1, 0, 2))
-    start = train(TEXTURES, groups, CODEC, SHORT)
+    start = pack_of(finished(shared, replace(case.from_nothing, grouping=groups))[0])
     moved = moved_texture(groups, 2, 1)
-    request = replace(FROM_NOTHING, grouping=moved, start=start)
+    request = replace(case.from_nothing, grouping=moved, start=start)
     checked = shared.start(request)
     assert checked.dirty == frozenset({0, 1})
     end = until(shared, (Finished, Failed))[-1]
@@ -157,13 +164,13 @@ def test_a_texture_moves_and_its_two_groups_alone_are_trained(shared: TrainingWo
     assert {outcome.group: outcome.before_db for outcome in end.outcomes} == {0: None, 1: None}
 
 
-def test_regrouped_with_another_count(shared: TrainingWorker, trained: Pack) -> None:
+def test_regrouped_with_another_count(shared: TrainingWorker, case: CodecCase) -> None:
     other = Grouping("clustered", (2, 0, 1, 1), {"clusters": 3})
-    end, reports = finished(shared, replace(FROM_NOTHING, grouping=other, start=trained))
+    end, reports = finished(shared, replace(case.from_nothing, grouping=other, start=case.trained))
     pack = pack_of(end)
     assert pack.grouping == other
     assert len(pack.decoders) == 3
-    shown = trained
+    shown = case.trained
     for snapshot in (report for report in reports if isinstance(report, GroupSnapshot)):
         shown = apply_snapshot(shown, snapshot)
     for index in range(4):

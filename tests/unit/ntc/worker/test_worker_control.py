@@ -21,11 +21,13 @@ from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished, Paused, Resumed
 from tests.support.training_workers import (
+    BLOCKS_FROM_NOTHING,
     CODEC,
     ENDLESS,
     FROM_NOTHING,
     SHORT,
     TEXTURES,
+    CodecCase,
     blocks,
     finished,
     lives,
@@ -75,8 +77,8 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
     assert shared.process_id == process, "it obeyed, and serves again"
 
 
-def test_paused_before_it_began_it_waits(shared: TrainingWorker) -> None:
-    shared.start(FROM_NOTHING)
+def test_paused_before_it_began_it_waits(shared: TrainingWorker, case: CodecCase) -> None:
+    shared.start(case.from_nothing)
     shared.pause()
     reports = until(shared, Paused)
     assert not any(isinstance(report, TrainingProgress) for report in reports)
@@ -84,22 +86,23 @@ def test_paused_before_it_began_it_waits(shared: TrainingWorker) -> None:
     assert isinstance(until(shared, (Finished, Failed))[-1], Finished)
 
 
-def test_what_cannot_be_trained_is_refused_at_once(shared: TrainingWorker, trained: Pack) -> None:
-    other = replace(CODEC, hidden_width=32)
+def test_what_cannot_be_trained_is_refused_at_once(shared: TrainingWorker, case: CodecCase) -> None:
+    plain, trained = case.from_nothing, case.trained
+    others = replace(CODEC, hidden_width=32), BLOCKS_FROM_NOTHING.codec if plain is FROM_NOTHING else CODEC
     for request, words in (
-        (replace(FROM_NOTHING, textures=()), "no texture to train"),
-        (replace(FROM_NOTHING, grouping=Grouping("random", (0, 1))), "needs a group for each texture"),
-        (replace(FROM_NOTHING, start=trained), "no group to train"),
-        (replace(FROM_NOTHING, start=trained, dirty=frozenset({2})), "groups 0 to 1 only"),
-        (replace(FROM_NOTHING, codec=other, start=trained), "another codec"),
-        (replace(FROM_NOTHING, textures=TEXTURES[::-1], start=trained), "does not hold these textures"),
+        (replace(plain, textures=()), "no texture to train"),
+        (replace(plain, grouping=Grouping("random", (0, 1))), "needs a group for each texture"),
+        (replace(plain, start=trained), "no group to train"),
+        (replace(plain, start=trained, dirty=frozenset({2})), "groups 0 to 1 only"),
+        *((replace(plain, codec=other, start=trained), "another codec") for other in others),
+        (replace(plain, textures=TEXTURES[::-1], start=trained), "does not hold these textures"),
         (
-            replace(FROM_NOTHING, grouping=Grouping("random", (0, 0, 1, 1)), start=trained, dirty=frozenset({0})),
+            replace(plain, grouping=Grouping("random", (0, 0, 1, 1)), start=trained, dirty=frozenset({0})),
             "group 1: has other textures",
         ),
-        (replace(FROM_NOTHING, dirty=frozenset({0})), "group 1: has other textures"),
-        (replace(FROM_NOTHING, budget=StepBudget(0)), "steps is 0"),
-        (replace(FROM_NOTHING, budget=TimeBudget(math.nan)), "seconds is nan"),
+        (replace(plain, dirty=frozenset({0})), "group 1: has other textures"),
+        (replace(plain, budget=StepBudget(0)), "steps is 0"),
+        (replace(plain, budget=TimeBudget(math.nan)), "seconds is nan"),
     ):
         with pytest.raises(InputError, match=words):
             shared.start(request)
@@ -189,12 +192,12 @@ def test_killed_twenty_times_it_says_so_and_leaves_nothing(tmp_path: Path, train
 
 
 @pytest.mark.timing
-def test_cancelled_while_it_starts_and_closed_while_it_trains() -> None:
+def test_cancelled_while_it_starts_and_closed_while_it_trains(case: CodecCase) -> None:
     worker = TrainingWorker()
-    worker.start(FROM_NOTHING)
+    worker.start(case.from_nothing)
     worker.cancel()
     assert isinstance(until(worker, Finished, seconds=1.0)[-1], Finished)
-    worker.start(replace(FROM_NOTHING, training=ENDLESS))
+    worker.start(case.endless)
     process = worker.process_id
     assert process is not None
     began = time.monotonic()
@@ -207,9 +210,9 @@ def test_cancelled_while_it_starts_and_closed_while_it_trains() -> None:
 
 
 @pytest.mark.timing
-def test_a_process_that_does_not_obey_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_does_not_obey_is_ended(case: CodecCase) -> None:
     with TrainingWorker() as worker:
-        worker.start(replace(FROM_NOTHING, training=ENDLESS))
+        worker.start(case.endless)
         until(worker, TrainingProgress)
         process = worker.process_id
         assert process is not None
