@@ -87,12 +87,10 @@ def reader() -> Iterator[MessageReader]:
 
 @pytest.mark.parametrize(
     "message",
-    [*WHOLE, *snapshots(IN_BLOCKS), Failed("a", "b"), Ended("cancelled")],
+    [*WHOLE, *whole_training(IN_BLOCKS), Failed("a", "b"), Ended("cancelled")],
     ids=lambda m: type(m).__name__,
 )
 def test_reports_arrive_as_they_were_sent(message: WorkerReport) -> None:
-    if isinstance(message, GroupSnapshot):
-        (message,) = placed(IN_BLOCKS, [message])
     found = decode_report(encode(message))
     assert type(found) is type(message)
     assert encode(found) == encode(message)
@@ -253,57 +251,6 @@ HOSTILE: dict[str, WorkerReport | bytes] = {
     "half a surrogate": b"\x92\xa6Failed\x81\xa4line\xa3\xed\xa0\x80",
     "larger than anything": bytes(1 << 20),
 }
-
-
-def _block_snapshot(**changes: Any) -> GroupSnapshot:
-    return replace(placed(IN_BLOCKS, snapshots(IN_BLOCKS))[0], **changes)
-
-
-def _with_block_texture(**changes: Any) -> GroupSnapshot:
-    first, *others = _block_snapshot().textures
-    return _block_snapshot(textures=(replace(first, **changes), *others))
-
-
-BLOCK: Any = _block_snapshot()
-"""With places instead of arrays."""
-
-
-HOSTILE_IN_BLOCKS: dict[str, WorkerReport] = {
-    "a decoder of codec grid": _block_snapshot(decoder=_snapshot().decoder),
-    "a texture of codec grid": _block_snapshot(textures=_snapshot().textures),
-    "codes of half a word": _with_block_texture(latents=replace(BLOCK.textures[0].latents, shape=(1, 2))),
-    "a mean of too many channels": _with_block_texture(offset=replace(BLOCK.textures[0].offset, shape=(4,))),
-    "codes that are no integers": _with_block_texture(latents=replace(BLOCK.textures[0].latents, dtype="<f4")),
-    "a basis of other blocks": _block_snapshot(
-        decoder=replace(BLOCK.decoder, basis=replace(BLOCK.decoder.basis, shape=(8, 16, 3)))
-    ),
-    "scales behind the block": _block_snapshot(
-        decoder=replace(BLOCK.decoder, scales=replace(BLOCK.decoder.scales, offset=2**40))
-    ),
-    "an adapter": _with_block_texture(adapter=_snapshot().textures[0].adapter),
-}
-
-
-def test_a_whole_encoding_in_blocks_is_taken() -> None:
-    session = Session(FIRST, stream(whole_training(IN_BLOCKS)[1:]))
-    session.start(IN_BLOCKS)
-    session.run()
-    assert isinstance(session.ends[0], Finished)
-    assert session.ends[0].pack is not None
-    assert session.ends[0].pack.config == BLOCK_CODEC
-    session.worker.close()
-
-
-@pytest.mark.parametrize("what", HOSTILE_IN_BLOCKS)
-def test_snapshots_that_no_block_pack_can_hold_end_the_encoding(what: str) -> None:
-    session = Session(FIRST, stream([Received(), progress(), HOSTILE_IN_BLOCKS[what]]))
-    session.start(IN_BLOCKS)
-    session.run()
-    (end,) = session.ends
-    assert isinstance(end, Failed)
-    assert "invalid message" in end.line
-    session.worker.close()
-    assert all(left_of(process) == [] for process in session.processes)
 
 
 @pytest.mark.parametrize("what", HOSTILE)
