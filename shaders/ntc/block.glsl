@@ -36,74 +36,172 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
     return footprint;
 }
 
-// One texel's row of the basis: a signed byte for each channel.
-vec4 basis_row(uint word) {
-    int bits = int(word);
-    return vec4(ivec4(bits << 24, bits << 16, bits << 8, bits) >> 24);
+// Where the code of a block lies, and which tables it is read with.
+struct Code {
+    int first_word;
+    int last_word;
+    int lists;     // of its modes, a list after the other
+    int basis;
+};
+
+Code code_of(int decoder, LevelRecord level, ivec2 block) {
+    int tables = FIRST_TABLE_BLOCK + decoder * TABLE_BLOCKS;
+    Code code;
+    code.first_word = (level.first_cell + block.y * level.width + block.x) * CELL_WORDS;
+    code.last_word = code.first_word + CELL_WORDS - 1;
+    code.lists = tables;
+    code.basis = tables + LISTS_BLOCKS;
+    return code;
 }
 
-// The sum over the coefficients of block `cell` of coefficient x basis, for texels (0, 0), (1, 0), (0, 1), (1, 1) from `texel` on,
-// weighted by `weights`.
-vec4 block_texels(int decoder, int cell, int texel, vec4 weights) {
-    int first = cell * CELL_WORDS;
-    uint low = latent_words[first];
-    uint high = CELL_WORDS > 1 ? latent_words[first + 1] : 0u;
-    int word = 0;
-    int tables = FIRST_TABLE_BLOCK + decoder * TABLE_BLOCKS;
-    int entry = tables + int(low & uint(MODES - 1)) * LIST_BLOCKS;
-    int basis = tables + MODES * LIST_BLOCKS + texel;
-    uint state = 0u;
-    vec4 sum = vec4(0.0);
-    for (int k = 0; k < LIST_BLOCKS; ++k) {
-        // Where the coefficient's basis begins, its depth, its scale, its first bit.
-        uvec4 coefficient = table_block(entry + k);
-        if (coefficient.y == 0u) break;
-        if (int(coefficient.w >> 5) > word) {
-            ++word;
-            low = high;
-            high = word + 1 < CELL_WORDS ? latent_words[first + word + 1] : 0u;
-        }
-        uint shift = coefficient.w & 31u;
-        uint index = ((low >> shift) | ((high << 1) << (31u - shift))) & ((1u << coefficient.y) - 1u);
-        uint branch = index & 1u;
-        uint subset = (TRELLIS_SUBSETS >> (4u * state + 2u * branch)) & 3u;
-        state = ((state << 1) & 6u) | branch;
-        vec4 level = uintBitsToFloat(table_block(int((1u << (coefficient.y - 1u)) - 1u + (index >> 1))));
-        float value = (subset < 2u ? (subset == 0u ? level.x : level.y) : (subset == 2u ? level.z : level.w));
-        vec4 scaled = weights * (value * uintBitsToFloat(coefficient.z));
-        uvec4 rows = table_block(basis + int(coefficient.x));
-        sum += scaled.x * basis_row(rows.x) + scaled.y * basis_row(rows.y);
-        sum += scaled.z * basis_row(rows.z) + scaled.w * basis_row(rows.w);
+// How far a code has been read.
+struct Reader {
+    int word;          // of the code's words, that which `low` holds
+    uint low;
+    uint high;         // the next word
+    uint bit;          // of `low`: the next one to be read
+    uint state;        // of the trellis
+    int list;
+};
+
+Reader reader_of(Code code) {
+    Reader reader;
+    reader.word = code.first_word;
+    reader.low = latent_words[code.first_word];
+    reader.high = latent_words[min(code.first_word + 1, code.last_word)];
+    reader.bit = MODE_BITS;
+    reader.state = 0u;
+    reader.list = code.lists + int(reader.low & uint(MODES - 1)) * GROUPS;
+    return reader;
+}
+
+// The coefficient whose index is in the lowest bits of `bits`; they are taken away. `entry`: scale as float32 with the depth in its
+// lowest bits.
+float next_coefficient(inout Reader reader, inout uint bits, uint entry) {
+    uint depth = entry & 7u;
+    uint index = bits & ((1u << depth) - 1u);
+    bits >>= depth;
+    reader.bit += depth;
+    uint branch = index & 1u;
+    uint subset = (TRELLIS_SUBSETS >> (4u * reader.state + 2u * branch)) & 3u;
+    reader.state = depth == 0u ? reader.state : ((reader.state << 1) & 6u) | branch;
+    // Depth 0 reads block 0, which is 0.
+    vec4 level = uintBitsToFloat(table_block(int(((1u << depth) >> 1) + (index >> 1))));
+    float value = (subset < 2u ? (subset == 0u ? level.x : level.y) : (subset == 2u ? level.z : level.w));
+    return value * uintBitsToFloat(entry & ~7u);
+}
+
+// The next four coefficients of `code`, which are number 4 `group` and those after it.
+vec4 next_coefficients(inout Reader reader, Code code, int group) {
+    uvec4 entries = table_block(reader.list + group);
+    uint bits = (reader.low >> reader.bit) | ((reader.high << 1) << (31u - reader.bit));
+    vec4 values;
+    values.x = next_coefficient(reader, bits, entries.x);
+    values.y = next_coefficient(reader, bits, entries.y);
+    values.z = next_coefficient(reader, bits, entries.z);
+    values.w = next_coefficient(reader, bits, entries.w);
+    if (reader.bit >= 32u) {
+        reader.bit -= 32u;
+        ++reader.word;
+        reader.low = reader.high;
+        reader.high = latent_words[min(reader.word + 1, code.last_word)];
+    }
+    return values;
+}
+
+// One texel's row of the basis: a signed byte for each channel.
+CHANNELS_T basis_row(uint word) {
+    int bits = int(word);
+    return CHANNELS_T(BASIS_BYTES(bits));
+}
+
+// Adds the products of four coefficients with the rows of one texel.
+void add_rows(inout CHANNELS_T sum, vec4 values, uvec4 rows) {
+    sum += values.x * basis_row(rows.x) + values.y * basis_row(rows.y);
+    sum += values.z * basis_row(rows.z) + values.w * basis_row(rows.w);
+}
+
+// What the transform gives for four texels of a block, channels that the codec lacks as 0.
+struct Texels {
+    CHANNELS_T first;
+    CHANNELS_T second;
+    CHANNELS_T third;
+    CHANNELS_T fourth;
+};
+
+Texels block_texels(Code code, ivec4 texels) {
+    Texels sums = Texels(CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0));
+    Reader reader = reader_of(code);
+    for (int group = 0; group < GROUPS; ++group) {
+        vec4 values = next_coefficients(reader, code, group);
+        int basis = code.basis + group * BLOCK_SIDE * BLOCK_SIDE;
+        add_rows(sums.first, values, table_block(basis + texels.x));
+        add_rows(sums.second, values, table_block(basis + texels.y));
+        add_rows(sums.third, values, table_block(basis + texels.z));
+        add_rows(sums.fourth, values, table_block(basis + texels.w));
+    }
+    return sums;
+}
+
+// The same for one texel.
+CHANNELS_T block_texel(Code code, int texel) {
+    CHANNELS_T sum = CHANNELS_T(0.0);
+    Reader reader = reader_of(code);
+    for (int group = 0; group < GROUPS; ++group) {
+        vec4 values = next_coefficients(reader, code, group);
+        add_rows(sum, values, table_block(code.basis + group * BLOCK_SIDE * BLOCK_SIDE + texel));
     }
     return sum;
 }
 
+// A footprint in the blocks that it touches: in one, or part after part.
+struct Parts {
+    bvec2 together;    // along each axis: both texels lie side by side in one block
+    ivec2 count;       // along each axis
+};
+
+Parts parts_of(Footprint footprint) {
+    bvec2 adjacent = equal(footprint.second, footprint.first + 1);
+    bvec2 one_block = equal(footprint.first / BLOCK_SIDE, footprint.second / BLOCK_SIDE);
+    Parts parts;
+    parts.together = bvec2(adjacent.x && one_block.x, adjacent.y && one_block.y);
+    parts.count.x = parts.together.x || footprint.share.x == 0.0 ? 1 : 2;
+    parts.count.y = parts.together.y || footprint.share.y == 0.0 ? 1 : 2;
+    return parts;
+}
+
+// What a part of a footprint adds to the filtered value.
+CHANNELS_T part_sum(int decoder, LevelRecord level, Footprint footprint, Parts parts, int part) {
+    bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
+    ivec2 texel = ivec2(
+        other.x ? footprint.second.x : footprint.first.x,
+        other.y ? footprint.second.y : footprint.first.y
+    );
+    vec2 near = mix(1.0 - footprint.share, footprint.share, other);
+    vec2 far = mix(vec2(0.0), footprint.share, parts.together);
+    ivec2 block = texel / BLOCK_SIDE;
+    ivec2 within = texel - block * BLOCK_SIDE;
+    int corner = within.y * BLOCK_SIDE + within.x;
+    ivec2 steps = ivec2(parts.together) * ivec2(1, BLOCK_SIDE);
+    ivec4 texels = corner + ivec4(0, steps.x, steps.y, steps.x + steps.y);
+    Texels sums = block_texels(code_of(decoder, level, block), texels);
+    CHANNELS_T upper = near.x * sums.first + far.x * sums.second;
+    CHANNELS_T lower = near.x * sums.third + far.x * sums.fourth;
+    return near.y * upper + far.y * lower;
+}
+
 // What the transform gives over a footprint: once for each of the at most four blocks that it touches.
-vec4 block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
-    ivec2 first = footprint.first;
-    ivec2 second = footprint.second;
-    bvec2 adjacent = equal(second, first + 1);
-    bvec2 one_block = equal(first / BLOCK_SIDE, second / BLOCK_SIDE);
-    // Along each axis: both texels at once where they lie side by side in a block, else one after the other.
-    bvec2 together = bvec2(adjacent.x && one_block.x, adjacent.y && one_block.y);
-    ivec2 parts = ivec2(together.x || footprint.share.x == 0.0 ? 1 : 2, together.y || footprint.share.y == 0.0 ? 1 : 2);
-    vec4 sum = vec4(0.0);
-    for (int part = 0; part < parts.x * parts.y; ++part) {
-        bvec2 other = bvec2(part % parts.x == 1, part / parts.x == 1);
-        ivec2 texel = ivec2(other.x ? second.x : first.x, other.y ? second.y : first.y);
-        vec2 near = mix(1.0 - footprint.share, footprint.share, other);
-        vec2 far = mix(vec2(0.0), footprint.share, together);
-        vec4 weights = vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
-        ivec2 block = texel / BLOCK_SIDE;
-        ivec2 within = texel - block * BLOCK_SIDE;
-        int cell = level.first_cell + block.y * level.width + block.x;
-        sum += block_texels(record.decoder, cell, within.y * BLOCK_SIDE + within.x, weights);
-    }
+CHANNELS_T block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
+    Parts parts = parts_of(footprint);
+    CHANNELS_T sum = CHANNELS_T(0.0);
+    for (int part = 0; part < parts.count.x * parts.count.y; ++part)
+        sum += part_sum(record.decoder, level, footprint, parts, part);
     return sum;
 }
 
 // The texture's value in [0, 1] for a sum over the transform.
-vec4 block_value(TextureRecord record, vec4 sum) {
+vec4 block_value(TextureRecord record, CHANNELS_T channels) {
+    vec4 sum = ALL_CHANNELS(channels);
     vec4 value = record.mean + record.axes[0] * sum.x + record.axes[1] * sum.y;
     return limit_output(value + record.axes[2] * sum.z + record.axes[3] * sum.w);
 }
@@ -115,11 +213,28 @@ vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool w
     lod = present_lod(record, lod);
     int lower = int(floor(lod));
     float share = lod - float(lower);
-    int mips = wanted ? (share > 0.0 ? 2 : 1) : 0;
-    vec4 sum = vec4(0.0);
-    for (int number = 0; number < mips; ++number) {
-        LevelRecord level = levels[record.first_level + lower + number];
-        sum += (number == 0 ? 1.0 - share : share) * block_sum(record, level, footprint_at(level, at, wrap));
+    LevelRecord near = levels[record.first_level + lower];
+    LevelRecord far = levels[record.first_level + (share > 0.0 ? lower + 1 : lower)];
+    Footprint near_footprint = footprint_at(near, at, wrap);
+    Footprint far_footprint = footprint_at(far, at, wrap);
+    Parts near_parts = parts_of(near_footprint);
+    Parts far_parts = parts_of(far_footprint);
+    int near_count = near_parts.count.x * near_parts.count.y;
+    int count = near_count + (share > 0.0 ? far_parts.count.x * far_parts.count.y : 0);
+    CHANNELS_T sum = CHANNELS_T(0.0);
+    // One loop over the parts in both mips: neighbouring pixels that cross a block's edge in different mips do so at once.
+    for (int number = 0; number < (wanted ? count : 0); ++number) {
+        bool second = number >= near_count;
+        LevelRecord level = near;
+        Footprint footprint = near_footprint;
+        Parts parts = near_parts;
+        if (second) {
+            level = far;
+            footprint = far_footprint;
+            parts = far_parts;
+        }
+        sum += (second ? share : 1.0 - share)
+            * part_sum(record.decoder, level, footprint, parts, second ? number - near_count : number);
     }
     return block_value(record, sum);
 }

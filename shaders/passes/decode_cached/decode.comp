@@ -53,24 +53,90 @@ void store_texel(TileRecord tile, ivec2 place, vec4 value) {
 }
 
 #if CODEC_BLOCK
+// Four texels that one invocation decodes: those at `first`, `first + right`, `first + down`, and both steps from it.
+struct Quad {
+    ivec2 first;    // on the page
+    ivec2 right;
+    ivec2 down;
+};
+
+const int TILE_BLOCK_TEXELS = BLOCK_SIDE * BLOCK_SIDE;
+const int SIDE_QUADS = TILE_SIDE / 4;
+
+// Squares of two by two texels inside the border, block after block; rows of four along it; its corners. False: there are no more.
+bool own_quad(int number, out Quad quad) {
+    quad = Quad(ivec2(0), ivec2(0), ivec2(0));
+    if (number < TILE_QUADS) {
+        int block = number / (TILE_BLOCK_TEXELS / 4);
+        int within = number - block * (TILE_BLOCK_TEXELS / 4);
+        ivec2 corner = ivec2(block % (TILE_SIDE / BLOCK_SIDE), block / (TILE_SIDE / BLOCK_SIDE)) * BLOCK_SIDE;
+        corner += 2 * ivec2(within % (BLOCK_SIDE / 2), within / (BLOCK_SIDE / 2));
+        quad = Quad(corner + TILE_BORDER, ivec2(1, 0), ivec2(0, 1));
+        return true;
+    }
+    int rest = number - TILE_QUADS;
+    bool beyond = (rest & 1) != 0;
+    if (rest < 4 * SIDE_QUADS) {
+        bool upright = (rest & 2) != 0;
+        ivec2 along = upright ? ivec2(0, 1) : ivec2(1, 0);
+        ivec2 across = ivec2(1) - along;
+        quad = Quad(along * (4 * (rest >> 2) + TILE_BORDER) + (beyond ? across * (PAGE_SIDE - 1) : ivec2(0)), along, 2 * along);
+        return true;
+    }
+    rest -= 4 * SIDE_QUADS;
+    quad.first = ivec2(rest & 1, rest >> 1) * (PAGE_SIDE - 1);
+    return rest < 4;
+}
+
+ivec2 place_in(Quad quad, int number) {
+    return quad.first + (number & 1) * quad.right + (number >> 1) * quad.down;
+}
+
 void main() {
-    int count = min(network_blocks * PIXELS, PIXELS);
-    for (int p = 0; p < count; ++p) {
-        ivec2 place;
-        bool inside;
-        TileRecord tile = own_tile(p, place, inside);
-        if (!inside) continue;
-        TextureRecord record = textures[tile.texture_id];
-        LevelRecord level = levels[record.first_level + tile.level];
-        ivec2 texel = texel_of(tile, place, ivec2(level.texel_width, level.texel_height));
-        Footprint footprint = Footprint(texel, texel, vec2(0.0));
-        if (tile.level < record.finest_level) {
-            // The mip is not on the GPU: what the next one shows there.
-            uvec2 uv = uvec2(texel_centre(texel.x, level.texel_width), texel_centre(texel.y, level.texel_height));
-            level = levels[record.first_level + record.finest_level];
-            footprint = footprint_at(level, uv, ivec2(tile.wrap_u, tile.wrap_v));
+    TileRecord tile = tiles[first_tile + int(gl_WorkGroupID.x)];
+    Quad quad;
+    if (!own_quad(int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x), quad)) return;
+    TextureRecord record = textures[tile.texture_id];
+    LevelRecord level = levels[record.first_level + tile.level];
+    ivec2 size = ivec2(level.texel_width, level.texel_height);
+    // What lies more than a border beyond the texture is never read.
+    ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + quad.first - TILE_BORDER;
+    if (any(greaterThanEqual(first, size + TILE_BORDER))) return;
+    ivec2 texels[4];
+    for (int number = 0; number < 4; ++number) texels[number] = texel_of(tile, place_in(quad, number), size);
+    if (tile.level < record.finest_level) {
+        // The mip is not on the GPU: what the next one shows there.
+        LevelRecord finest = levels[record.first_level + record.finest_level];
+        for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
+            ivec2 texel = texel_of(tile, place_in(quad, number), size);
+            uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
+            Footprint footprint = footprint_at(finest, uv, ivec2(tile.wrap_u, tile.wrap_v));
+            store_texel(tile, place_in(quad, number), block_value(record, block_sum(record, finest, footprint)));
         }
-        store_texel(tile, place, block_value(record, block_sum(record, level, footprint)));
+        return;
+    }
+    ivec2 block = texels[0] / BLOCK_SIDE;
+    bool one_block = block == texels[1] / BLOCK_SIDE && block == texels[2] / BLOCK_SIDE && block == texels[3] / BLOCK_SIDE;
+    ivec4 numbers;
+    for (int number = 0; number < 4; ++number) {
+        ivec2 within = texels[number] % BLOCK_SIDE;
+        numbers[number] = within.y * BLOCK_SIDE + within.x;
+    }
+    if (one_block) {
+        Texels sums = block_texels(code_of(record.decoder, level, block), numbers);
+        store_texel(tile, place_in(quad, 0), block_value(record, sums.first));
+        store_texel(tile, place_in(quad, 1), block_value(record, sums.second));
+        store_texel(tile, place_in(quad, 2), block_value(record, sums.third));
+        store_texel(tile, place_in(quad, 3), block_value(record, sums.fourth));
+        return;
+    }
+    // At the texture's edge.
+    for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
+        ivec2 texel = texel_of(tile, place_in(quad, number), size);
+        ivec2 within = texel % BLOCK_SIDE;
+        Code code = code_of(record.decoder, level, texel / BLOCK_SIDE);
+        vec4 value = block_value(record, block_texel(code, within.y * BLOCK_SIDE + within.x));
+        store_texel(tile, place_in(quad, number), value);
     }
 }
 #else

@@ -151,4 +151,4 @@ def test_the_shader_walks_the_trellis_of_the_encoder() -> None:
     levels = trellis_blocks().view(np.float32)
     for depth in range(1, LARGEST_DEPTH + 1):
         for number in range(2 << depth):
-            assert levels[(1 << (depth - 1)) - 1 + number // 4, number % 4] == level_table()[depth, number]
+            assert levels[(1 << (depth - 1)) + number // 4, number % 4] == level_table()[depth, number]

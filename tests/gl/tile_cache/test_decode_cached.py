@@ -1,6 +1,6 @@
 """The cached path: hardware-filtered tiles of the float64 decode, decoded once, within a budget, kept while they hold."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
@@ -42,10 +43,19 @@ HARDWARE = 4e-3
 """Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
 
 
-@pytest.fixture(scope="module", params=[random_pack, random_block_pack], ids=["grid", "block"])
+SMALL_BLOCKS = BlockCodecConfig(block_side=4, block_words=2, coefficients=30, modes=8)
+CODECS: dict[str, Callable[..., Pack]] = {
+    "grid": random_pack,
+    "block": random_block_pack,
+    "block, 4x4 texels": partial(random_block_pack, config=SMALL_BLOCKS),
+}
+
+
+@pytest.fixture(scope="module", params=CODECS)
 def pack(request: pytest.FixtureRequest) -> Pack:
-    """Latents for all textures, in either codec."""
-    made: Pack = request.param(SIZES, (0, 1, 0), hashes=[texture(w, h, w).pixel_hash for w, h in SIZES])
+    """Latents for all textures, in every codec."""
+    hashes = [texture(w, h, w).pixel_hash for w, h in SIZES]
+    made: Pack = CODECS[request.param](SIZES, (0, 1, 0), hashes=hashes)
     return made
 
 

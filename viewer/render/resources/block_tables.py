@@ -1,10 +1,8 @@
 """What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words.
 
-First the levels of the trellis, which all decoders share. Then for each decoder
-- for each mode the list of its coefficients that have bits: where the coefficient's basis begins, its depth, its scale
-  as float32, the first of its bits in a block's code; a depth of 0 ends the list;
-- for each coefficient, for each texel of a block, the rows of the basis of it and of its neighbours at (1, 0), (0, 1), (1, 1): a
-  signed byte for each channel. So one fetch serves a bilinear footprint. Beyond the block's edge they are 0.
+First a block of zeros and the levels of the trellis, which all decoders share. Then for each decoder, four coefficients to a block,
+- for each mode its list of coefficients: a word for each, its scale as float32 whose lowest three bits give way to its depth;
+- for each four coefficients, for each texel, their rows of the basis: a word for each, a signed byte for each channel.
 """
 
 from collections.abc import Sequence
@@ -19,13 +17,22 @@ from ntc.codec.block.model import BlockDecoder, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
 
 Words = NDArray[np.uint32]
+GROUP = 4
+"""Coefficients that shaders read at once."""
+DEPTH_MASK = np.uint32(7)
+"""Bits of a scale that give way to a depth: a relative error of 2^-22."""
+CHANNEL_TYPES = ("float", "vec2", "vec3", "vec4")
 
 
 @lru_cache(maxsize=1)
 def trellis_blocks() -> Words:
-    """[blocks, 4] uint32: levels as float32. Depth b begins at block 2^(b - 1) - 1; each block holds one level of each subset."""
+    """[blocks, 4] uint32: levels as float32. Depth b begins at block 2^(b - 1); each block holds one level of each subset.
+
+    Block 0 holds zeros: what a coefficient of depth 0 has in place of a level.
+    """
     levels = level_table()
     parts = [levels[depth, : 2 << depth].reshape(-1, 4) for depth in range(1, LARGEST_DEPTH + 1)]
+    parts.insert(0, np.zeros((1, 4), np.float32))
     return np.concatenate(parts).astype("<f4").view("<u4")
 
 
@@ -49,28 +56,28 @@ class BlockTables:
     def __init__(self, config: BlockCodecConfig) -> None:
         self._config = config
         self.first_block = len(trellis_blocks())
-        self.list_blocks = min(config.coefficients, config.coefficient_bits) + 1
-        self.basis = config.modes * self.list_blocks
-        self.blocks = self.basis + config.coefficients * config.block_texels
+        self.groups = -(-config.coefficients // GROUP)
+        self.basis = config.modes * self.groups
+        self.blocks = self.basis + self.groups * config.block_texels
 
     def _lists(self, decoder: BlockDecoder) -> Words:
-        config, depths = self._config, decoder.depths.astype(np.uint32)
-        scales = (scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)).astype("<f4").view("<u4")
-        starts = config.mode_bits + np.cumsum(depths, axis=1, dtype=np.uint32) - depths
-        lists = np.zeros((config.modes, self.list_blocks, 4), np.uint32)
-        for mode in range(config.modes):
-            active = np.nonzero(depths[mode])[0]
-            columns = (active * config.block_texels, depths[mode, active], scales[mode, active], starts[mode, active])
-            lists[mode, : len(active)] = np.stack(columns, axis=-1)
-        return lists.reshape(-1, 4)
+        exact = scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)
+        scales = exact.astype("<f4").view("<u4")
+        words = ((scales + (DEPTH_MASK + 1) // 2) & ~DEPTH_MASK) | decoder.depths
+        active = np.where(decoder.depths > 0, words, 0).astype(np.uint32)
+        return self._padded(active, axis=1).reshape(-1, GROUP)
 
     def _basis(self, decoder: BlockDecoder) -> Words:
-        side, channels = self._config.block_side, self._config.output_channels
-        rows = np.zeros((self._config.coefficients, side + 1, side + 1, 4), np.int8)
-        rows[:, :side, :side, :channels] = decoder.basis.reshape(-1, side, side, channels)
-        words = rows.view("<u4")[..., 0]
-        corners = [words[:, y : y + side, x : x + side] for y in (0, 1) for x in (0, 1)]
-        return np.stack(corners, axis=-1).reshape(-1, 4)
+        config = self._config
+        rows = np.zeros((config.coefficients, config.block_texels, 4), np.int8)
+        rows[..., : config.output_channels] = decoder.basis
+        words = self._padded(rows.view("<u4")[..., 0], axis=0)
+        return np.ascontiguousarray(words.reshape(self.groups, GROUP, -1).transpose(0, 2, 1)).reshape(-1, GROUP)
+
+    def _padded(self, words: Words, axis: int) -> Words:
+        """`words` with zeros for the coefficients that the last four lack."""
+        missing = self.groups * GROUP - words.shape[axis]
+        return np.pad(words, [(0, missing if number == axis else 0) for number in range(words.ndim)])
 
     def decoder_bytes(self, decoder: BlockDecoder) -> bytes:
         """The tables of one decoder."""
@@ -89,8 +96,13 @@ def block_glsl(config: BlockCodecConfig) -> str:
         "MODES": config.modes,
         "FIRST_TABLE_BLOCK": tables.first_block,
         "TABLE_BLOCKS": tables.blocks,
-        "LIST_BLOCKS": tables.list_blocks,
+        "LISTS_BLOCKS": tables.basis,
+        "GROUPS": tables.groups,
+        "MODE_BITS": f"{config.mode_bits}u",
         "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
+        "CHANNELS_T": CHANNEL_TYPES[config.output_channels - 1],
+        "BASIS_BYTES(bits)": ", ".join(f"bits << {24 - 8 * byte} >> 24" for byte in range(config.output_channels)),
+        "ALL_CHANNELS(channels)": f"vec4({', '.join(['channels', *['0.0'] * (4 - config.output_channels)])})",
     }
     lines = [f"#define {name} {value}" for name, value in values.items()]
     return "\n".join(

@@ -106,6 +106,10 @@ TILE_BORDER = 1
 """Texels around a tile that are kept with it, so that the hardware can filter at its edges."""
 PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
 """Side in texels of a page of the tile atlas: a tile and its border."""
+TILE_QUADS = TILE_SIDE * TILE_SIDE // 4
+"""Groups of four texels of one texel block that a tile has, its border left out."""
+PAGE_QUADS = TILE_QUADS + TILE_SIDE + 4
+"""The same with the border: rows of four texels, and each corner alone."""
 PAGES_ACROSS = 30
 """Pages along a side of a layer of the tile atlas."""
 TILE_REQUESTED = 0xFFFFFFFF
@@ -270,6 +274,7 @@ def scene_layout_glsl() -> str:
         f"#define SCAN_GROUP {SCAN_GROUP}",
         f"#define TILE_SIDE {TILE_SIDE}",
         f"#define TILE_BORDER {TILE_BORDER}",
+        f"#define TILE_QUADS {TILE_QUADS}",
         f"#define PAGE_SIDE {PAGE_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",
         f"#define TILE_REQUESTED {TILE_REQUESTED}u",

@@ -16,6 +16,7 @@ from viewer.render.resources.layout import (
     BIN_GROUP,
     GROUP_SIDE,
     MAX_TILE_REQUESTS,
+    PAGE_QUADS,
     PAGE_SIDE,
     PAGES_ACROSS,
     TEXEL_GROUP,
@@ -36,7 +37,7 @@ LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
 AHEAD_MILLISECONDS = 8.0
 """Decoding time of a frame, in ms, for tiles that are shown in an older version."""
 TILES_AT_ONCE = 8192
-"""Tiles of one dispatch: OpenGL allows at most 65535 work groups."""
+"""Tiles of one dispatch: OpenGL allows at most 65535 work groups along each axis."""
 
 
 def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
@@ -256,8 +257,14 @@ class DecodeCachedPass:
             for first in range(start, end, TILES_AT_ONCE):
                 number = min(TILES_AT_ONCE, end - first)
                 set_uniforms(self._decode, {"first_tile": first, "tile_count": number})
-                self._decode.run(-(-number * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
+                self._decode.run(*self._work_groups(number))
         self._gl.memory_barrier()
+
+    def _work_groups(self, tiles: int) -> tuple[int, int]:
+        """Those that decode `tiles` tiles: an invocation decodes four texels of a block, or pixels of any tile."""
+        if self._buffers.pack.config.kind == "block":
+            return tiles, -(-PAGE_QUADS // BIN_GROUP)
+        return -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)), 1
 
     def _write_tiles(self, data: bytes) -> None:
         self._tiles.write(data)

@@ -1,0 +1,173 @@
+"""Processor time of decoding packs of both codecs in one scene: every way in turn, in one run.
+
+    python -m lab.benchmarks.decode_in_turns bistro.gltf --cameras cameras.json --camera square --pack grid=grid.ntc \
+        --pack block=block.ntc --json lab/benchmarks/results/decode_in_turns_bistro_llvmpipe.json
+
+Paths that decode every pixel are timed on whole pictures; of path `cached`, decoding the tiles of an empty cache, and apart from
+that drawing from a full one. Processor time, as `time.process_time` counts it, for a software renderer decodes on the processor: a
+busy machine does not change it much. The first tiles of a run are not counted.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
+from ntc.codec.model import Pack
+from ntc.errors import InputError
+from ntc.pack.file import read_pack
+from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.gl.timer import PassTimer
+from viewer.locations import shaders_folder
+from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.pack_buffers import codec_programs
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
+from viewer.render.scene_drawer import SceneDrawer
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
+from viewer.render.tile_cache.decode_cached import DecodeCachedPass
+from viewer.render.tile_cache.tile_table import TileTable
+from viewer.scene.load import load_scene
+from viewer.scene.model import Camera, Scene
+from viewer.state.pack_files import match_scene
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One measurement of one way."""
+
+    processor_ms: float
+    units: int
+    """Pixels or tiles that were decoded."""
+
+
+class PackInScene:
+    """One pack, ready to be decoded over the visibility buffer of one view."""
+
+    def __init__(self, context: RenderContext, programs: ProgramFactory, pack: Pack, inputs: VisibilityInputs) -> None:
+        match = match_scene(pack, context.scene)
+        self._gpu = GpuPack(context, pack, match, "fp32", codec_programs(programs, pack), version=1)
+        self._gl, self._inputs = context.graphics.gl, inputs
+        self._target = AlbedoTarget(context.graphics, inputs.visibility.size)
+        self._gpu.upload_latents(inputs)
+        self._passes = {"deferred": deferred_pass(self._gpu, may_share=False), "binned": binned_pass(self._gpu)}
+        self._table = TileTable.of(context.scene.materials, pack, match)
+
+    def _measured(self, action: Callable[[], object]) -> float:
+        """Processor time of `action` in ms."""
+        self._gl.finish()
+        start = time.process_time()
+        action()
+        self._gl.finish()
+        return (time.process_time() - start) * 1e3
+
+    def decode(self, name: str) -> Cost:
+        """Decode the picture by the path `name`."""
+        width, height = self._target.size
+        return Cost(self._measured(lambda: self._passes[name].run(self._inputs, self._target)), width * height)
+
+    def decode_tiles(self) -> tuple[Cost, Cost]:
+        """(decoding all tiles of the view into an empty cache, drawing from them)."""
+        context = self._gpu.context
+        cache = DecodeCachedPass(
+            context.graphics,
+            self._gpu.programs,
+            self._gpu.buffers,
+            self._gpu.ranges,
+            self._table,
+            self._gpu.colors,
+            context.tile_cache,
+            context.tile_budget,
+        )
+        cache.request(self._inputs)
+        # Once before it is timed: memory of the atlas is mapped when it is first written.
+        cache.decode(cache.tiles_now(whole=True))
+        cache.mark_stale(range(len(context.scene.textures)))
+        tiles = cache.tiles_now(whole=True)
+        decoding = self._measured(lambda: cache.decode(tiles))
+        drawing = self._measured(lambda: cache.sample(self._inputs, self._target))
+        cache.release()
+        return Cost(decoding, tiles), Cost(drawing, self._target.size[0] * self._target.size[1])
+
+
+def measure(
+    graphics: GraphicsContext,
+    scene: Scene,
+    packs: Mapping[str, Pack],
+    camera: Camera,
+    size: tuple[int, int],
+    rounds: int,
+) -> list[dict[str, Any]]:
+    """A row of medians for each pack and way."""
+    programs = ProgramFactory(
+        graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    )
+    buffers, timer = SceneBuffers(graphics, scene, material_records(scene)), PassTimer(graphics)
+    tiles = TileCacheConfig()
+    context = RenderContext(graphics, scene, buffers, timer, tiles, TileBudget(tiles), latents=None)
+    visibility = VisibilityTarget(graphics, size, SurfaceContent(buffers.has_colors, gradients=False))
+    inputs = SceneDrawer(graphics, programs, scene, buffers, PassScheduler(timer)).draw(camera, visibility)
+    made = {name: PackInScene(context, programs, pack, inputs) for name, pack in packs.items()}
+    costs: dict[tuple[str, str], list[Cost]] = {}
+    for turn in range(-1, rounds):
+        for name, pack in made.items():
+            decoding, drawing = pack.decode_tiles()
+            found = {
+                "deferred": pack.decode("deferred"),
+                "binned": pack.decode("binned"),
+                "cached, tiles": decoding,
+                "cached, drawing": drawing,
+            }
+            for way, cost in found.items():
+                if turn >= 0:
+                    costs.setdefault((way, name), []).append(cost)
+    first = next(iter(made))
+    medians = {key: median([cost.processor_ms / cost.units for cost in own]) for key, own in costs.items()}
+    return [
+        {
+            "way": way,
+            "pack": name,
+            "processor ms": median([cost.processor_ms for cost in costs[way, name]]),
+            "units": costs[way, name][0].units,
+            "microseconds each": 1e3 * medians[way, name],
+            f"{first} takes as many": medians[way, first] / medians[way, name],
+        }
+        for way, name in sorted(medians, key=lambda key: key[0])
+    ]
+
+
+def main() -> int:
+    """Run from the command line."""
+    parser = arguments((__doc__ or "").splitlines()[0])
+    parser.add_argument("--pack", action="append", required=True, metavar="NAME=FILE", help="may be given again")
+    given = parser.parse_args()
+    try:
+        scene = load_scene(given.scene)
+        packs = {name: read_pack(Path(file)) for name, _, file in (entry.partition("=") for entry in given.pack)}
+        graphics = create_headless_context()
+        camera = chosen_cameras(scene, given.cameras, given.camera)[0]
+        rows = measure(graphics, scene, packs, camera, given.size, given.frames)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    facts = {
+        "scene": scene.name,
+        "camera": camera.name,
+        "size": "{}x{}".format(*given.size),
+        "rounds": given.frames,
+        "packs": {name: f"codec {pack.config.kind}, {len(pack.decoders)} decoders" for name, pack in packs.items()},
+        "renderer": graphics.info.renderer,
+    }
+    report("Processor time of decoding", rows, facts, given.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
