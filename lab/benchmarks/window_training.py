@@ -86,6 +86,7 @@ def main() -> None:
     parser.add_argument("--texture-size", type=int, default=256)
     parser.add_argument("--clusters", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=30.0, help="of each training")
+    parser.add_argument("--codec", choices=("block", "grid"), default="block")
     options = parser.parse_args()
     scene = load_scene(options.scene)
     camera = chosen_cameras(scene, options.cameras, options.camera)[0]
@@ -98,7 +99,7 @@ def main() -> None:
         window = Window(app)
         training = app.training
         rows = [summary("before, reference", window.frames_while(lambda: True, 5.0))]
-        encode = f"training.encode clustered {options.clusters} {options.texture_size} {options.seconds:g}s"
+        encode = f"training.encode clustered {options.clusters} {options.texture_size} {options.seconds:g}s best {options.codec}"
         run_line(app.context, encode)
         window_rows = window.frames_while(lambda: training.state == "preparing", 120.0)
         rows.append(summary("preparing", window_rows))

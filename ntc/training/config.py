@@ -3,7 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ntc.codec.config import CodecConfig, RecipeName
+from ntc.codec.config import CodecConfig, CodecKind, RecipeName
+
+DEFAULT_BITS = 2.0
+"""Bits per texel of codec `block` where none are asked for."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,14 @@ def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConf
     )
 
 
+def recipe_codec_kind(name: RecipeName) -> CodecKind:
+    """The codec of a recipe where none is asked for: `best` encodes in blocks, `paper` trains grids."""
+    return "grid" if name == "paper" else "block"
+
+
 def recipe_codec(name: RecipeName, output_channels: int, levels: int | None) -> CodecConfig:
-    """The codec of a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels, and adapters."""
+    """The settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels,
+    and adapters."""
     if name == "paper":
         return CodecConfig(levels=levels, output_channels=output_channels)
     return CodecConfig(

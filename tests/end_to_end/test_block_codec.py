@@ -66,6 +66,36 @@ def test_a_folder_in_every_grouping(folder: Path, tmp_path: Path, grouping: str)
         assert texture.psnr_db > 26.0
 
 
+@pytest.mark.parametrize(
+    ("arguments", "codec", "note"),
+    [
+        ((), "block", ""),
+        (("--recipe", "best"), "block", ""),
+        (("--recipe", "paper", "--epochs", "1"), "grid", ""),
+        (("--recipe", "best", "--steps", "3"), "grid", "note: --steps: trains codec grid"),
+        (("--epochs", "1"), "grid", "note: --epochs: trains codec grid"),
+        (("--steps", "3", "--state", "STATE"), "grid", "note: --steps, --state: trains codec grid"),
+        (("--codec", "grid", "--steps", "3"), "grid", ""),
+        (("--codec", "block", "--bits", "4"), "block", ""),
+    ],
+)
+def test_the_codec_follows_from_recipe_and_training(
+    folder: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    codec: str,
+    note: str,
+) -> None:
+    out = tmp_path / "a.ntc"
+    words = [str(tmp_path / "a.state") if word == "STATE" else word for word in arguments]
+    assert cli.main(["encode", str(folder), "--out", str(out), "--grouping", "single", *words]) == 0
+    assert read_pack(out).config.kind == codec
+    notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note:")]
+    assert len(notes) == bool(note)
+    assert all(line.startswith(note) for line in notes)
+
+
 @pytest.mark.parametrize("grouping", get_args(GroupingName))
 def test_a_scene_in_every_grouping(scene: Path, tmp_path: Path, grouping: str) -> None:
     out = tmp_path / "a.ntc"
@@ -157,6 +187,7 @@ def test_channels_and_levels(tmp_path: Path) -> None:
         (["--recipe", "paper"], "--recipe paper: codec block is not trained"),
         (["--device", "cuda"], "--device cuda: codec block is not trained"),
         (["--codec", "grid", "--bits", "2"], "--bits 2: only --codec block"),
+        (["--codec", "grid", "--recipe", "paper", "--bits", "2"], "--bits 2: only --codec block"),
         (["--codec", "wavelet"], "wavelet"),
     ],
 )

@@ -14,6 +14,7 @@ import pytest
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
+from ntc.worker.shared_arrays import without_arrays
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import blocks
@@ -64,16 +65,9 @@ def messages(app: DrivenApp) -> str:
 
 
 def fingerprint(pack: Pack, group: int) -> str:
-    digest = hashlib.sha256()
-    decoder = pack.grid_decoders[group]
-    for array in (*decoder.weights, *decoder.biases):
-        digest.update(array.tobytes())
-    for texture in pack.textures:
-        if texture.group == group:
-            digest.update(texture.latents.tobytes() + texture.scale.tobytes() + texture.offset.tobytes())
-            if texture.adapter is not None:
-                digest.update(texture.adapter.scales.tobytes() + texture.adapter.biases.tobytes())
-    return digest.hexdigest()
+    members = tuple(texture for texture in pack.textures if texture.group == group)
+    arrays = without_arrays((pack.decoders[group], members))[1]
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
 
 
 def picture_at_rest(app: DrivenApp) -> np.ndarray:
@@ -86,7 +80,10 @@ def picture_at_rest(app: DrivenApp) -> np.ndarray:
     return shot
 
 
-def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("codec", "budget"), [("grid", "60steps"), ("block", "5s")])
+def test_encode_accept_retrain_discard(
+    app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch, codec: str, budget: str
+) -> None:
     """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
     session = app.session
     before = picture_at_rest(app)
@@ -94,7 +91,7 @@ def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch
     app.show_panel("Training")
     app.click("budget")
     app.widgets.centre("Encode this scene")
-    run_line(app.context, "training.encode baseline auto 32 60steps")
+    run_line(app.context, f"training.encode baseline auto 32 {budget}")
     app.settle()
     assert "Encode it now" not in app.widgets.labels()
     training = wait(app, lambda t: t.active is None or t.active.groups_seen)
@@ -126,6 +123,7 @@ def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch
     written = folder / "scene.baseline.ntc"
     assert str(written) in messages(app)
     first = read_pack(written)
+    assert first.config.kind == codec
     assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["run 1"].textures]
     with pytest.raises(InputError, match="no finished run waits"):
         run_line(app.context, "training.discard")
@@ -143,7 +141,7 @@ def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch
         update_pack(name, pack, changed_groups)
 
     monkeypatch.setattr(renderer, "update_pack", record)
-    run(app, "training.retrain 1 30steps")
+    run(app, f"training.retrain 1 {budget}")
     assert uploads[0] == ("run 2", frozenset((0, 1)))
     assert {name for name, _ in uploads} == {"run 2"}
     assert all(groups is not None and groups <= {1} for _, groups in uploads[1:])
@@ -161,11 +159,11 @@ def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch
     assert session.view.slot_b.source == "run 2"
     assert [r.outcome for r in training.log.runs] == ["done, accepted", "done, discarded"]
 
-    run(app, "training.move 1 0 20steps")
+    run(app, f"training.move 1 0 {budget}")
     assert session.packs["run 3"].grouping.groups == (0, 0)
-    run(app, "training.regroup baseline auto 20steps")
+    run(app, f"training.regroup baseline auto {budget}")
     assert session.packs["run 4"].grouping.groups == (0, 1)
-    run_line(app.context, "training.regroup baseline auto 20steps")
+    run_line(app.context, f"training.regroup baseline auto {budget}")
     wait(app, lambda t: t.active is None)
     assert "nothing is to be trained" in messages(app)
 
@@ -173,7 +171,7 @@ def test_encode_accept_retrain_discard(app: DrivenApp, folder: Path, monkeypatch
 @pytest.mark.timing
 def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     session = app.session
-    run_line(app.context, "training.encode single auto 32 600s")
+    run_line(app.context, "training.encode single auto 32 600s best grid")
     with pytest.raises(InputError, match="another one is under way"):
         run_line(app.context, "training.encode")
     training = wait(app, lambda t: t.active is not None and t.active.groups_seen)
@@ -199,7 +197,7 @@ def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     assert session.view.slot_a.source == REFERENCE
     assert not session.packs
 
-    run_line(app.context, "training.encode single auto 32 600s")
+    run_line(app.context, "training.encode single auto 32 600s best grid")
     wait(app, lambda t: t.active is not None and t.active.groups_seen)
     process = training.process_id
     assert process is not None
@@ -240,6 +238,9 @@ def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
         ("training.encode clustered 2 32 0s", "above 0"),
         ("training.encode clustered many", "whole number"),
         ("training.encode clustered 2 1", "4 to"),
+        ("training.encode clustered 2 32 5s best wavelet", "wavelet"),
+        ("training.encode clustered 2 32 5s paper block", "recipe paper"),
+        ("training.encode clustered 2 32 5s best block 0", "0.01 to"),
         ("training.retrain 0", "no pack"),
         ("training.regroup single", "no pack"),
         ("training.move 0 1", "no pack"),

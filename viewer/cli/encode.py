@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.block.rate import bits_per_texel, config_for_bits
+from ntc.codec.config import CodecKind
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
@@ -24,7 +25,7 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
+from ntc.training.config import DEFAULT_BITS, TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
 from ntc.training.device import peak_memory_bytes
 from ntc.training.encode import train
 from ntc.training.encode_blocks import BlockProgress, encode_blocks
@@ -37,8 +38,6 @@ from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 from viewer.state.pack_files import PACK_SUFFIX
 
-DEFAULT_BITS = 2.0
-"""Bits per texel of codec `block` where none are asked for."""
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""
 
@@ -67,22 +66,29 @@ def _check(options: EncodeOptions) -> None:
 
 def _check_codec(options: EncodeOptions) -> None:
     """Raises InputError for options that the codec does not have."""
-    if options.codec == "grid":
+    if _codec_kind(options) == "grid":
         if options.bits is not None:
             raise InputError(f"--bits {options.bits:g}: only --codec block takes it")
         return
     if options.bits is not None and not options.bits > 0.0:
         raise InputError(f"--bits {options.bits:g}: must be above 0")
-    trained = {
-        "steps": options.steps,
-        "epochs": options.epochs,
-        "state": options.state,
-        "recipe": None if options.recipe == EncodeOptions.recipe else options.recipe,
-        "device": options.device if options.device == "cuda" else None,
-    }
-    for name, value in trained.items():
-        if value is not None:
-            raise InputError(f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid")
+    recipe = {} if options.recipe == EncodeOptions.recipe else {"recipe": options.recipe}
+    for name, value in (_asked_of_training(options) | recipe).items():
+        raise InputError(f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid")
+
+
+def _asked_of_training(options: EncodeOptions) -> dict[str, object]:
+    """The options that only a training has, by name, as far as they are given."""
+    device = options.device if options.device == "cuda" else None
+    own = {"steps": options.steps, "epochs": options.epochs, "state": options.state, "device": device}
+    return {name: value for name, value in own.items() if value is not None}
+
+
+def _codec_kind(options: EncodeOptions) -> CodecKind:
+    """The codec that is named, or the one that the other options stand for."""
+    if options.codec is not None:
+        return options.codec
+    return "grid" if _asked_of_training(options) else recipe_codec_kind(options.recipe)
 
 
 @dataclass(frozen=True)
@@ -216,8 +222,12 @@ def encode(options: EncodeOptions) -> int:
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size)
     grouping = make_grouping(options.grouping_config(), source.textures, grouping_inputs(source, options))
-    if options.codec == "block":
+    kind = _codec_kind(options)
+    if kind == "block":
         return encode_in_blocks(options, source.textures, grouping, console)
+    if options.codec is None and recipe_codec_kind(options.recipe) != kind:
+        asked = ", ".join(f"--{name}" for name in _asked_of_training(options))
+        console.print(f"note: {asked}: trains codec grid; without, codec block encodes in seconds", highlight=False)
     return _train(options, source.textures, grouping, console)
 
 

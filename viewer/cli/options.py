@@ -169,12 +169,14 @@ class EncodeOptions:
     """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
-    codec: CodecKind = "grid"
-    """grid: latents and a network, trained. block: blocks of 8x8 texels under a transform, in closed form, in seconds."""
+    codec: CodecKind | None = None
+    """block: blocks of 8x8 texels under a transform, in closed form, in seconds. grid: latents and a network, trained. None: block
+    for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training."""
     bits: float | None = None
     """Codec block: bits per texel to come nearest to, of codes of all mips and decoders together. None: 2."""
     recipe: RecipeName = "best"
-    """paper: learning rates, batch and freezing of the paper. best: the fastest way found to good quality."""
+    """best: codec block, or with --codec grid the fastest training found to good quality. paper: codec grid with the learning rates,
+    batch and freezing of the paper."""
     texture_size: int | None = None
     """Reduce textures to at most this many texels a side before encoding. None: full size."""
     steps: int | None = None

@@ -2,16 +2,24 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.config import CodecKind, GroupingName, RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE, Side
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
-from viewer.training.settings import AUTO, SIZES, TrainingSettings, budget_text, parse_budget, read_clusters
+from viewer.training.settings import (
+    AUTO,
+    LARGEST_BITS,
+    SIZES,
+    TrainingSettings,
+    budget_text,
+    parse_budget,
+    read_clusters,
+)
 
 NEW_GROUP = "new"
 WORST = "worst"
@@ -22,7 +30,10 @@ Strategy = Annotated[GroupingName, Arg("which textures share a decoder")]
 GroupCount = Annotated[str, Arg(f"groups, or {AUTO}")]
 Size = Annotated[int, Arg("most texels of a texture along one side", minimum=SIZES[0], maximum=SIZES[1])]
 Budget = Annotated[str, Arg("how long: 500steps, 30s or 35dB")]
-Recipe = Annotated[RecipeName, Arg("how it is trained")]
+Recipe = Annotated[RecipeName, Arg("how it is trained; codec block of shown packs takes none")]
+CodecChoice = Literal["auto", "block", "grid"]
+Codec = Annotated[CodecChoice, Arg(f"{AUTO}: block for best, grid for paper and for a budget of steps")]
+Bits = Annotated[float, Arg("codec block: bits per texel", minimum=0.01, maximum=LARGEST_BITS)]
 Groups = Annotated[str, Arg(f"numbers as in 0,3,5, or {ALL}, or {WORST}")]
 Texture = Annotated[str, Arg("its name in the pack, or its number")]
 Group = Annotated[str, Arg(f"number of the group, or {NEW_GROUP}")]
@@ -81,7 +92,7 @@ def _texture(text: str, pack: Pack) -> int:
 @command(
     "training.encode",
     "Encode the scene",
-    "make a pack of the open scene from nothing; the picture sharpens as it trains",
+    "make a pack of the open scene from nothing; codec block shows it at once, with grid it sharpens as it trains",
     "Train",
 )
 def encode(
@@ -91,9 +102,14 @@ def encode(
     size: Size = _DEFAULT.texture_size,
     budget: Budget = _BUDGET,
     recipe: Recipe = _DEFAULT.recipe,
+    codec: Codec = "auto",
+    bits: Bits = _DEFAULT.bits,
 ) -> None:
     settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=size)
-    _start(context, EncodeScene(settings))
+    kind: CodecKind | None = None if codec == "auto" else codec
+    if kind == "block" and recipe == "paper":
+        raise InputError("recipe paper: trains codec grid; leave it out, or take codec grid")
+    _start(context, EncodeScene(replace(settings, codec=kind, bits=bits)))
 
 
 @command(

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from ntc.codec.config import CodecKind
 from ntc.codec.model import Pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
@@ -54,6 +55,11 @@ class ActiveRun:
     """`pack` as it was published last."""
     published_at: float = -math.inf
     """Monotonic seconds."""
+
+    @property
+    def codec_kind(self) -> CodecKind | None:
+        """Codec of the pack that it makes; None while it is prepared."""
+        return None if self.request is None else self.request.codec.kind
 
     @property
     def name(self) -> str:

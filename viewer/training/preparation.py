@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-from ntc.codec.config import CodecConfig, GroupingConfig
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.block.rate import config_for_bits
+from ntc.codec.config import GroupingConfig
+from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.config import recipe_codec, recipe_config
@@ -67,10 +68,13 @@ def job_title(job: TrainingJob) -> str:
 
 
 def settings_text(job: TrainingJob) -> str:
-    """The settings that the title does not name: size, recipe, budget."""
-    settings = job.settings
-    size = f"{settings.texture_size} texels, " if isinstance(job, EncodeScene) else ""
-    return f"{size}{settings.recipe}, {budget_text(settings.budget)}"
+    """The settings that the title does not name: size, codec, recipe, budget."""
+    settings, budget = job.settings, budget_text(job.settings.budget)
+    if not isinstance(job, EncodeScene):
+        return f"{settings.recipe}, {budget}"
+    if settings.codec_kind == "block":
+        return f"{settings.texture_size} texels, block, {settings.bits:g} bits per texel, {budget}"
+    return f"{settings.texture_size} texels, grid, {settings.recipe}, {budget}"
 
 
 def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:
@@ -82,10 +86,6 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         return _encode(job.settings, scene, report)
     if base is None:
         raise InputError("no pack is shown; encode the scene first")
-    if not isinstance(base.config, CodecConfig):
-        raise InputError(
-            f"{base.name}: codec block is not trained; encode it again with ntc-viewer encode --codec block"
-        )
     grouping = base.grouping
     if isinstance(job, MoveTexture):
         grouping = moved_texture(base.grouping, job.texture, job.group)
@@ -106,7 +106,13 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
     if not textures:
         raise InputError(f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)")
     grouping = _grouping(settings, textures, scene, report)
-    codec = recipe_codec(settings.recipe, max(texture.pixels.shape[2] for texture in textures), None)
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    codec: AnyCodec
+    if settings.codec_kind == "block":
+        sizes = [texture.size for texture in textures]
+        codec = config_for_bits(settings.bits, sizes, grouping.group_count, channels, None)
+    else:
+        codec = recipe_codec(settings.recipe, channels, None)
     return TrainingRequest(textures, grouping, codec, recipe_config(settings.recipe), settings.budget)
 
 

@@ -4,8 +4,9 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.config import CodecKind, GroupingName, RecipeName
 from ntc.errors import InputError
+from ntc.training.config import DEFAULT_BITS, recipe_codec_kind
 from ntc.training.request import Budget, QualityBudget, StepBudget, TimeBudget
 
 BudgetUnit = Literal["steps", "s", "dB"]
@@ -16,7 +17,9 @@ SIZES = (4, 16384)
 MOST_CLUSTERS = 100_000
 DEFAULT_BUDGET = TimeBudget(30.0)
 AUTO = "auto"
-"""The number of groups where the grouping is to choose it."""
+"""The number of groups where the grouping is to choose it; the codec where recipe and budget are to."""
+LARGEST_BITS = 1000.0
+"""More are refused before anything is prepared; how many can be had depends on the textures."""
 
 
 def parse_budget(text: str) -> Budget:
@@ -56,6 +59,17 @@ class TrainingSettings:
     """Most texels of a texture along one side; smaller ones stay as they are."""
     recipe: RecipeName = "best"
     budget: Budget = DEFAULT_BUDGET
+    codec: CodecKind | None = None
+    """Of a pack from nothing. None: what recipe and budget stand for."""
+    bits: float = DEFAULT_BITS
+    """Codec `block`: bits per texel to come nearest to, of a pack from nothing."""
+
+    @property
+    def codec_kind(self) -> CodecKind:
+        """`codec`, else `block` for recipe `best` and `grid` for `paper` and for a budget of steps, which only training takes."""
+        if self.codec is not None:
+            return self.codec
+        return "grid" if isinstance(self.budget, StepBudget) else recipe_codec_kind(self.recipe)
 
     @property
     def grouping_text(self) -> str:

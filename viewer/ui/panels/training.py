@@ -68,8 +68,9 @@ class TrainingPanel:
         if progress is None:
             imgui.text(state or "starting")
         else:
+            counted = "texture" if run.codec_kind == "block" else "step"
             imgui.text(
-                f"step {progress.step} of {progress.steps}, {state or _duration(progress.seconds_left) + ' left'}"
+                f"{counted} {progress.step} of {progress.steps}, {state or _duration(progress.seconds_left) + ' left'}"
             )
         waits = run.state in ("paused", "pausing")
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
@@ -86,9 +87,8 @@ class TrainingPanel:
         imgui.end_disabled()
         if progress is not None:
             mean = f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "-"
-            imgui.text(
-                f"PSNR {mean}   {progress.ktexels_per_second:.0f} Ktexel/s   freezing {progress.freezing_scale:.2f}"
-            )
+            freezing = "" if run.codec_kind == "block" else f"   freezing {progress.freezing_scale:.2f}"
+            imgui.text(f"PSNR {mean}   {progress.ktexels_per_second:.0f} Ktexel/s{freezing}")
         if run.notes:
             imgui.text_wrapped(run.notes[-1])
 
@@ -182,7 +182,9 @@ class EncodeOffer:
         if imgui.begin("##offer", None, flags)[0]:
             settings = TrainingSettings()
             imgui.text("This scene has no pack.")
-            imgui.text_disabled(f"{settings.texture_size} texels, 30 s; more in the panel Training")
+            imgui.text_disabled(
+                f"{settings.texture_size} texels, {settings.bits:g} bits each; more in the panel Training"
+            )
             if imgui.button("Encode it now"):
                 ui.emit("training.encode")
             ui.rects.note("Encode it now")

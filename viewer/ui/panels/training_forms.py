@@ -1,5 +1,6 @@
 """What the user fills in before a training: drafts, and the buttons that send them off as commands."""
 
+import math
 from typing import get_args
 
 from imgui_bundle import ImVec2, imgui
@@ -8,7 +9,7 @@ from ntc.codec.config import GroupingName, RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
-from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, make_budget
+from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, counted
 
@@ -41,6 +42,8 @@ class TrainingForms:
         self._clusters = AUTO
         self._size = str(defaults.texture_size)
         self._recipe: str = defaults.recipe
+        self._codec: str = defaults.codec_kind
+        self._bits = f"{defaults.bits:g}"
         self._unit = "s"
         self._value = USUAL_VALUES["s"]
         self._groups: set[int] = set()
@@ -75,20 +78,23 @@ class TrainingForms:
                     imgui.end_tab_item()
             imgui.end_tab_bar()
 
-    def _length(self, ui: UiFrame) -> str | None:
-        """Recipe and budget; the budget as a command takes it, None where it is not right."""
+    def _length(self, codec: str, ui: UiFrame) -> str | None:
+        """Budget, and the recipe of codec `grid`; the budget as a command takes it, None where it is not right."""
         _labelled("budget")
         self._value = _field("budget", self._value, 70, ui)
         imgui.same_line()
         imgui.set_next_item_width(90)
-        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS)
+        if codec == "block" and self._unit == "steps":
+            self._unit, self._value = "s", USUAL_VALUES["s"]
+        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS if codec == "grid" or unit != "steps")
         chosen = combo("budget unit", UNIT_NAMES[self._unit], names, ui.rects)
         unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
         if unit != self._unit:
             self._unit, self._value = unit, USUAL_VALUES[unit]
-        imgui.same_line()
-        imgui.set_next_item_width(70)
-        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
+        if codec == "grid":
+            imgui.same_line()
+            imgui.set_next_item_width(70)
+            self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
         try:
             make_budget(float(self._value), unit)
         except (InputError, ValueError):
@@ -126,11 +132,33 @@ class TrainingForms:
         self._size = combo("size", self._size, SIZES, ui.rects)
         imgui.same_line()
         imgui.text("texels at most")
-        budget = self._length(ui)
+        bits = self._codec_and_bits(ui)
+        budget = self._length(self._codec, ui)
         command = None
-        if budget is not None:
-            command = ("training.encode", self._strategy, self._k, int(self._size), budget, self._recipe)
+        if budget is not None and bits is not None:
+            recipe = self._recipe if self._codec == "grid" else "best"
+            how = (int(self._size), budget, recipe, self._codec, bits)
+            command = ("training.encode", self._strategy, self._k, *how)
         self._button("Encode this scene", command, ui)
+
+    def _codec_and_bits(self, ui: UiFrame) -> float | None:
+        """Bits per texel, where they are right."""
+        _labelled("codec")
+        imgui.set_next_item_width(70)
+        self._codec = combo("codec", self._codec, ("block", "grid"), ui.rects)
+        if self._codec == "block":
+            imgui.same_line()
+            self._bits = _field("bits", self._bits, 60, ui)
+            imgui.same_line()
+            imgui.text("bits per texel")
+        try:
+            bits = float(self._bits)
+        except ValueError:
+            bits = math.nan
+        if 0.0 < bits <= LARGEST_BITS:
+            return bits
+        imgui.text_disabled("the bits must be a number above 0")
+        return None
 
     def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
         imgui.text_disabled("from nothing, as a pack of its own")
@@ -151,7 +179,7 @@ class TrainingForms:
         if imgui.small_button("none"):
             self._groups = set()
         ui.rects.note("no groups")
-        budget = self._length(ui)
+        budget = self._length(pack.config.kind, ui)
         command = None
         if budget is not None and self._groups:
             groups = ",".join(map(str, sorted(self._groups)))
@@ -173,15 +201,15 @@ class TrainingForms:
         _labelled("to group")
         imgui.set_next_item_width(90)
         self._group = combo("to group", self._group, targets, ui.rects)
-        budget = self._length(ui)
+        budget = self._length(pack.config.kind, ui)
         command = None
         if budget is not None:
             command = ("training.move", str(self._texture), self._group, budget, self._recipe)
         self._button("Move and train both groups", command, ui)
 
-    def _regroup(self, _pack: Pack, ui: UiFrame) -> None:
+    def _regroup(self, pack: Pack, ui: UiFrame) -> None:
         self._grouping(ui)
-        budget = self._length(ui)
+        budget = self._length(pack.config.kind, ui)
         command = None
         if budget is not None:
             command = ("training.regroup", self._strategy, self._k, budget, self._recipe)

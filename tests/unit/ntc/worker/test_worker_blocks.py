@@ -1,5 +1,6 @@
 """Background encoding in codec `block`: each group is shown as soon as it is encoded, and none ends worse."""
 
+import os
 import time
 from dataclasses import replace
 
@@ -21,6 +22,7 @@ from tests.support.training_workers import (
     TEXTURES,
     blocks,
     finished,
+    lives,
     pack_of,
     processor_seconds,
     until,
@@ -91,6 +93,21 @@ def test_whatever_the_budget_every_texture_is_encoded(
     assert same(pack_of(end), encode_blocks(TEXTURES, GROUPS, CODEC, BLOCKS_FROM_NOTHING.training.seed))
     if isinstance(budget, QualityBudget):
         assert end.reason == ("target reached" if budget.psnr_db < 50.0 else "target not reached")
+
+
+def test_killed_it_says_so_and_leaves_nothing() -> None:
+    with TrainingWorker() as worker:
+        worker.start(MANY_BLOCKS)
+        process = worker.process_id
+        assert process is not None
+        until(worker, TrainingProgress)
+        os.kill(process, 9)
+        end = until(worker, (Finished, Failed), seconds=5.0)[-1]
+        assert isinstance(end, Failed)
+        assert "signal 9" in end.line
+        assert not lives(process)
+        assert blocks() == []
+        assert isinstance(finished(worker, BLOCKS_FROM_NOTHING)[0], Finished), "it can be started again"
 
 
 @pytest.mark.timing

@@ -1,16 +1,26 @@
-"""Packs of codec `block` are not trained in the window: every job that would says so in one line."""
+"""Requests for codec `block`: what a scene without a pack is encoded in, and what goes on from a pack of it."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
 from lab.bench.random_pack import random_block_pack
+from ntc.codec.block.rate import bits_per_texel
 from ntc.errors import InputError
+from ntc.training.request import StepBudget, checked_request
 from tests.end_to_end.conftest import two_squares
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob, prepare
+from viewer.training.preparation import (
+    EncodeScene,
+    MoveTexture,
+    Regroup,
+    RetrainGroups,
+    TrainingJob,
+    prepare,
+    settings_text,
+)
 from viewer.training.settings import TrainingSettings
 
 SETTINGS = TrainingSettings("single")
@@ -22,17 +32,48 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 @pytest.mark.parametrize(
-    "job", [RetrainGroups(SETTINGS, frozenset({0})), MoveTexture(SETTINGS, 0, 1), Regroup(SETTINGS)]
+    ("job", "dirty"),
+    [
+        (RetrainGroups(SETTINGS, frozenset({1})), {1}),
+        (MoveTexture(SETTINGS, 0, 1), {0}),
+        (Regroup(SETTINGS), {0}),
+        (Regroup(TrainingSettings("single", recipe="paper", budget=StepBudget(5))), {0}),
+    ],
 )
-def test_jobs_that_go_on_from_a_block_pack_are_refused(scene: Scene, job: TrainingJob) -> None:
-    hashes = [texture.pixel_hash for texture in scene.textures]
-    pack = random_block_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes)
-    with pytest.raises(InputError, match="random: codec block is not trained; encode it again with ntc-viewer encode"):
-        prepare(job, scene, pack, JobReport())
+def test_jobs_go_on_from_a_block_pack_in_its_own_codec(scene: Scene, job: TrainingJob, dirty: set[int]) -> None:
+    pack = random_block_pack(((32, 32), (32, 32)), (0, 1), hashes=[texture.pixel_hash for texture in scene.textures])
+    request = checked_request(prepare(job, scene, pack, JobReport()))
+    assert request.codec == pack.config
+    assert request.start is pack
+    assert request.dirty == dirty
 
 
-def test_encoding_the_scene_anew_needs_no_pack_to_go_on_from(scene: Scene, tmp_path: Path) -> None:
-    del tmp_path
+def test_a_scene_is_encoded_in_blocks_at_two_bits(scene: Scene) -> None:
     request = prepare(EncodeScene(SETTINGS), scene, random_block_pack(), JobReport())
     assert request.start is None
+    assert request.codec.kind == "block"
+    sizes = [texture.size for texture in request.textures]
+    more = prepare(EncodeScene(replace(SETTINGS, bits=20.0)), scene, None, JobReport())
+    found = [bits_per_texel(sizes, 1, one.block_codec) for one in (request, more)]
+    assert found[0] < found[1]
+    assert settings_text(EncodeScene(SETTINGS)) == "256 texels, block, 2 bits per texel, 30s"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        replace(SETTINGS, recipe="paper"),
+        replace(SETTINGS, codec="grid"),
+        replace(SETTINGS, budget=StepBudget(10)),
+    ],
+)
+def test_what_is_asked_of_a_training_is_encoded_in_grids(scene: Scene, settings: TrainingSettings) -> None:
+    request = prepare(EncodeScene(settings), scene, None, JobReport())
     assert request.codec.kind == "grid"
+    assert request.training.recipe == settings.recipe
+    assert "grid" in settings_text(EncodeScene(settings))
+
+
+def test_bits_that_cannot_be_had_are_named(scene: Scene) -> None:
+    with pytest.raises(InputError, match=r"bits 500: .*up to"):
+        prepare(EncodeScene(replace(SETTINGS, bits=500.0)), scene, None, JobReport())

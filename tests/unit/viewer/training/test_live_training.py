@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from ntc.training.request import StepBudget
+from ntc.training.request import StepBudget, TimeBudget
 from tests.end_to_end.conftest import two_squares
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -21,6 +22,7 @@ pytestmark = pytest.mark.process
 PATIENCE = 140.0
 """Seconds that anything may take on a busy machine."""
 SETTINGS = TrainingSettings("baseline", texture_size=32, budget=StepBudget(30))
+IN_BLOCKS = replace(SETTINGS, budget=TimeBudget(2.0))
 
 
 @pytest.fixture
@@ -52,12 +54,13 @@ def updates(events: list[Event]) -> list[PackUpdated]:
     return [event for event in events if isinstance(event, PackUpdated)]
 
 
+@pytest.mark.parametrize("settings", [SETTINGS, IN_BLOCKS], ids=["grid", "block"])
 def test_a_run_is_a_sequence_of_events(
-    training: LiveTraining, scene: Scene, events: list[Event], tmp_path: Path
+    training: LiveTraining, scene: Scene, events: list[Event], tmp_path: Path, settings: TrainingSettings
 ) -> None:
-    training.start(EncodeScene(SETTINGS), scene, None)
+    training.start(EncodeScene(settings), scene, None)
     with pytest.raises(InputError, match="another one is under way"):
-        training.start(EncodeScene(SETTINGS), scene, None)
+        training.start(EncodeScene(settings), scene, None)
     tick_until(training, scene, lambda: training.active is None)
     first = updates(events)[0]
     assert (first.name, first.replaces, first.changed_groups) == ("run 1", None, frozenset((0, 1)))
@@ -68,6 +71,7 @@ def test_a_run_is_a_sequence_of_events(
     assert isinstance(events[-1], Notification)
     assert "Accept or discard it" in events[-1].text
     encoded = updates(events)[-1].pack
+    assert encoded.config.kind == settings.codec_kind
     assert training.log[1].pack is encoded
 
     training.accept(tmp_path / "out.ntc", scene, (encoded,))
@@ -78,7 +82,7 @@ def test_a_run_is_a_sequence_of_events(
     events.clear()
     base = training.log[1].pack
     assert base is not None
-    training.start(RetrainGroups(SETTINGS, frozenset((1,))), scene, ("run 1", base))
+    training.start(RetrainGroups(settings, frozenset((1,))), scene, ("run 1", base))
     tick_until(training, scene, lambda: training.active is None)
     assert [event.base_name for event in events if isinstance(event, RunStarted)] == ["run 1"]
     assert all(event.changed_groups is not None and event.changed_groups <= {1} for event in updates(events)[1:])
