@@ -14,13 +14,15 @@ from lab.bench.float64_error import Float64Pixels, float64_pixels
 from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.image_quality import flip
 from ntc.metrics.metrics import finite_or_none, psnr_db
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.model import Camera, Scene
-from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState
+from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState, is_image_source
 
 NUDGE = 1e-4
 """A camera moves by this share of its distance to the target from frame to frame, so that no pass is skipped."""
@@ -38,6 +40,8 @@ class SceneBenchConfig:
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 5
+    formats: tuple[BlockFormat, ...] = ()
+    """Formats of graphics hardware to show beside the packs."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +89,11 @@ def nudged(camera: Camera, frame: int) -> Camera:
 
 
 def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, ...]:
-    """The reference, then every pack by every path in every precision; `deferred` in fp32 comes before its like."""
+    """The reference, the block formats, then every pack by every path in every precision; `deferred` in fp32 comes before its like."""
     paths = sorted(config.paths, key=lambda path: path != "deferred")
     precisions = sorted(config.precisions, key=lambda precision: precision != "fp32")
     decoded = [Slot(pack, path, precision) for pack in packs for path in paths for precision in precisions]
-    return (Slot(REFERENCE), *decoded)
+    return (Slot(REFERENCE), *(Slot(block_format) for block_format in config.formats), *decoded)
 
 
 def interleaved(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
@@ -112,10 +116,15 @@ def bench_scene(
     cameras: Sequence[Camera],
     config: SceneBenchConfig,
     progress: Progress = no_progress,
+    compressed: Mapping[BlockFormat, CompressedTextures] | None = None,
 ) -> tuple[SceneBenchRow, ...]:
-    """A row for each camera and slot. Slots are timed interleaved, frame by frame; the first rounds warm up."""
+    """A row for each camera and slot; `compressed` holds the scene's textures in the formats of `config`.
+
+    Slots are timed interleaved, frame by frame; the first rounds warm up.
+    """
     renderer = Renderer(context, scene)
     renderer.set_packs(packs)
+    renderer.images.set_compressed(compressed or {})
     slots = bench_slots(list(packs), config)
     warm_up = warm_up_rounds(context)
     rows: list[SceneBenchRow] = []
@@ -150,15 +159,15 @@ def _measured(
         result = renderer.render(ViewState(camera, config.size, slot, overlay=Overlay("divergence")))
         albedo = renderer.albedo(slot)
         shown = linear_to_srgb8(albedo)
-        is_reference = slot.source == REFERENCE
+        is_reference, is_image = slot.source == REFERENCE, is_image_source(slot.source)
         twin = None
-        if not is_reference:
+        if not is_image:
             key = (slot.source, slot.path == "cached")
             if key not in twins:
                 pack, match = packs[slot.source], renderer.matches[slot.source]
                 twins[key] = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path)
             twin = twins[key].compare(albedo)
-        name = "reference" if is_reference else f"decode_{slot.path}"
+        name = slot.source if is_image else f"decode_{slot.path}"
         decode = spread_of([entry.get(name, 0.0) for entry in times[slot]])
         decoders = np.array([*renderer.decoders(slot.source), -1])[textures]
         first.setdefault(slot.source, shown)
@@ -168,8 +177,8 @@ def _measured(
             SceneBenchRow(
                 camera=camera.name,
                 source=slot.source,
-                path="" if is_reference else slot.path,
-                precision="" if is_reference else slot.precision,
+                path="" if is_image else slot.path,
+                precision="" if is_image else slot.precision,
                 decode_ms=decode.median_ms,
                 min_ms=decode.min_ms,
                 max_ms=decode.max_ms,
@@ -186,7 +195,7 @@ def _measured(
                 float64_psnr_db=None if twin is None else twin.psnr_db,
                 float64_step=None if twin is None else twin.largest_step,
                 float64_pixels=0 if twin is None else twin.pixels,
-                largest_step=None if is_reference else step,
+                largest_step=None if is_image else step,
             )
         )
     return rows

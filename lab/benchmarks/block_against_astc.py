@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         compared = []
         for source in options.sources:
             textures = read_textures(source, options.texture_size, options.most)
-            compared.append(compare(source.name, textures, options.clusters, options.groupings, options.cache))
+            compared.append(compare(source.stem, textures, options.clusters, options.groupings, options.cache))
         if options.json:
             settings = {"texture_size": options.texture_size, "clusters": options.clusters}
             record = {**settings, "sets": [each.record() for each in compared]}

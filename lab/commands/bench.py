@@ -20,8 +20,11 @@ from lab.commands.options import BenchOptions
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.training.config import recipe_codec
-from viewer.cli.sources import open_scene, packs_for
+from viewer.cli.render import compression_statistics
+from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.resources.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
@@ -88,6 +91,7 @@ class _SceneToBench:
     scene: Scene
     packs: Mapping[str, Pack]
     cameras: tuple[Camera, ...]
+    compressed: Mapping[BlockFormat, CompressedTextures]
 
 
 def _open(options: BenchOptions) -> _SceneToBench:
@@ -97,7 +101,8 @@ def _open(options: BenchOptions) -> _SceneToBench:
     if not packs:
         raise InputError(f"{scene.name}: has no packs beside it; name some with --pack, or make one with encode")
     cameras = cameras_of(scene, ViewSource(options.views)) or (frame_all(scene.bounds),)
-    return _SceneToBench(scene, packs, cameras)
+    compressed = {block_format: compress_scene(scene, block_format) for block_format in options.formats}
+    return _SceneToBench(scene, packs, cameras, compressed)
 
 
 def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precision, ...]:
@@ -170,15 +175,17 @@ def _bench_scene(
     record: BenchRecord,
     report: MakeReport,
 ) -> str:
-    config = SceneBenchConfig(options.size, options.paths, options.precisions, options.repeats)
+    config = SceneBenchConfig(options.size, options.paths, options.precisions, options.repeats, options.formats)
     name = opened.scene.name
-    rows = bench_scene(context, opened.scene, opened.packs, opened.cameras, config, report(name))
+    compressed = opened.compressed
+    rows = bench_scene(context, opened.scene, opened.packs, opened.cameras, config, report(name), compressed)
     table = scene_table(rows)
     width, height = config.size
     title = f"{name}: {len(opened.cameras)} cameras, {width}x{height}, {context.info.renderer}"
     content = {
         "name": name,
         "settings": asdict(config),
+        "block_compression": [compression_statistics(found) for found in compressed.values()],
         "table": [dict(row) for row in table.rows],
         "rows": [asdict(row) for row in rows],
     }

@@ -9,6 +9,7 @@ import tyro
 from lab.studies.settings import ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat
 from viewer.cli.options import OptionalScene, Packs, Size, Sizes, Switch
 from viewer.state.view_state import DecodePath, Precision
 
@@ -49,6 +50,8 @@ class BenchOptions:
     """Decode paths of the scene."""
     precisions: tuple[Precision, ...] = get_args(Precision)
     """Storage of decoder weights and arithmetic with them. All of them: those that the driver has."""
+    formats: tuple[BlockFormat, ...] = ()
+    """Formats of graphics hardware to show in the scene beside the packs, e.g. bc7 astc-8x8 (needs the extra `lab`)."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """JSON file of cameras. None: the scene's own, or the whole of it."""
     repeats: int = 5

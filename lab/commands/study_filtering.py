@@ -17,7 +17,7 @@ from viewer.gl.context import create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene
-from viewer.state.view_state import REFERENCE, DecodePath
+from viewer.state.view_state import DecodePath, is_image_source
 
 
 def study_filtering(options: FilteringStudyOptions) -> int:
@@ -28,8 +28,10 @@ def study_filtering(options: FilteringStudyOptions) -> int:
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
-    if source == REFERENCE:
-        raise InputError(f"{scene.name}: has no packs beside it; name one with --pack, or make one with encode")
+    if is_image_source(source):
+        raise InputError(
+            f"{scene.name}: {source} is no pack; name one with --pack and its --grouping, or make one with encode"
+        )
     pack = packs[source]
     encoded = [index for index, found in enumerate(match_scene(pack, scene).texture_index) if found >= 0]
     config = FilteringConfig(size=options.size, frames=options.frames)

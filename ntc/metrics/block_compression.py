@@ -33,6 +33,11 @@ BLOCK_FORMATS: tuple[BlockFormat, ...] = get_args(BlockFormat)
 """BC formats, then ASTC from most bits a texel to fewest."""
 
 
+def named_format(name: str | None) -> BlockFormat | None:
+    """The format of that name; None for none."""
+    return next((block_format for block_format in BLOCK_FORMATS if block_format == name), None)
+
+
 def block_size(block_format: BlockFormat) -> tuple[int, int]:
     """(width, height) in texels of a block. Raises InputError for a format that is none."""
     if block_format not in BLOCK_FORMATS:

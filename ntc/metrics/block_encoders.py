@@ -1,6 +1,8 @@
 """Encoders and decoders of BC1, BC7 and ASTC that the extra `lab` installs. Pictures are whole blocks of RGBA."""
 
-from typing import Literal
+from functools import lru_cache
+from threading import get_ident
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ BC7_UBER_LEVELS: dict[Effort, int] = {"medium": 1, "thorough": 4}
 """Etcpak's, up to 4."""
 ASTC_QUALITIES: dict[Effort, float] = {"medium": 60.0, "thorough": 98.0}
 """Astcenc's, up to 100."""
+CONTEXTS_KEPT = 16
 _MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[lab]'"
 
 
@@ -56,25 +59,30 @@ def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np
     return np.asarray(Image.frombytes("RGBA", (width, height), blocks, "bcn", number))
 
 
-def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort) -> bytes:
-    """ASTC LDR sRGB blocks of (width, height) `block` of `rgba` [H, W, 4]. Raises InputError without astc-encoder-py."""
+@lru_cache(maxsize=CONTEXTS_KEPT)
+def _astc_context(block: tuple[int, int], effort: Effort, _thread: int) -> Any:
+    """A context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
     try:
-        from astc_encoder import ASTCConfig, ASTCContext, ASTCImage, ASTCProfile, ASTCSwizzle, ASTCType
+        from astc_encoder import ASTCConfig, ASTCContext, ASTCProfile
     except ImportError as error:
         raise InputError(_MISSING.format(error)) from error
-    height, width = rgba.shape[:2]
-    context = ASTCContext(ASTCConfig(ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES[effort]))
-    image = ASTCImage(ASTCType.U8, width, height, 1, rgba.tobytes())
+    return ASTCContext(ASTCConfig(ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES[effort]))
+
+
+def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort) -> bytes:
+    """ASTC LDR sRGB blocks of (width, height) `block` of `rgba` [H, W, 4]. Raises InputError without astc-encoder-py."""
+    context = _astc_context(block, effort, get_ident())
+    from astc_encoder import ASTCImage, ASTCSwizzle, ASTCType
+
+    image = ASTCImage(ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
     return bytes(context.compress(image, ASTCSwizzle.from_str("RGBA")))
 
 
 def decode_astc(blocks: bytes, width: int, height: int, block: tuple[int, int]) -> NDArray[np.uint8]:
     """[height, width, 4] uint8 of ASTC LDR sRGB blocks, whole blocks. Raises InputError without astc-encoder-py."""
-    try:
-        from astc_encoder import ASTCConfig, ASTCContext, ASTCImage, ASTCProfile, ASTCSwizzle, ASTCType
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    context = ASTCContext(ASTCConfig(ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES["medium"]))
+    context = _astc_context(block, "medium", get_ident())
+    from astc_encoder import ASTCImage, ASTCSwizzle, ASTCType
+
     image = ASTCImage(ASTCType.U8, width, height, 1)
     context.decompress(blocks, image, ASTCSwizzle.from_str("RGBA"))
     if image.data is None or len(image.data) != 4 * width * height:

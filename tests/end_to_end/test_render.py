@@ -1,6 +1,7 @@
 """`ntc-viewer render` from the command line to the files it writes."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,37 @@ def test_the_reference_decodes_nothing(encoded_scene: Path, tmp_path: Path) -> N
     assert stats["pixels"]["decoded"] == 0
     assert (np.load(tmp_path / "decoder_id.npy") == -1).all()
     assert not np.load(tmp_path / "divergence.npy").any()
+
+
+@pytest.mark.parametrize(("block_format", "bits"), [("bc1", 4.0), ("bc7", 8.0), ("astc-8x8", 2.0)])
+def test_formats_of_graphics_hardware(encoded_scene: Path, tmp_path: Path, block_format: str, bits: float) -> None:
+    pytest.importorskip("quicktex")
+    pytest.importorskip("astc_encoder")
+    stats = rendered(encoded_scene, tmp_path, "--grouping", block_format)
+    blocks = stats["block_compression"]
+    assert (blocks["format"], blocks["textures"]) == (block_format, 2)
+    # Mips smaller than a block take a whole one.
+    assert bits <= blocks["bits_per_texel"] < 1.4 * bits
+    assert blocks["psnr_db"]["mean_db"] > 20.0
+    assert stats["psnr_db"] > 20.0
+    assert (stats["path"], stats["precision"]) == (None, None)
+    assert stats["pixels"]["decoded"] == 0
+    assert block_format in stats["timings_ms"]
+    reference = tmp_path / "reference"
+    rendered(encoded_scene, reference, "--grouping", "reference")
+    assert (read_image(tmp_path / "color.png") != read_image(reference / "color.png")).any()
+
+
+def test_a_missing_encoder_is_one_line(
+    encoded_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "etcpak", None)
+    monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
+    assert cli.main(["render", str(encoded_scene), "--out", str(tmp_path / "out"), "--grouping", "bc7"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: block compression: the packages are not installed")
+    assert line.endswith("pip install 'ntc-viewer[lab]'")
+    assert not (tmp_path / "out").exists()
 
 
 def test_paths_agree(encoded_scene: Path, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: DrivenApp, tm
     path.with_name("scene.clustered.ntc").write_bytes(b"")
     app.drop(path)
     assert app.session.scene.path == path
-    assert app.session.sources == (REFERENCE, "single")
+    assert app.session.open_sources == (REFERENCE, "single")
     assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
 
 

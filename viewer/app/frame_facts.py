@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from ntc.metrics.block_compression import BlockFormat
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, BlockReader
@@ -29,8 +30,8 @@ class FactsReader:
         self._blocks = BlockReader()
         self.pixels = PixelReader()
 
-    def read(self, live: LiveFigures, is_training: bool) -> FrameFacts:
-        """The facts of the last frame; `live` is what comparing A with B has found."""
+    def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> FrameFacts:
+        """The facts of the last frame; `live` is what comparing A with B has found, `encoding` how far block formats are."""
         last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
         slots = (self._session.view.slot_a, self._session.view.slot_b)
         memory = {slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None}
@@ -48,6 +49,7 @@ class FactsReader:
             frames_drawn=self._picture.frames_drawn,
             live=live,
             is_training=is_training,
+            encoding=encoding,
             pixel=self._pixel(),
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
@@ -77,9 +79,10 @@ class FactsReader:
             shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
             seen = SlotPicture(shown, reference, covered, texture_ids)
             pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
-            results[side] = measure_slot(
-                slot.source, seen, pack, match, memory.total if (memory := renderer.memory(slot)) else None
-            )
+            memory = renderer.memory(slot)
+            blocks = self._session.compressed_as(slot.source)
+            size = memory.total if memory else blocks.stored_bytes if blocks else None
+            results[side] = measure_slot(slot.source, seen, pack, match, size)
         return results
 
     def take_problems(self) -> tuple[str, ...]:

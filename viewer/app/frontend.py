@@ -14,8 +14,10 @@ from viewer.commands import bindings, run_or_notify
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
+from viewer.inspect.format_encoding import FormatEncoding
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
+from viewer.locations import blocks_cache
 from viewer.render.frame_times import FrameTimes
 from viewer.render.resources.precision import supported_precisions
 from viewer.render.viewport import Viewport
@@ -58,11 +60,12 @@ class Frontend:
         self._writer = PictureWriter(graphics, session, self.picture)
         self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics), emit)
         self._recorded_at = -math.inf
+        self._formats = FormatEncoding(blocks_cache(), emit)
         self.live = LiveComparison()
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
-        return self.reader.read(self.live.figures, self._is_training)
+        return self.reader.read(self.live.figures, self._is_training, self._formats.progress)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.
@@ -73,6 +76,7 @@ class Frontend:
         self._times.begin()
         self._context.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
         self._precision.step(session)
+        self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
         if room is not None:
@@ -115,7 +119,12 @@ class Frontend:
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
-        return not (self._frame_is_due(size) or self.picture.is_coarse() or self.session.requests.precision)
+        return not (self._frame_is_due(size) or self.picture.is_coarse() or self._is_searching)
+
+    @property
+    def _is_searching(self) -> bool:
+        """Whether a slot waits for its precision, or for the textures that it is to show."""
+        return bool(self.session.requests.precision or self.session.requests.formats)
 
     @property
     def seconds_until_change(self) -> float:
@@ -131,6 +140,7 @@ class Frontend:
         """Free everything on the GPU, and end what runs beside it."""
         self.interface.background.close()
         self.live.close()
+        self._formats.close()
         self.reader.release()
         self.picture.release()
 
@@ -192,7 +202,8 @@ class Frontend:
     def _frame_is_due(self, size: tuple[int, int]) -> bool:
         """Whether the next frame shows something else, because of a request, an opened file, or a result of a background job."""
         session, room = self.session, self._picture_size(size)
-        found = self.interface.background.take_news() or self.interface.is_settling(session)
+        encoded = self._formats.take_news()
+        found = encoded or self.interface.background.take_news() or self.interface.is_settling(session)
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None

@@ -84,7 +84,7 @@ class ViewOptions:
     pack: Packs = ()
     """Packs to open besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
-    """What slot A shows first: "reference", or the grouping of an open pack."""
+    """What slot A shows first: "reference", the grouping of an open pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`)."""
     path: PathChoice = "deferred"
     """Decode path of slot A; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
@@ -112,7 +112,8 @@ class RenderOptions:
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
-    """"reference" (original images), or the grouping of a pack. None: clustered, else the first pack, else reference."""
+    """"reference" (original images), the grouping of a pack, or a format of graphics hardware: bc1, bc7, astc-4x4 to
+    astc-12x12 (extra `lab`). None: clustered, else the first pack, else reference."""
     path: PathChoice = "deferred"
     """Decode path; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
@@ -138,7 +139,7 @@ class RenderOptions:
     block: BlockName = Overlay.block
     """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
     anisotropy: Anisotropy = 1
-    """Anisotropic filtering of the reference and of path `cached`; 1 is trilinear, as the other paths filter."""
+    """Anisotropic filtering of images and of path `cached`; 1 is trilinear, as the other paths filter."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
 

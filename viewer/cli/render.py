@@ -15,18 +15,20 @@ from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
+from ntc.metrics.block_compression import named_format
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
-from ntc.metrics.metrics import psnr_db
+from ntc.metrics.metrics import finite_or_none, psnr_db
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.options import RenderOptions
-from viewer.cli.sources import choose_camera, choose_source, open_scene, packs_for, resolve_precision
+from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import decoder_ids
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_png
 from viewer.state.palettes import PaletteName
-from viewer.state.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState
+from viewer.state.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState, is_image_source
 
 WARM_UP_DIVISOR = 16
 """A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
@@ -60,7 +62,7 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     # Read first: the calls below check whether the context was lost.
     shown = read_picture(frame.image)
     color = linear_to_srgb8(renderer.albedo(view.slot_a))
-    reference = color if pack is None else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
+    reference = color if view.slot_a.source == REFERENCE else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
     texture_ids = renderer.texture_ids()
     match = renderer.matches.get(view.slot_a.source)
     ids = np.full_like(texture_ids, -1)
@@ -79,13 +81,21 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     )
 
 
+def compression_statistics(compressed: CompressedTextures) -> dict[str, Any]:
+    """What stats.json holds of textures in a format of graphics hardware: bytes and bits of all mips, PSNR of mip 0 in dB."""
+    psnr = compressed.psnr
+    summary = {name: finite_or_none(value) for name, value in vars(psnr).items()} if psnr is not None else None
+    size = {"bytes": compressed.stored_bytes, "bits_per_texel": compressed.bits_per_texel}
+    return {"format": compressed.block_format, "textures": len(compressed.textures), **size, "psnr_db": summary}
+
+
 def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[str, Any]:
-    """What stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
+    """What else stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
     and where both pictures are equal.
     """
     divergence = DivergenceStatistics.of(picture.divergence)
     decoded = picture.decoder_ids >= 0
-    is_reference = view.slot_a.source == REFERENCE
+    is_reference, is_image = view.slot_a.source == REFERENCE, is_image_source(view.slot_a.source)
 
     def quality(mask: NDArray[np.bool_]) -> float | None:
         if is_reference or not mask.any():
@@ -98,8 +108,8 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "renderer": renderer_name,
         "size": list(view.size),
         "grouping": view.slot_a.source,
-        "path": None if is_reference else picture.frame.paths[view.slot_a],
-        "precision": None if is_reference else view.slot_a.precision,
+        "path": None if is_image else picture.frame.paths[view.slot_a],
+        "precision": None if is_image else view.slot_a.precision,
         "camera": view.camera.name,
         "timer": picture.frame.timer,
         "timings_ms": picture.frame.timings_ms,
@@ -148,18 +158,22 @@ def render(options: RenderOptions) -> int:
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
     scene = open_scene(options.scene)
-    if options.grouping == REFERENCE and not options.pack:
+    if options.grouping is not None and is_image_source(options.grouping) and not options.pack:
         packs: dict[str, Pack] = {}
     else:
         packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
     camera = choose_camera(scene, options)
+    block_format = named_format(source)
+    compressed = compress_scene(scene, block_format) if block_format is not None else None
     context = create_headless_context()
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():
         renderer = Renderer(context, scene)
-        chosen = {source: packs[source]} if source != REFERENCE else {}
+        chosen = {source: packs[source]} if source in packs else {}
+        if compressed is not None:
+            renderer.images.set_compressed({compressed.block_format: compressed})
         renderer.set_packs(chosen)
         precision = resolve_precision(options.precision, chosen.get(source), context)
         slot = Slot(source, options.path, precision)
@@ -175,6 +189,8 @@ def render(options: RenderOptions) -> int:
                 f"{source}: the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
             )
     stats = statistics(picture, view, context.info.renderer)
+    if compressed is not None:
+        stats["block_compression"] = compression_statistics(compressed)
     write_picture(options.out, picture, stats, options.overlay, options.palette)
     quality = stats["psnr_db"]
     sys.stdout.write(

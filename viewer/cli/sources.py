@@ -1,25 +1,32 @@
 """What the options name: scene, packs, camera, precision."""
 
 import math
+import os
 import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
 
 from ntc.accuracy.precision_choice import chosen_precision
 from ntc.codec.config import Precision, PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
 from viewer.gl.context import GraphicsContext
-from viewer.locations import assets_folder
+from viewer.locations import assets_folder, blocks_cache
 from viewer.render.resources.precision import EVERYWHERE, supported_precisions
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
-from viewer.state.view_state import REFERENCE
+from viewer.state.view_state import REFERENCE, is_image_source
 
 MISSING_SHOWN = 3
 """Missing things that are listed one by one; the others are only counted."""
@@ -58,17 +65,17 @@ def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
 
 
 def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[Path, ...]) -> str:
-    """Name of the open pack to show, or REFERENCE.
+    """Name of the open pack to show, REFERENCE, or a block format.
 
     A grouping that is asked for must be there (InputError says how to get it). Without one, the first pack
     that was named is shown, else the clustered one, else any, else the reference.
     """
-    if grouping == REFERENCE:
-        return REFERENCE
+    if grouping is not None and is_image_source(grouping):
+        return grouping
     if grouping is not None:
         found = source_of_grouping(packs, grouping)
         if found is None:
-            there = ", ".join([REFERENCE, *packs])
+            there = ", ".join([REFERENCE, *packs, "bc1", "bc7", "astc-4x4 to astc-12x12"])
             raise InputError(
                 f"--grouping {grouping}: no such pack for this scene (there are: {there}); "
                 f"make one with: ntc-viewer encode SCENE --grouping {grouping} --out SCENE_NAME.{grouping}.ntc"
@@ -77,6 +84,27 @@ def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[
     if named:
         return next(iter(packs))
     return preferred_source(packs)
+
+
+def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTextures:
+    """The scene's textures in a format of graphics hardware, kept in the user's cache; progress where there is a terminal.
+
+    Raises InputError where the encoder is not installed.
+    """
+    requests = compression_requests([texture.pixels for texture in scene.textures], block_format, blocks_cache())
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"encoding {block_format}", total=len(requests))
+        pool = ThreadPoolExecutor(os.cpu_count() or 1)
+        try:
+            found = []
+            for texture in pool.map(compress_texture, requests):
+                found.append(texture)
+                bar.advance(task)
+        finally:
+            # After an error, and Ctrl-C, nothing more is begun.
+            pool.shutdown(cancel_futures=True)
+    return CompressedTextures(block_format, tuple(found))
 
 
 def choose_camera(scene: Scene, options: RenderOptions) -> Camera:

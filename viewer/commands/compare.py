@@ -5,11 +5,12 @@ from typing import Annotated, Any, Literal, get_args
 
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
+from ntc.metrics.block_compression import named_format
 from viewer.commands.command import Arg, command, gesture
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
-from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side
+from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side, is_image_source
 
 MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 NEXT_PATH: dict[PathChoice, PathChoice] = {
@@ -85,6 +86,8 @@ def set_divider(session: Session, position: Position = 0.5) -> None:
 @command("compare.swap", "Swap A and B", "exchange the two slots", "Compare", "X")
 def swap(session: Session) -> None:
     session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
+    formats = session.requests.formats
+    session.requests.formats = {"a" if side == "b" else "b": name for side, name in formats.items()}
 
 
 @command("compare.measure", "Measure", "measure PSNR, divergence and memory of both slots", "Compare", "M")
@@ -92,12 +95,25 @@ def measure(session: Session) -> None:
     session.requests.measure = True
 
 
-Source = Annotated[str, Arg('"reference" or an open pack', lambda session: session.sources)]
+Source = Annotated[
+    str, Arg('"reference", an open pack, or bc1, bc7, astc-4x4 to astc-12x12', lambda session: session.sources)
+]
 
 
-@command("slot.source", "Source of a slot", "show a pack or the reference in a slot", "Compare")
+def show_source(session: Session, side: Side, source: str) -> None:
+    """Show `source` in a slot; a block format when its textures have been encoded, which is asked for here."""
+    others = {other: name for other, name in session.requests.formats.items() if other != side}
+    block_format = named_format(source)
+    if block_format is None or block_format in session.compressed:
+        session.requests.formats = others
+        _change_slot(session, side, source=source)
+    else:
+        session.requests.formats = {**others, side: block_format}
+
+
+@command("slot.source", "Source of a slot", "show a pack, the reference or a block format in a slot", "Compare")
 def set_source(session: Session, side: SlotSide, source: Source) -> None:
-    _change_slot(session, side, source=source)
+    show_source(session, side, source)
 
 
 @command("slot.path", "Path of a slot", "decode a slot by this path", "Compare")
@@ -113,17 +129,18 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
     session.requests.precision -= {side}
     if precision != "auto":
         _change_slot(session, side, precision=precision)
-    elif session.view.slots[side].source == REFERENCE:
-        raise InputError(f"slot {side.upper()} shows the reference, which has no precision; show a pack in it first")
+    elif is_image_source(source := session.view.slots[side].source):
+        shown = "the reference" if source == REFERENCE else source
+        raise InputError(f"slot {side.upper()} shows {shown}, which has no precision; show a pack in it first")
     else:
         session.requests.precision |= {side}
 
 
-@command("slot.next-source", "Next source in A", "show the next open pack in slot A", "Compare", "N")
+@command("slot.next-source", "Next source in A", "show the next source in slot A that is there", "Compare", "N")
 def next_source(session: Session) -> None:
-    sources, present = session.sources, session.view.slot_a.source
+    sources, present = session.open_sources, session.view.slot_a.source
     place = sources.index(present) + 1 if present in sources else 0
-    _change_slot(session, "a", source=sources[place % len(sources)])
+    show_source(session, "a", sources[place % len(sources)])
 
 
 @command(
@@ -135,13 +152,14 @@ def next_source(session: Session) -> None:
 )
 def next_path(session: Session) -> None:
     slot = session.view.slot_a
-    if slot.source == REFERENCE:
-        notify(session, "slot A shows the reference: it has no decode path")
+    if is_image_source(slot.source):
+        shown = "the reference" if slot.source == REFERENCE else slot.source
+        notify(session, f"slot A shows {shown}: it has no decode path")
     else:
         _change_slot(session, "a", path=NEXT_PATH[slot.path])
 
 
-@command("filter.anisotropy", "Anisotropy", "filter the reference and path cached", "View")
+@command("filter.anisotropy", "Anisotropy", "filter images and path cached", "View")
 def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], Arg("1 is trilinear")]) -> None:
     session.view = replace(session.view, anisotropy=value)
 

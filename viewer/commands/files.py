@@ -6,7 +6,9 @@ from typing import Annotated
 
 from ntc.errors import InputError
 from ntc.io import read_file, write_text
+from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.compare import show_source
 from viewer.state.event_handlers import notify
 from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
@@ -44,12 +46,17 @@ def take_quiet_screenshot(session: Session, file: Path) -> None:
 
 def _restore(session: Session, text: str, where: str) -> None:
     saved = parse_view(text, where, present_view(session))
-    view, missing = with_open_sources(saved.view, session.view, session.sources)
+    view, missing = with_open_sources(saved.view, session.view, session.open_sources)
     session.navigation.motion = None
     # The window's own size stays.
     session.view = replace(view, size=session.view.size)
     session.resolution = saved.resolution
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: saved.bookmarks}
+    session.requests.formats = {}
+    for side, slot in saved.view.slots.items():
+        if slot.source in BLOCK_FORMATS:
+            show_source(session, side, slot.source)
+    missing = [source for source in missing if source not in BLOCK_FORMATS]
     notes = [f"not open: {', '.join(missing)}"] if missing else []
     if saved.scene != session.scene.name:
         notes.append(f"it was made in scene {saved.scene}")

@@ -9,7 +9,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command
 from viewer.state.pack_files import base_pack_name
-from viewer.state.view_state import REFERENCE, Side
+from viewer.state.view_state import Side, is_image_source
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
     AUTO,
@@ -179,6 +179,6 @@ def show(
 ) -> None:
     name, session = context.training.open_run(run), context.session
     slot = session.view.slots[side]
-    path = "cached" if slot.source == REFERENCE else slot.path
+    path = "cached" if is_image_source(slot.source) else slot.path
     view = session.view.with_slot(side, replace(slot, source=name, path=path))
     session.view = view if view.compare in (side, "wipe") else replace(view, compare=side)

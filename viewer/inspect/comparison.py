@@ -13,7 +13,7 @@ from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
 from ntc.metrics.metrics import psnr_of_mse
 from viewer.render.resources.layout import materials_of, texture_ids_of
-from viewer.state.view_state import REFERENCE, ViewState
+from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 STEPS = 256
 """Values of |A - B| in steps of 8-bit sRGB."""
@@ -94,8 +94,8 @@ class LiveFigures:
 
 
 def compared_source(view: ViewState) -> str:
-    """Source whose decoders errors are listed by: slot A's, or slot B's where A shows the reference."""
-    return view.slot_a.source if view.slot_a.source != REFERENCE else view.slot_b.source
+    """Source whose decoders errors are listed by: slot A's, or slot B's where A shows images."""
+    return view.slot_b.source if is_image_source(view.slot_a.source) else view.slot_a.source
 
 
 def _srgb8(pixels: bytes, kind: str, size: tuple[int, int]) -> NDArray[np.uint8]:

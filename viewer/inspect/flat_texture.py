@@ -1,4 +1,4 @@
-"""One texture by itself: its original, and as packs decode it."""
+"""One texture by itself: its original, in blocks of graphics hardware, and as packs decode it."""
 
 from dataclasses import dataclass
 
@@ -10,6 +10,7 @@ from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels, texel_centres
 from ntc.codec.textures import SourceTexture
+from ntc.metrics.compressed_textures import CompressedTexture
 from ntc.metrics.metrics import psnr_db
 from viewer.jobs.job import JobReport
 from viewer.scene.model import SceneTexture
@@ -47,6 +48,11 @@ def original_flat(texture: SceneTexture, report: JobReport) -> FlatTexture:
     """A job: the original image of `texture`."""
     report.show(FlatTexture((as_rgb8(texture.pixels),), 0, None))
     return FlatTexture(_mips(texture.pixels), 0, None)
+
+
+def compressed_flat(compressed: CompressedTexture, _report: JobReport) -> FlatTexture:
+    """A job: a texture as hardware reads its blocks."""
+    return FlatTexture(tuple(as_rgb8(mip) for mip in compressed.mips()), 0, compressed.psnr_db)
 
 
 def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np.uint8]:

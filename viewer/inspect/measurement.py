@@ -11,6 +11,7 @@ from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.match import PackMatch
 from viewer.state.session import SlotMeasurement
+from viewer.state.view_state import REFERENCE
 
 
 def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:
@@ -35,11 +36,13 @@ class SlotPicture:
 def measure_slot(
     source: str, picture: SlotPicture, pack: Pack | None, match: PackMatch | None, gpu_bytes: int | None
 ) -> SlotMeasurement:
-    """Figures of a picture; without a pack it is the reference's."""
-    if pack is None or match is None:
+    """Figures of a picture; without a pack nothing of it is decoded."""
+    if source == REFERENCE:
         return SlotMeasurement(source, None, None, None)
     shown, truth = linear_to_srgb8(picture.albedo), linear_to_srgb8(picture.reference)
     covered = picture.covered
     quality = psnr_db(shown[covered], truth[covered]) if covered.any() else None
+    if pack is None or match is None:
+        return SlotMeasurement(source, quality, None, gpu_bytes)
     divergence = DivergenceStatistics.of(divergence_map(decoder_ids(picture.texture_ids, pack, match)))
     return SlotMeasurement(source, quality, divergence, gpu_bytes)

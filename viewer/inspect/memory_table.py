@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from ntc.codec.model import Pack
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
@@ -80,6 +81,14 @@ def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str,
         total = sum(on_gpu.values())
         rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
     return tuple(rows)
+
+
+def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
+    """What the textures take in a format of graphics hardware; here they are drawn from RGBA8 that was made of it."""
+    plain = max(1, sum(_bytes_of_size(own.shape[1], own.shape[0])[0] for own in compressed.textures))
+    stored = compressed.stored_bytes
+    explanation = f"{compressed.bits_per_texel:.2f} bits a texel, all mips, blocks over the edge included"
+    return (MemoryRow("blocks in all", stored, stored / plain, explanation, is_total=True),)
 
 
 def megabytes(count: int) -> str:

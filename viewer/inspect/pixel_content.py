@@ -11,7 +11,7 @@ from ntc.codec.color import linear_to_srgb8
 from viewer.inspect.block_content import BlockPlace, block_content, pixel_at
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import materials_of, texture_ids_of
-from viewer.state.view_state import BLOCKS, REFERENCE, Slot, ViewState
+from viewer.state.view_state import BLOCKS, Slot, ViewState, is_image_source
 
 LEAST_FOOTPRINT = 1e-10
 REACH = 7
@@ -136,7 +136,7 @@ class PixelReader:
         texture_id, material = int(texture_ids_of(words[:1])[0]), int(materials_of(words[:1])[0])
         u, v, footprint = words[1:].view(np.float32).tolist() if material >= 0 else (0.0, 0.0, 0.0)
         texture = scene.textures[texture_id] if texture_id >= 0 else None
-        sources = list(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if s.source != REFERENCE))
+        sources = list(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
         decoders = {source: renderer.decoders(source) for source in sources}
         block = BlockPlace.at(
             ((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), BLOCKS[view.overlay.block], view.size

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from ntc.codec.model import Pack
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
 
@@ -30,7 +31,7 @@ class TextureRow:
     bits_per_texel: float | None
     """Of the latents with all their mips, per texel of mip 0 of the original."""
     gpu_bytes: int | None = None
-    """Latents that lie on the GPU; None where the pack has not been drawn."""
+    """Latents that lie on the GPU, None where the pack has not been drawn; blocks of a block format."""
 
     def key(self, column: TextureColumn) -> tuple[int, float | str]:
         """What the rows are sorted by; unknown values come last in ascending order."""
@@ -72,6 +73,19 @@ def texture_rows(
             )
         )
     return tuple(rows)
+
+
+def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[TextureRow, ...]:
+    """All textures by their id, in a format of graphics hardware; `bits_per_texel` as of packs: of all mips, per texel of mip 0."""
+    return tuple(
+        replace(
+            row,
+            psnr_db=own.psnr_db,
+            bits_per_texel=8.0 * own.stored_bytes / (row.width * row.height),
+            gpu_bytes=own.stored_bytes,
+        )
+        for row, own in zip(texture_rows(scene, None, None, None), compressed.textures, strict=True)
+    )
 
 
 def filtered(rows: Iterable[TextureRow], text: str) -> list[TextureRow]:

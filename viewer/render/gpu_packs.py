@@ -128,11 +128,11 @@ class GpuPacks:
         return self._on_gpu[key]
 
     def uploaded(self, slot: Slot) -> GpuPack | None:
-        """The same, if it is on the GPU; None for the reference, too."""
+        """The same, if it is on the GPU; None for images, too."""
         return self._on_gpu.get((slot.source, slot.precision))
 
     def counted(self, source: str) -> CountedGrouping:
-        """The grouping of a source, as divergence counts it; for the reference nothing is decoded."""
+        """The grouping of a source, as divergence counts it; for images nothing is decoded."""
         opened = self._open.get(source)
         if opened is None:
             return CountedGrouping(0, (-1,) * len(self._context.scene.textures))

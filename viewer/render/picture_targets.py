@@ -6,7 +6,7 @@ from viewer.render.frame_result import PairKey
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
-from viewer.state.view_state import REFERENCE, Slot, ViewState
+from viewer.state.view_state import REFERENCE, Slot, ViewState, is_image_source
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class DrawnAlbedo:
 
     inputs: VisibilityInputs
     version: int
-    """Of the slot's pack; 0 for the reference."""
+    """Of the slot's pack; 0 for images."""
     number: int
     """Of the drawing: differs whenever the content may."""
 
@@ -35,10 +35,10 @@ class PictureTargets:
     """Time that each albedo took when it was last drawn."""
 
     def inputs_of(self, slot: Slot) -> VisibilityInputs:
-        """What the slot's albedo is drawn from: only the reference and path `cached` filter anisotropically."""
+        """What the slot's albedo is drawn from: only images and path `cached` filter anisotropically."""
         if self.inputs is None:
             raise RuntimeError("draw the visibility buffer first")
-        filters = slot.source == REFERENCE or slot.path == "cached"
+        filters = is_image_source(slot.source) or slot.path == "cached"
         return self.inputs if filters else replace(self.inputs, anisotropy=1)
 
     def number(self, slot: Slot) -> int:

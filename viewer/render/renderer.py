@@ -19,6 +19,7 @@ from viewer.render.error_overlay import ErrorOverlay
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_pack import PackMemory, RenderContext
 from viewer.render.gpu_packs import GpuPacks
+from viewer.render.image_sources import ImageSources
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.composite import (
     COMPARISONS,
@@ -28,7 +29,6 @@ from viewer.render.passes.composite import (
     CompositeTarget,
     DifferenceParams,
 )
-from viewer.render.passes.reference import ReferencePass
 from viewer.render.path_choice import PathChooser
 from viewer.render.picture_targets import PictureTargets
 from viewer.render.resources.divergence_maps import Stage
@@ -41,7 +41,7 @@ from viewer.render.slot_drawer import SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import layout_of, shown_slots
-from viewer.state.view_state import REFERENCE, Difference, Overlay, Slot, ViewState
+from viewer.state.view_state import Difference, Overlay, Slot, ViewState, is_image_source
 
 UPDATE_BYTES = 8 << 20
 """Of a frame, for packs that replace others (`Renderer.update_pack`)."""
@@ -68,7 +68,7 @@ class Renderer:
         library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
         self._programs = ProgramFactory(context.gl, library)
         materials = material_records(scene)
-        self._reference = ReferencePass(context, self._programs, scene, materials)
+        self.images = ImageSources(context, self._programs, scene, materials)
         with context.memory.transaction():
             self._scene_buffers = SceneBuffers(context, scene, materials)
             self._composite = CompositePass(context, self._programs)
@@ -92,7 +92,7 @@ class Renderer:
         self.errors = ErrorOverlay(context, len(scene.textures))
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)
-        self._slots = SlotDrawer(context, self._scheduler, self._packs, self._reference)
+        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images)
         self.paths = PathChooser(context, self._drawer, self._packs, self._scheduler)
         self._targets: PictureTargets | None = None
         self._picture: CompositeTarget | None = None
@@ -120,7 +120,7 @@ class Renderer:
         self._packs.update_pack(name, pack, changed_groups)
 
     def memory(self, slot: Slot) -> PackMemory | None:
-        """GPU memory of the slot's pack; None for the reference, and before its first frame."""
+        """GPU memory of the slot's pack; None for images, and before its first frame."""
         on_gpu = self._packs.uploaded(slot)
         return on_gpu.memory if on_gpu is not None else None
 
@@ -181,12 +181,12 @@ class Renderer:
         upload: UploadCounts,
     ) -> FrameResult:
         draw_list, skipped = self._drawer.draw_list, self._scheduler.skipped
-        skipped["images_not_uploaded"] = self._reference.images_not_uploaded
+        skipped["images_not_uploaded"] = self.images.reference.images_not_uploaded
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
         tiles = {}
         short_latents = False
-        for slot in dict.fromkeys(slot for slot in shown_slots(view) if slot.source != REFERENCE):
+        for slot in dict.fromkeys(slot for slot in shown_slots(view) if not is_image_source(slot.source)):
             on_gpu = self._packs.on_gpu(slot)
             counts, latents = on_gpu.path(slot.path).tiles, on_gpu.buffers.latent_store.counts
             if counts is not None:
@@ -223,7 +223,7 @@ class Renderer:
             return self._packs.advance_updates(None if whole else self._update_bytes)
 
     def _targets_for(self, view: ViewState) -> PictureTargets:
-        filters = any(slot.source == REFERENCE or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
+        filters = any(is_image_source(slot.source) or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
         content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and filters)
         targets = self._targets
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
@@ -265,7 +265,7 @@ class Renderer:
         groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
         self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block)
         statistics = self._divergence.statistics
-        return {source: statistics[source] for source in groupings if source != REFERENCE}
+        return {source: statistics[source] for source in groupings if not is_image_source(source)}
 
     def _composite_inputs(self, view: ViewState, targets: PictureTargets) -> CompositeInputs:
         """Albedos and settings of the composite; the divergence maps of the shown slots must have been counted."""
@@ -394,7 +394,7 @@ class Renderer:
         if self._picture is not None:
             self._picture.release()
             self._picture = None
-        for part in (self._packs, self._composite, self._divergence, self.errors, self._reference):
+        for part in (self._packs, self._composite, self._divergence, self.errors, self.images):
             part.release()
         self._scene_buffers.release()
         self._programs.release()

@@ -1,32 +1,38 @@
-"""Draws the albedos of slots: by the reference pass, or by a decode path of a pack."""
+"""Draws the albedos of slots: as images, or by a decode path of a pack."""
 
 from viewer.gl.context import GraphicsContext
 from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
+from viewer.render.image_sources import ImageSources
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.passes.reference import ReferencePass
 from viewer.render.picture_targets import DrawnAlbedo, PictureTargets
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.state.view_state import REFERENCE, Slot
+from viewer.state.view_state import REFERENCE, Slot, is_image_source
 
 PREPARED_SIZE = (16, 16)
 """Pixels that `prepare` draws."""
+
+
+def _described(source: str) -> str:
+    if source == REFERENCE:
+        return "the reference"
+    return source if is_image_source(source) else f"pack {source}"
 
 
 class SlotDrawer:
     """Albedos are drawn where the picture's targets lack them, and again while their decode path has more to show."""
 
     def __init__(
-        self, context: GraphicsContext, scheduler: PassScheduler, packs: GpuPacks, reference: ReferencePass
+        self, context: GraphicsContext, scheduler: PassScheduler, packs: GpuPacks, images: ImageSources
     ) -> None:
-        self._context, self._scheduler, self._packs, self._reference = context, scheduler, packs, reference
+        self._context, self._scheduler, self._packs, self._images = context, scheduler, packs, images
         self._draws = 0
         self.prepared: set[Slot] = set()
         """Slots whose programs have been used."""
 
     def _version(self, slot: Slot) -> int:
-        return 0 if slot.source == REFERENCE else self._packs.version(slot)
+        return 0 if is_image_source(slot.source) else self._packs.version(slot)
 
     def is_drawn(self, slot: Slot, targets: PictureTargets) -> bool:
         """Whether the slot's albedo is that of the last view, though tiles may be missing."""
@@ -37,31 +43,32 @@ class SlotDrawer:
         """Whether drawing the slot's albedo again would not change it."""
         if not self.is_drawn(slot, targets):
             return False
-        return slot.source == REFERENCE or not self._packs.on_gpu(slot).path(slot.path).is_waiting
+        return is_image_source(slot.source) or not self._packs.on_gpu(slot).path(slot.path).is_waiting
 
     def update(self, slot: Slot, targets: PictureTargets, whole: bool) -> None:
         """Draw the slot's albedo, or a part of it, unless it is complete. Raises GpuMemoryError that names the pack, ShaderError."""
         if self.is_complete(slot, targets):
             self._scheduler.skipped["passes"] += 1
             return
-        is_reference, timer, inputs = slot.source == REFERENCE, self._scheduler.timer, targets.inputs_of(slot)
+        is_image, timer, inputs = is_image_source(slot.source), self._scheduler.timer, targets.inputs_of(slot)
         drawn = targets.drawn.get(slot)
         same_view = drawn is not None and drawn.inputs == inputs and not whole
-        path = None if is_reference else self._packs.on_gpu(slot).path(slot.path)
+        path = None if is_image else self._packs.on_gpu(slot).path(slot.path)
         if path is not None and same_view and path.decode_ahead():
             self._scheduler.skipped["passes"] += 1
             return
         if slot not in targets.albedo:
-            targets.albedo[slot] = AlbedoTarget(self._context, targets.visibility.size, half=is_reference)
+            targets.albedo[slot] = AlbedoTarget(self._context, targets.visibility.size, half=is_image)
         target = targets.albedo[slot]
         # While it is drawn anew its content is void.
         targets.drawn.pop(slot, None)
-        with naming_memory_errors("the reference" if is_reference else f"pack {slot.source}"):
+        with naming_memory_errors(_described(slot.source)):
             if path is None:
+                images = self._images[slot.source]
                 with timer.measure("upload"):
-                    self._reference.upload(inputs.visible_materials)
-                with timer.measure(self._reference.name):
-                    self._reference.run(inputs, target)
+                    images.upload(inputs.visible_materials)
+                with timer.measure(images.name):
+                    images.run(inputs, target)
                 spent = timer.last_ms
             else:
                 spent = path.draw(inputs, target, whole, same_view)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
@@ -49,6 +51,7 @@ class Viewport:
         self._times, self._background = times, background
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
+        self._compressed: Mapping[BlockFormat, CompressedTextures] | None = None
         self.renderer: Renderer | None = None
         self.thumbnails: Thumbnails | None = None
         """Of the renderer's scene."""
@@ -76,7 +79,8 @@ class Viewport:
     def is_open(self) -> bool:
         """Whether what is open in the session is what the renderer has."""
         session = self._session
-        return self.renderer is not None and session.scene is self._scene and session.packs is self._packs
+        same = session.scene is self._scene and session.compressed is self._compressed
+        return self.renderer is not None and same and session.packs is self._packs
 
     def is_due(self, size: tuple[int, int]) -> bool:
         """Whether another picture than the last is to be drawn, as far as is known."""
@@ -122,6 +126,7 @@ class Viewport:
             self._emit(Notification(str(error), "error"))
             self._leave_half_arithmetic()
             return
+        renderer.images.keep_only([slot.source for slot in view.slots.values()])
         self.last_view, self._is_drawn, self._undrawable = view, True, None
         self._notify_memory_problems(self.last)
         self._drawable = (self._session.scene, self._session.packs, self._session.view)
@@ -174,7 +179,7 @@ class Viewport:
             self.thumbnails.release()
         if self.renderer is not None:
             self.renderer.release()
-        self.thumbnails = self.renderer = self._scene = self._packs = None
+        self.thumbnails = self.renderer = self._scene = self._packs = self._compressed = None
         self.last = self.last_view = None
 
     def _current_renderer(self) -> Renderer:
@@ -208,6 +213,9 @@ class Viewport:
             self.renderer.set_packs(session.packs)
             self._packs = session.packs
             self.last_view = None
+        if self._compressed is not session.compressed:
+            self.renderer.images.set_compressed(session.compressed)
+            self._compressed = session.compressed
         return self.renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:

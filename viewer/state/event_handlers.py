@@ -8,7 +8,7 @@ from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
 from viewer.state.session import PackChange, PreviousView, Session, SlotMeasurement, Toast
-from viewer.state.view_state import REFERENCE, Side
+from viewer.state.view_state import REFERENCE, Side, is_image_source
 
 TOAST_SECONDS = 6.0
 MOST_TOASTS = 5
@@ -63,7 +63,7 @@ def _pack_closed(event: events.PackClosed, session: Session) -> None:
     if view.slot_a.source == event.name and previous is not None:
         view = replace(view, slot_a=previous.slot_a, slot_b=previous.slot_b, compare=previous.compare)
     for side, slot in view.slots.items():
-        if slot.source not in (REFERENCE, *packs):
+        if slot.source not in (REFERENCE, *packs, *session.compressed):
             view = view.with_source(side, REFERENCE)
     session.view, session.packs = view, packs
 
@@ -77,7 +77,7 @@ def _run_started(event: events.RunStarted, session: Session) -> None:
     if event.base_name is not None and event.base_name in session.packs:
         # The base is decoded as A was: no other decode of it is needed.
         slot_b = replace(view.slot_a, source=event.base_name)
-    path = "cached" if view.slot_a.source == REFERENCE else view.slot_a.path
+    path = "cached" if is_image_source(view.slot_a.source) else view.slot_a.path
     compare = "wipe" if view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE else view.compare
     slot_a = replace(view.slot_a, source=event.name, path=path)
     session.view = replace(view, slot_a=slot_a, slot_b=slot_b, compare=compare)
@@ -92,13 +92,32 @@ def _precision_found(event: events.PrecisionFound, session: Session) -> None:
 
 
 @_apply.register
+def _textures_compressed(event: events.TexturesCompressed, session: Session) -> None:
+    if event.scene is not session.scene:
+        return
+    requests = session.requests
+    sides = [side for side, block_format in requests.formats.items() if block_format == event.block_format]
+    requests.formats = {side: name for side, name in requests.formats.items() if side not in sides}
+    if event.textures is None:
+        return
+    session.compressed = {**session.compressed, event.block_format: event.textures}
+    for side in sides:
+        session.view = session.view.with_source(side, event.block_format)
+
+
+@_apply.register
 def _view_changed(event: events.ViewChanged, session: Session) -> None:
     session.view = event.view
 
 
 @_apply.register
 def _reverted(event: events.Reverted, session: Session) -> None:
+    if event.scene is not session.scene:
+        session.compressed, session.requests.formats = {}, {}
     session.scene, session.packs, session.view = event.scene, event.packs, event.view
+    for side, slot in session.view.slots.items():
+        if slot.source not in session.open_sources:
+            session.view = session.view.with_source(side, REFERENCE)
     inspection = session.inspection
     inspection.measurements, inspection.selected_texture, inspection.flat_texture = {}, None, None
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from ntc.codec.config import Precision
 from ntc.codec.model import Pack
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.scene.model import Scene
 from viewer.state.message_log import MessageKind
 from viewer.state.view_state import Side, ViewState
@@ -66,6 +68,17 @@ class PrecisionFound:
     """None where there is none: the slot keeps its own."""
 
 
+@dataclass(frozen=True, eq=False)
+class TexturesCompressed:
+    """Textures in a format of graphics hardware that slots wait for."""
+
+    scene: Scene
+    """Whose textures they are."""
+    block_format: BlockFormat
+    textures: CompressedTextures | None
+    """None where they could not be encoded: slots keep what they show."""
+
+
 @dataclass(frozen=True)
 class ViewChanged:
     """The view that can be drawn in place of the one that was asked for."""
@@ -83,6 +96,14 @@ class Reverted:
 
 
 Event = (
-    Notification | PackUpdated | PackChangesTaken | PackClosed | RunStarted | PrecisionFound | ViewChanged | Reverted
+    Notification
+    | PackUpdated
+    | PackChangesTaken
+    | PackClosed
+    | RunStarted
+    | PrecisionFound
+    | TexturesCompressed
+    | ViewChanged
+    | Reverted
 )
 EmitEvent = Callable[[Event], None]

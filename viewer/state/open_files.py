@@ -7,6 +7,7 @@ from pathlib import Path
 from ntc.codec.config import PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.metrics.block_compression import named_format
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, require_match
 from viewer.scene.load import load_scene
@@ -33,7 +34,8 @@ class InitialView:
     """What slot A shows when a scene is opened."""
 
     grouping: str | None = None
-    """REFERENCE or the grouping of an open pack; None: clustered, else the first pack, else the reference."""
+    """REFERENCE, the grouping of an open pack, or a block format, which is shown once it is encoded; None: clustered, else the
+    first pack, else the reference."""
     path: PathChoice = "deferred"
     precision: PrecisionChoice = "fp32"
     """`auto`: fp32 until the cheapest that does not show has been found."""
@@ -46,6 +48,9 @@ def new_session(
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
     session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
     session.requests = Requests(precision=frozenset(("a",) if initial.precision == "auto" else ()))
+    block_format = named_format(initial.grouping)
+    if block_format is not None:
+        session.requests.formats = {"a": block_format}
     return session
 
 
@@ -91,6 +96,7 @@ def _open_scene(session: Session, path: Path) -> None:
     session.navigation.motion = None
     session.previous_views = {}
     session.requests.precision = frozenset()
+    session.compressed, session.requests.formats = {}, {}
     session.inspection = InspectionState(errors=session.inspection.errors)
     problems = len(scene.report.missing)
     notify(session, f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))

@@ -8,7 +8,7 @@ from ntc.codec.model import Pack
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from viewer.scene.model import Scene
-from viewer.state.view_state import REFERENCE, ViewState
+from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 PACK_SUFFIX = ".ntc"
 PREFERRED_GROUPING = "clustered"
@@ -79,4 +79,6 @@ def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
 def unused_name(grouping: str, path: Path, packs: Mapping[str, Pack]) -> str:
     """Name for a pack read from `path` that no other open pack has."""
     candidates = (grouping, path.stem, str(path))
-    return next((name for name in candidates if name not in packs and name != REFERENCE), f"{path} ({len(packs)})")
+    return next(
+        (name for name in candidates if name not in packs and not is_image_source(name)), f"{path} ({len(packs)})"
+    )

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from ntc.codec.model import Pack
+from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, named_format
+from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera_motion import Motion
@@ -38,9 +40,9 @@ class SlotMeasurement:
     psnr_db: float | None
     """Against the reference picture, covered pixels, 8-bit sRGB; None for the reference itself."""
     divergence: DivergenceStatistics | None
-    """None for the reference."""
+    """None for images."""
     gpu_bytes: int | None
-    """Latents, decoders and tables on the GPU; None for the reference."""
+    """Latents, decoders and tables on the GPU; blocks of a block format, as hardware would take them; None for the reference."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,8 @@ class Requests:
     """A recorded path that is to be written as a file."""
     pack_changes: Mapping[str, PackChange] = field(default_factory=dict)
     """Packs that events have replaced and that are to be uploaded, by their names."""
+    formats: Mapping[Side, BlockFormat] = field(default_factory=dict)
+    """Block formats that slots are to show once the textures have been encoded."""
     precision: frozenset[Side] = frozenset()
     """Slots that are to get the cheapest precision that does not show."""
     raised_panel: str | None = None
@@ -185,6 +189,8 @@ class Session:
     """Where pictures, views and camera paths are written."""
     resolution: float = 1.0
     """Pixels of the picture along one side, as a share of the window's."""
+    compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
+    """The scene's textures in block formats that slots have shown; another object whenever one is added."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)
     """What was shown before the first pack of each training run, by the name of its pack."""
     navigation: NavigationState = field(default_factory=NavigationState)
@@ -210,8 +216,18 @@ class Session:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What a slot can show."""
-        return (REFERENCE, *self.packs)
+        """What a slot can be asked to show."""
+        return (REFERENCE, *self.packs, *BLOCK_FORMATS)
+
+    @property
+    def open_sources(self) -> tuple[str, ...]:
+        """What a slot can show at once."""
+        return (REFERENCE, *self.packs, *self.compressed)
+
+    def compressed_as(self, source: str) -> CompressedTextures | None:
+        """The scene's textures in a block format, by the name of the source; None where it is none that is there."""
+        block_format = named_format(source)
+        return self.compressed.get(block_format) if block_format is not None else None
 
     @property
     def scene_key(self) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal
 from msgspec import Meta
 
 from ntc.codec.config import Precision as Precision
+from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.scene.json_text import Share
 from viewer.scene.model import Camera
 from viewer.state.palettes import PaletteName
@@ -27,6 +28,11 @@ REFERENCE: Final = "reference"
 """The slot source that shows the original images instead of a pack."""
 
 
+def is_image_source(source: str) -> bool:
+    """Whether a source is shown as images, and nothing is decoded: the originals, or a format of graphics hardware."""
+    return source == REFERENCE or source in BLOCK_FORMATS
+
+
 Gain = Annotated[float, Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
 
 
@@ -35,11 +41,11 @@ class Slot:
     """One side of the comparison."""
 
     source: str = REFERENCE
-    """REFERENCE, or the name under which a pack is open."""
+    """REFERENCE, a block format in which the textures are there, or the name under which a pack is open."""
     path: PathChoice = "deferred"
-    """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for the reference."""
+    """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for images."""
     precision: Precision = "fp32"
-    """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for the reference."""
+    """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for images."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class ViewState:
     """Ids of textures: everything else is dimmed. Empty: nothing is."""
     zoom: Zoom = WHOLE
     anisotropy: int = 1
-    """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
+    """Anisotropic filtering of images and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
 
     @property
     def slots(self) -> dict[Side, Slot]:

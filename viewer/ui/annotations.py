@@ -4,7 +4,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Toast
-from viewer.state.view_state import REFERENCE, Slot, ViewState
+from viewer.state.view_state import Slot, ViewState, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import Area, counted, packed
 
@@ -17,8 +17,8 @@ MESSAGE = (0.10, 0.14, 0.18, 0.92)
 
 def slot_label(slot: Slot) -> str:
     """What a slot shows, in a few words."""
-    if slot.source == REFERENCE:
-        return "reference"
+    if is_image_source(slot.source):
+        return slot.source
     return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
 
 
@@ -113,7 +113,7 @@ def draw_block(ui: UiFrame, area: Area) -> None:
         texts = [
             f"{side}: {counted(block.decoder_count(slot.source), 'decoder')}"
             for side, slot in slots
-            if slot.source != REFERENCE
+            if not is_image_source(slot.source)
         ]
         imgui.set_tooltip(", ".join([*texts, counted(len(block.textures), "texture")]))
 

@@ -8,6 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.inspect.block_content import BlockContent
@@ -50,6 +51,8 @@ class FrameFacts:
     """A against B."""
     is_training: bool = False
     """Whether a training keeps the processors busy: A is not compared with B then."""
+    encoding: Mapping[BlockFormat, float] = field(default_factory=dict)
+    """Share of the work done of each block format that is encoded for a slot, 0 to 1."""
     pixel: PixelContent | None = None
     """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None

@@ -1,4 +1,4 @@
-"""A window that shows one texture flat: its original and what packs make of it, side by side or with a divider."""
+"""A window that shows one texture flat: its original and what other sources make of it, side by side or with a divider."""
 
 import math
 from collections.abc import Callable, Hashable
@@ -8,7 +8,7 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.flat_texture import FlatTexture, decode_flat, original_flat
+from viewer.inspect.flat_texture import FlatTexture, compressed_flat, decode_flat, original_flat
 from viewer.inspect.visible_part import VisiblePart, visible_part
 from viewer.jobs.background import Background
 from viewer.jobs.job import Job, JobReport
@@ -108,10 +108,10 @@ class FlatWindow:
         width = 9.0 * imgui.get_font_size()
         for side in self._sources:
             # Packs may have been closed since.
-            if self._sources[side] not in ui.session.sources:
+            if self._sources[side] not in ui.session.open_sources:
                 self._sources[side] = REFERENCE
             imgui.set_next_item_width(width)
-            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], ui.session.sources, ui.rects)
+            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], ui.session.open_sources, ui.rects)
             imgui.same_line()
         for arrangement in ARRANGEMENTS:
             if imgui.radio_button(arrangement, self._arrangement == arrangement):
@@ -130,6 +130,11 @@ class FlatWindow:
         if source == REFERENCE:
             answer = self._ask(side, (texture, source), partial(original_flat, texture))
             return self._shown(answer, source, f"original, {width} x {height}")
+        blocks = ui.session.compressed_as(source)
+        if blocks is not None:
+            own = blocks.textures[number]
+            answer = self._ask(side, (texture, source), partial(compressed_flat, own))
+            return self._shown(answer, source, f"{source}, {8.0 * own.stored_bytes / own.texels:.2f} bits a texel")
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:

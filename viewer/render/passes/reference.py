@@ -1,12 +1,13 @@
-"""The reference path: the original images, filtered by the hardware, over the same visibility buffer."""
+"""The reference path: original images, or others in their place, filtered by the hardware over the same visibility buffer."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.mips import mip_chain
 from viewer.gl.allocation import GpuMemoryError
@@ -18,7 +19,10 @@ from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUni
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs
 from viewer.scene.model import Sampler, Scene
+from viewer.state.view_state import REFERENCE
 
+MipsOf = Callable[[int], Sequence[NDArray[np.uint8]]]
+"""Texture id -> [h, w, 3] uint8 sRGB of every mip down to 1x1 texel."""
 LAYERS_AT_MOST = 256
 """Every OpenGL 4.3 driver has at least this many layers."""
 
@@ -66,15 +70,23 @@ def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping
 
 
 class ReferencePass:
-    """Inputs: visibility buffer, materials, original images. Output: linear albedo.
+    """Inputs: visibility buffer, materials, images. Output: linear albedo.
 
     Images are uploaded when a material that may be visible first needs them.
     """
 
-    name = "reference"
-
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
-        self._context, self._scene = context, scene
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        scene: Scene,
+        materials: np.ndarray,
+        mips: MipsOf | None = None,
+        name: str = REFERENCE,
+    ) -> None:
+        """`mips` gives the images by texture id, in threads; None: the scene's own. `name` is that of the source."""
+        self._context, self.name = context, name
+        self._mips: MipsOf = mips or (lambda texture_id: mip_chain(scene.textures[texture_id].pixels, "srgb"))
         self._plans, self._places = plan_image_arrays(scene)
         for index, place in self._places.items():
             materials[index]["image_array"], materials[index]["image_layer"] = place.array, place.layer
@@ -118,9 +130,9 @@ class ReferencePass:
         fresh = sorted((p.array, p.layer) for p in wanted if (p.array, p.layer) not in self._uploaded)
         if not fresh:
             return
-        textures = [self._scene.textures[self._plans[array].textures[layer]] for array, layer in fresh]
+        textures = [self._plans[array].textures[layer] for array, layer in fresh]
         with ThreadPoolExecutor() as pool:
-            chains = pool.map(lambda texture: mip_chain(texture.pixels, "srgb"), textures)
+            chains = pool.map(self._mips, textures)
             for (array, layer), chain in zip(fresh, chains, strict=True):
                 if array not in self._arrays:
                     plan = self._plans[array]

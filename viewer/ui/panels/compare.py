@@ -9,7 +9,7 @@ from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
 from viewer.commands.window import OPENED_ON_REQUEST
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
-from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side, Slot
+from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import cells, combo
 
@@ -131,7 +131,12 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     source = combo(f"{letter} source", slot.source, ui.session.sources, ui.rects)
     if source != slot.source:
         ui.emit("slot.source", side, source)
-    if slot.source != REFERENCE:
+    waits = ui.session.requests.formats.get(side)
+    if waits is not None:
+        imgui.same_line()
+        imgui.text_disabled(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
+        ui.rects.note(f"{letter} encoding")
+    elif not is_image_source(slot.source):
         imgui.same_line()
         imgui.set_next_item_width(0.3 * room)
         path = combo(f"{letter} path", slot.path, get_args(PathChoice), ui.rects)
@@ -176,7 +181,7 @@ def _filters(ui: UiFrame) -> None:
     if int(chosen) != ui.session.view.anisotropy:
         ui.emit("filter.anisotropy", int(chosen))
     imgui.same_line()
-    imgui.text("anisotropy: reference, cached")
+    imgui.text("anisotropy: images, cached")
     imgui.set_next_item_width(5.0 * imgui.get_font_size())
     share = combo(
         "resolution", f"{ui.session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), ui.rects
@@ -233,7 +238,7 @@ def _figures(ui: UiFrame) -> None:
         divergence = figure.divergence if figure else None
         rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
         rows["excess"].append(str(divergence.excess) if divergence else "-")
-        rows["path"].append("-" if slot.source == REFERENCE else ui.facts.paths.get(slot, slot.path))
+        rows["path"].append("-" if is_image_source(slot.source) else ui.facts.paths.get(slot, slot.path))
         rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
         rows["decode ms"].append(f"{ui.facts.slot_ms[slot]:.2f}" if slot in ui.facts.slot_ms else "-")
     for name, values in rows.items():

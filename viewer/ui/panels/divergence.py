@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.block_content import BlockContent
 from viewer.state.palettes import PALETTES
-from viewer.state.view_state import BLOCKS, REFERENCE
+from viewer.state.view_state import BLOCKS, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import SLOT_COLORS, cells, combo, counted, heat, packed
 
@@ -131,7 +131,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     else:
         imgui.text_disabled("click keeps it")
     slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}
-    shown = {side: source for side, source in slots.items() if source != REFERENCE}
+    shown = {side: source for side, source in slots.items() if not is_image_source(source)}
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
     imgui.text(", ".join([counted(len(block.textures), "texture"), *decoders]))
     ui.rects.note("block")
@@ -154,7 +154,7 @@ def draw_divergence_panel(ui: UiFrame) -> None:
     _settings(ui)
     sides = _sides(ui)
     if not sides:
-        imgui.text_disabled("the reference decodes nothing: show a pack")
+        imgui.text_disabled("nothing is decoded here: show a pack")
         return
     _color_bar(ui, max(2, *(figures.maximum for _, figures in sides.values()), 2))
     _figures(sides, ui)

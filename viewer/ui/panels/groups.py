@@ -7,7 +7,6 @@ from imgui_bundle import ImVec2, imgui
 from ntc.codec.model import Pack
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
-from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import cells, counted
 
@@ -37,8 +36,8 @@ class GroupsPanel:
         """The content of the panel."""
         source = ui.session.view.slot_a.source
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
-        if source == REFERENCE or pack is None or match is None:
-            imgui.text_wrapped("slot A shows the reference: choose a pack in it to see its groups")
+        if pack is None or match is None:
+            imgui.text_wrapped("slot A shows images: choose a pack in it to see its groups")
             return
         if self._key != (ui.session.scene, pack, match):
             self._key, self._order = (ui.session.scene, pack, match), None

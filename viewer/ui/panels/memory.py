@@ -2,8 +2,8 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.memory_table import MemoryRow, megabytes, pack_memory, scene_memory
-from viewer.state.view_state import REFERENCE, Slot
+from viewer.inspect.memory_table import MemoryRow, compressed_memory, megabytes, pack_memory, scene_memory
+from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import SLOT_COLORS, packed
 
@@ -25,7 +25,8 @@ class MemoryPanel:
     def _update(self, ui: UiFrame) -> None:
         slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
         packs = [ui.session.packs.get(slot.source) for slot in slots.values()]
-        key = (ui.session.scene, slots, packs, {slot: dict(parts) for slot, parts in ui.facts.gpu_parts.items()})
+        gpu_parts = {slot: dict(parts) for slot, parts in ui.facts.gpu_parts.items()}
+        key = (ui.session.scene, slots, packs, ui.session.compressed, gpu_parts)
         if key == self._key:
             return
         self._key = key
@@ -33,7 +34,8 @@ class MemoryPanel:
         for side, slot in slots.items():
             rows = _slot_rows(ui, slot)
             if rows:
-                self._parts.append((f"{side.upper()}: {slot.source}, {slot.precision}", SLOT_COLORS[side], rows))
+                precision = "" if is_image_source(slot.source) else f", {slot.precision}"
+                self._parts.append((f"{side.upper()}: {slot.source}{precision}", SLOT_COLORS[side], rows))
 
     def text(self) -> str:
         """The table as text, to be copied."""
@@ -91,7 +93,10 @@ class MemoryPanel:
 
 
 def _slot_rows(ui: UiFrame, slot: Slot) -> tuple[MemoryRow, ...]:
+    blocks = ui.session.compressed_as(slot.source)
+    if blocks is not None:
+        return compressed_memory(blocks)
     pack, match = ui.session.packs.get(slot.source), ui.facts.matches.get(slot.source)
-    if slot.source == REFERENCE or pack is None or match is None:
+    if pack is None or match is None:
         return ()
     return pack_memory(ui.session.scene, pack, match, ui.facts.gpu_parts.get(slot))

@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
-from viewer.state.view_state import REFERENCE, Slot
+from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import SLOT_COLORS, cells
 
@@ -80,7 +80,7 @@ def _facts(pixel: PixelContent, ui: UiFrame) -> None:
             ("uv", f"{pixel.uv[0]:.5f}  {pixel.uv[1]:.5f}"),
             ("lod", f"{pixel.lod:.2f}" if pixel.lod is not None else "-"),
         ]
-        if any(slot.source != REFERENCE for slot in slots):
+        if not all(is_image_source(slot.source) for slot in slots):
             rows += [
                 ("decoder", _sources(slots, dict(pixel.decoders))),
                 (f"D of {ui.session.view.overlay.block}", _sources(slots, dict(pixel.block_decoders))),

@@ -2,8 +2,16 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.texture_table import COLUMNS, TextureColumn, TextureRow, filtered, ordered, texture_rows
-from viewer.state.view_state import REFERENCE
+from viewer.inspect.texture_table import (
+    COLUMNS,
+    TextureColumn,
+    TextureRow,
+    compressed_rows,
+    filtered,
+    ordered,
+    texture_rows,
+)
+from viewer.state.view_state import is_image_source
 from viewer.ui.facts import UiFrame
 
 THUMBNAIL_LINES = 1.9
@@ -66,7 +74,7 @@ class TexturesPanel:
             self._update(ui, source)
             self._body(ui)
             imgui.end_table()
-        pack = "the reference has no groups" if source == REFERENCE else f"A: {source}"
+        pack = f"A: {source}" + (", which has no groups" if is_image_source(source) else "")
         not_made = f", {ui.facts.thumbnails_skipped:,} thumbnails skipped" if ui.facts.thumbnails_skipped else ""
         imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}{not_made}")
 
@@ -90,11 +98,13 @@ class TexturesPanel:
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         # The objects themselves: an id may be given again to another one.
         latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""
-        key = (ui.session.scene, pack, match, latents)
+        blocks = ui.session.compressed_as(source)
+        key = (ui.session.scene, pack, match, latents, blocks)
         fresh = self._key != key
         if fresh:
             sizes = ui.facts.latent_bytes.tolist() if ui.facts.latent_bytes is not None else None
-            self._all = texture_rows(ui.session.scene, pack, match, sizes)
+            scene = ui.session.scene
+            self._all = compressed_rows(scene, blocks) if blocks else texture_rows(scene, pack, match, sizes)
             self._key = key
         specs = imgui.table_get_sort_specs()
         column: TextureColumn | None = None

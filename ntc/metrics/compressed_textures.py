@@ -1,0 +1,128 @@
+"""Textures in a format of graphics hardware, with all mips: their blocks, and what hardware reads from them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import ColorSpace
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import hash_pixels
+from ntc.metrics.block_cache import BlockCache
+from ntc.metrics.block_compression import (
+    BlockFormat,
+    Effort,
+    compressed_blocks,
+    compressed_bytes,
+    decompress,
+)
+from ntc.metrics.metrics import PsnrSummary, psnr_db
+
+EFFORT: Effort = "medium"
+"""Of textures that are looked at: they are there in a quarter of the time, and 0.1 to 0.2 dB below what is possible."""
+Shape = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class CompressedTexture:
+    """One texture in blocks."""
+
+    block_format: BlockFormat
+    shape: Shape
+    """(height, width, channels) of mip 0."""
+    blocks: tuple[bytes, ...]
+    """Of each mip down to 1x1 texel, as hardware takes them."""
+    psnr_db: float
+    """Of mip 0 over 8-bit values; infinite when equal."""
+
+    @property
+    def stored_bytes(self) -> int:
+        """Bytes of all blocks."""
+        return sum(map(len, self.blocks))
+
+    @property
+    def texels(self) -> int:
+        """Texels of all mips."""
+        return sum(height * width for height, width, _ in mip_shapes(self.shape))
+
+    def mips(self) -> tuple[NDArray[np.uint8], ...]:
+        """[h, w, C] uint8 of each mip, as hardware reads it. Raises InputError where the decoder is not installed."""
+        shapes = mip_shapes(self.shape)
+        return tuple(decompress(own, shape, self.block_format) for own, shape in zip(self.blocks, shapes, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class CompressedTextures:
+    """The textures of a scene in one format, in their order."""
+
+    block_format: BlockFormat
+    textures: tuple[CompressedTexture, ...]
+
+    @property
+    def stored_bytes(self) -> int:
+        """Bytes of all blocks of all mips."""
+        return sum(texture.stored_bytes for texture in self.textures)
+
+    @property
+    def bits_per_texel(self) -> float:
+        """Bits of all blocks per texel of all mips."""
+        return 8.0 * self.stored_bytes / max(1, sum(texture.texels for texture in self.textures))
+
+    @property
+    def psnr(self) -> PsnrSummary | None:
+        """Over the textures; None for none."""
+        return PsnrSummary.of([texture.psnr_db for texture in self.textures])
+
+
+def mip_shapes(shape: Shape) -> tuple[Shape, ...]:
+    """Shapes of all mips of a texture, down to 1x1 texel."""
+    height, width, channels = shape
+    levels = max(height, width).bit_length()
+    return tuple((max(1, height >> level), max(1, width >> level), channels) for level in range(levels))
+
+
+@dataclass(frozen=True, eq=False)
+class CompressionRequest:
+    """What `compress_texture` is to do; can be sent to another process."""
+
+    pixels: NDArray[np.uint8]
+    """[H, W, C] uint8, C from 1 to 4, in `color_space`."""
+    block_format: BlockFormat
+    cache: Path | None = None
+    """Folder that keeps blocks. None: nothing is kept."""
+    effort: Effort = EFFORT
+    color_space: ColorSpace = "srgb"
+
+
+def compress_texture(request: CompressionRequest) -> CompressedTexture:
+    """Encode a texture with all mips, or read what was kept. Raises InputError where the encoder is not installed."""
+    pixels, block_format = request.pixels, request.block_format
+    height, width, channels = pixels.shape
+    sizes = [compressed_bytes(w, h, block_format) for h, w, _ in mip_shapes((height, width, channels))]
+    cache = BlockCache(request.cache) if request.cache is not None else None
+    path = kept = None
+    if cache is not None:
+        path = cache.path(f"{hash_pixels(pixels)} {request.color_space}", block_format, request.effort)
+        kept = cache.read(path, sum(sizes))
+    if kept is not None:
+        ends = np.cumsum(sizes).tolist()
+        blocks = tuple(kept[end - size : end] for end, size in zip(ends, sizes, strict=True))
+    else:
+        chain = mip_chain(pixels, request.color_space)
+        blocks = tuple(compressed_blocks(mip, block_format, request.effort) for mip in chain)
+        if cache is not None and path is not None:
+            cache.write(path, b"".join(blocks))
+    decoded = decompress(blocks[0], (height, width, channels), block_format)
+    quality = psnr_db(decoded, pixels[..., : decoded.shape[2]])
+    return CompressedTexture(block_format, (height, width, channels), blocks, quality)
+
+
+def compression_requests(
+    textures: Sequence[NDArray[np.uint8]], block_format: BlockFormat, cache: Path | None
+) -> tuple[CompressionRequest, ...]:
+    """One for each of `textures`; files that the cache has no room for are removed first."""
+    if cache is not None:
+        BlockCache(cache).trim()
+    return tuple(CompressionRequest(pixels, block_format, cache) for pixels in textures)

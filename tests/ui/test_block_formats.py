@@ -1,0 +1,190 @@
+"""BC1, BC7 and ASTC in the window: encoded beside the frames, shown when they are there, with their bits and bytes."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.errors import InputError
+from ntc.metrics.compressed_textures import CompressedTexture, CompressionRequest, compress_texture
+from ntc.metrics.metrics import psnr_db
+from tests.support.driven_app import DrivenApp
+from viewer.commands import run_line
+from viewer.inspect import format_encoding
+from viewer.inspect.memory_table import compressed_memory
+from viewer.inspect.texture_table import compressed_rows
+from viewer.jobs.job import Job, JobReport
+from viewer.state.event_handlers import apply_event
+from viewer.state.events import Reverted, TexturesCompressed
+from viewer.state.view_state import Slot
+
+pytest.importorskip("quicktex")
+pytest.importorskip("astc_encoder")
+PATIENCE_SECONDS = 60.0
+
+
+class HeldProcess:
+    """Encodes in a thread, and not before it may."""
+
+    def __init__(self, function: Callable[[CompressionRequest], CompressedTexture], *_: object) -> None:
+        self.function = function
+        self.may_go = True
+        self.calls = 0
+
+    def call(self, request: CompressionRequest) -> Job[CompressedTexture]:
+        self.calls += 1
+        return Job(partial(self._work, request)).start("held")
+
+    def _work(self, request: CompressionRequest, _report: JobReport) -> CompressedTexture:
+        while not self.may_go:
+            time.sleep(0.005)
+        return self.function(request)
+
+    def close(self) -> None:
+        self.may_go = True
+
+
+@pytest.fixture
+def process(monkeypatch: pytest.MonkeyPatch) -> HeldProcess:
+    """What the application of a test encodes in."""
+    made = HeldProcess(compress_texture)
+    monkeypatch.setattr(format_encoding, "FunctionProcess", lambda *_: made)
+    return made
+
+
+@pytest.fixture
+def driven(process: HeldProcess, app: DrivenApp) -> DrivenApp:
+    """An application whose encodings are held by `process`."""
+    return app
+
+
+def until(app: DrivenApp, reached: Callable[[], bool]) -> None:
+    start = time.monotonic()
+    while not reached():
+        assert time.monotonic() - start < PATIENCE_SECONDS
+        app.frame()
+        time.sleep(0.005)
+
+
+def toasts(app: DrivenApp) -> str:
+    return " ".join(toast.text for toast in app.session.window.toasts)
+
+
+def test_a_slot_keeps_what_it_shows_until_the_textures_are_encoded(driven: DrivenApp, process: HeldProcess) -> None:
+    before, process.may_go = driven.session.view.slot_a, False
+    driven.run("slot.source", "a", "bc1")
+    driven.frame(3)
+    assert driven.session.view.slot_a == before
+    assert not driven.is_settled
+    assert "A encoding" in driven.widgets.labels()
+    process.may_go = True
+    until(driven, lambda: driven.is_settled)
+    assert driven.session.view.slot_a.source == "bc1"
+    assert "A encoding" not in driven.widgets.labels()
+    assert "A path" not in driven.widgets.labels()
+    assert "bc1: 4.0" in toasts(driven)
+    # What is there is shown at once.
+    driven.run("slot.source", "b", "bc1")
+    assert driven.session.view.slot_b.source == "bc1"
+    assert process.calls == len(driven.session.scene.textures)
+
+
+def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
+    run_line(driven.context, "compare.mode a")
+    pictures = {}
+    for source in ("reference", "astc-4x4", "astc-12x12"):
+        driven.run("slot.source", "a", source)
+        until(driven, lambda: driven.is_settled)
+        renderer = driven.frontend.picture.renderer
+        assert renderer is not None
+        pictures[source] = (renderer.albedo(Slot(source)) * 255.0).astype(np.uint8)
+    near, far = (psnr_db(pictures[name], pictures["reference"]) for name in ("astc-4x4", "astc-12x12"))
+    assert 25.0 < far < near
+    assert not np.isinf(near)
+    # Only the images of what slots show stay on the GPU.
+    assert driven.frontend.picture.renderer is not None
+    assert set(driven.frontend.picture.renderer.images._passes) == {"astc-12x12"}
+
+
+def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldProcess) -> None:
+    process.may_go = False
+    driven.run("slot.source", "a", "bc7")
+    driven.frame(2)
+    driven.run("slot.source", "a", "single")
+    driven.frame(2)
+    assert driven.session.requests.formats == {}
+    assert driven.session.view.slot_a.source == "single"
+    process.may_go = True
+    driven.frame(5)
+    assert driven.session.view.slot_a.source == "single"
+    assert driven.is_settled
+
+
+def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, process: HeldProcess) -> None:
+    process.may_go = False
+    driven.run("slot.source", "a", "bc1")
+    driven.run("compare.swap")
+    assert driven.session.requests.formats == {"b": "bc1"}
+
+
+def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, process: HeldProcess) -> None:
+    def missing(_request: CompressionRequest) -> CompressedTexture:
+        raise InputError("block compression: the packages are not installed (x); pip install 'ntc-viewer[lab]'")
+
+    process.function, before = missing, driven.session.view
+    driven.run("slot.source", "b", "bc7")
+    until(driven, lambda: driven.is_settled)
+    assert driven.session.view.slot_b == before.slot_b
+    assert "bc7: block compression: the packages are not installed" in toasts(driven)
+
+
+def test_measure_tables_and_flat_window_have_its_figures(driven: DrivenApp) -> None:
+    driven.run("slot.source", "a", "bc1")
+    until(driven, lambda: driven.is_settled)
+    driven.run("compare.measure")
+    driven.frame(2)
+    session = driven.session
+    blocks = session.compressed["bc1"]
+    figures = session.inspection.measurements["a"]
+    assert (figures.source, figures.gpu_bytes, figures.divergence) == ("bc1", blocks.stored_bytes, None)
+    assert figures.psnr_db is not None
+    (row,) = compressed_memory(blocks)
+    assert row.bytes == sum(texture.stored_bytes for texture in blocks.textures)
+    textures = compressed_rows(session.scene, blocks)
+    assert [row.psnr_db for row in textures] == [texture.psnr_db for texture in blocks.textures]
+    for panel in ("Memory", "Textures", "Groups"):
+        driven.show_panel(panel)
+    driven.run("texture.flat", "0")
+    driven.settle()
+    until(driven, lambda: driven.is_settled)
+    assert "flat picture" in driven.widgets.labels()
+
+
+def test_a_saved_view_asks_for_its_formats_again(driven: DrivenApp, tmp_path: Path) -> None:
+    driven.run("slot.source", "b", "bc1")
+    until(driven, lambda: driven.is_settled)
+    driven.run("view.save", tmp_path / "view.json")
+    driven.run("slot.source", "b", "reference")
+    driven.session.compressed = {}
+    driven.run("view.load", tmp_path / "view.json")
+    assert driven.session.requests.formats == {"b": "bc1"}
+    assert "not open" not in toasts(driven)
+    until(driven, lambda: driven.is_settled)
+    assert driven.session.view.slot_b.source == "bc1"
+
+
+def test_textures_of_another_scene_are_not_shown(driven: DrivenApp, scene_path: Path) -> None:
+    driven.run("slot.source", "a", "bc1")
+    until(driven, lambda: driven.is_settled)
+    old, view, found = driven.session.scene, driven.session.view, driven.session.compressed["bc1"]
+    driven.run("file.open", scene_path)
+    driven.frame(2)
+    assert driven.session.compressed == {}
+    apply_event(driven.session, TexturesCompressed(old, "bc1", found))
+    assert driven.session.compressed == {}
+    apply_event(driven.session, Reverted(old, driven.session.packs, view))
+    assert driven.session.view.slot_a.source == "reference"
+    driven.frame(2)

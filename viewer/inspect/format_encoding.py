@@ -1,0 +1,76 @@
+"""Encoding the scene's textures in a format of graphics hardware, beside the frames, where a slot is to show it."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests
+from viewer.jobs.background import Background
+from viewer.jobs.function_process import FunctionProcess
+from viewer.jobs.job import JobReport
+from viewer.scene.model import Scene
+from viewer.state.events import EmitEvent, Notification, TexturesCompressed
+from viewer.state.message_log import details_of
+from viewer.state.session import Session
+
+NICENESS = 10
+Key = tuple[Scene, BlockFormat]
+
+
+class FormatEncoding:
+    """Fulfils `session.requests.formats`, in a process: some encoders keep Python's interpreter lock until they are done."""
+
+    def __init__(self, cache: Path, emit: EmitEvent) -> None:
+        """`cache` is the folder that keeps blocks."""
+        self._cache, self._emit = cache, emit
+        self._background = Background()
+        self._process = FunctionProcess(compress_texture, "block compression", NICENESS)
+        self._asked: set[Key] = set()
+        self._shares: dict[BlockFormat, float] = {}
+
+    @property
+    def progress(self) -> Mapping[BlockFormat, float]:
+        """Share of the work done of each format that is asked for, 0 to 1."""
+        return self._shares
+
+    def take_news(self) -> bool:
+        """Whether a texture has been encoded since the last call."""
+        return self._background.take_news()
+
+    def step(self, session: Session) -> None:
+        """Begin what is asked for, report what is done, and cancel what is no longer asked for."""
+        wanted = {(session.scene, block_format) for block_format in session.requests.formats.values()}
+        for key in self._asked - wanted:
+            self._background.cancel(key)
+        self._asked, self._shares = wanted, {}
+        for key in sorted(wanted, key=lambda key: key[1]):
+            scene, block_format = key
+            job = self._background.submit(key, partial(self._compressed, *key))
+            if not job.done:
+                self._shares[block_format] = job.report.share
+                continue
+            if error := job.future.exception():
+                self._emit(TexturesCompressed(scene, block_format, None))
+                self._emit(Notification(f"{block_format}: {job.problem}", "error", details_of(error)))
+                continue
+            found = job.result()
+            self._emit(TexturesCompressed(scene, block_format, found))
+            quality = f", mean {found.psnr.mean_db:.2f} dB" if found.psnr is not None else ""
+            size = f"{found.bits_per_texel:.2f} bits a texel, {found.stored_bytes / 1e6:.2f} MB with mips"
+            self._emit(Notification(f"{block_format}: {size}{quality}"))
+
+    def _compressed(self, scene: Scene, block_format: BlockFormat, report: JobReport) -> CompressedTextures:
+        """A job. Raises InputError where the encoder is not installed."""
+        requests = compression_requests([texture.pixels for texture in scene.textures], block_format, self._cache)
+        found = []
+        for number, request in enumerate(requests):
+            found.append(self._process.call(request).future.result())
+            report.progress(number + 1, len(requests))
+        return CompressedTextures(block_format, tuple(found))
+
+    def close(self) -> None:
+        """End the process, in the middle of a texture too."""
+        self._background.forget()
+        self._process.close()
+        self._background.close()
