@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from lab.bench.record import write_figure
+from lab.commands.study_rate import read_textures
 from lab.studies.block_codec import measured_block_codec
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, rate_figure, rate_table
@@ -25,7 +26,6 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat
-from viewer.cli.encode import read_source
 from viewer.cli.table import Cell, Column, Table
 from viewer.locations import blocks_cache, features_cache
 
@@ -70,14 +70,6 @@ class Comparison:
         """Both tables as Markdown."""
         heading = f"## {self.name}: {self.textures} textures\n\n"
         return f"{heading}{rate_table(self.points).markdown()}\n{self.differences.markdown()}"
-
-
-def read_textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
-    """At most `most` RGB textures of a scene or folder, evenly among all of them, at most `side` texels large. Raises InputError."""
-    textures = [texture for texture in read_source(source, side).textures if texture.pixels.shape[2] == 3]
-    if len(textures) > most:
-        textures = [textures[index * len(textures) // most] for index in range(most)]
-    return tuple(textures)
 
 
 def _difference(

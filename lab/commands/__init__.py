@@ -10,6 +10,7 @@ from lab.commands.options import (
     MlpSizeStudyOptions,
     PaperScenesOptions,
     PaperStudyOptions,
+    RateStudyOptions,
     StabilityStudyOptions,
 )
 from viewer.cli.options import Subcommand
@@ -20,6 +21,7 @@ STUDIES = (
     Subcommand("filtering", FilteringStudyOptions, "lab.commands.study_filtering", "study_filtering"),
     Subcommand("paper-textures", PaperStudyOptions, "lab.commands.study_paper", "study_paper_textures"),
     Subcommand("paper-scenes", PaperScenesOptions, "lab.commands.study_paper", "study_paper_scenes"),
+    Subcommand("rate", RateStudyOptions, "lab.commands.study_rate", "study_rate"),
     Subcommand("freezing", FreezingStudyOptions, "lab.commands.study_recipe", "study_recipe"),
     Subcommand("mlp-size", MlpSizeStudyOptions, "lab.commands.study_recipe", "study_recipe"),
     Subcommand("mips", MipStudyOptions, "lab.commands.study_recipe", "study_recipe"),

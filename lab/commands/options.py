@@ -9,7 +9,7 @@ import tyro
 from lab.studies.settings import ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.errors import InputError
-from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
 from viewer.cli.options import OptionalScene, Packs, Size, Sizes, Switch
 from viewer.state.view_state import DecodePath, Precision
 
@@ -187,6 +187,34 @@ class MipStudyOptions(TrainingStudyOptions):
 
 
 RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions | MipStudyOptions
+
+
+@dataclass(frozen=True)
+class RateStudyOptions:
+    """Rate and distortion: both codecs of this program beside BC1, BC7, ASTC and JPEG XL, everything that is stored counted."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """glTF scene, or a folder of images."""
+    out: Path
+    """Folder for rate.md, rate.csv, rate.json, rate.png, and for finished trainings of codec grid: stopped, a study goes on."""
+    texture_size: int = 512
+    """Textures are reduced to at most this many texels a side."""
+    most: int = 16
+    """Textures at most: evenly chosen among all of them."""
+    clusters: int = 4
+    """Decoders of clustered."""
+    groupings: tuple[GroupingName, ...] = ("clustered", "single", "baseline")
+    """Groupings of codec block."""
+    bits: tuple[float, ...] = (0.9, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+    """Bits per texel of codec block, of all mips and tables together."""
+    formats: tuple[BlockFormat, ...] = BLOCK_FORMATS
+    """Formats of graphics hardware, at the encoders' highest effort (need the extra `lab`)."""
+    grid_steps: int = 300
+    """Steps of each of the four trainings of codec grid by recipe best, clustered; few, so that the study ends. 0: none of them."""
+    jpeg_xl: bool = True
+    """Whether JPEG XL, a bound without random access, is measured."""
+    flip_every: int = 4
+    """FLIP, which takes longest, is the mean over every so many textures."""
 
 
 @dataclass(frozen=True)

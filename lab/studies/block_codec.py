@@ -12,22 +12,23 @@ from ntc.training.encode_blocks import encode_blocks
 
 
 def measured_pack(
-    pack: Pack, textures: Sequence[SourceTexture], cpu_seconds: float
+    pack: Pack, textures: Sequence[SourceTexture], cpu_seconds: float, flip_every: int = 1
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
-    """Each texture's quality in `pack`, which encodes `textures`, and the set's."""
+    """Each texture's quality in `pack`, which encodes `textures`, and the set's. FLIP is that of every `flip_every`-th texture."""
     codec = torch_codec(pack, "cpu")
     pictures = tuple(
-        picture_quality(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)
+        picture_quality(texture.pixels, codec.decode_image(index), index % flip_every == 0)
+        for index, texture in enumerate(textures)
     )
     return pictures, SetQuality.of(pictures, pack_bits_per_texel(pack), cpu_seconds)
 
 
 def measured_block_codec(
-    textures: Sequence[SourceTexture], grouping: Grouping, bits: float
+    textures: Sequence[SourceTexture], grouping: Grouping, bits: float, flip_every: int = 1
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
     """Encode in the settings whose bits come nearest to `bits` a texel. Raises InputError for bits that cannot be had."""
     channels = max(texture.pixels.shape[2] for texture in textures)
     config = config_for_bits(bits, [texture.size for texture in textures], grouping.group_count, channels, None)
     began = time.process_time()
     pack = encode_blocks(textures, grouping, config)
-    return measured_pack(pack, textures, time.process_time() - began)
+    return measured_pack(pack, textures, time.process_time() - began, flip_every)

@@ -5,7 +5,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,15 +54,19 @@ class FormatStudy:
         textures: Sequence[SourceTexture],
         block_format: BlockFormat,
         report: Callable[[int, int], None] = lambda _done, _of: None,
+        flip_every: int = 1,
     ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
-        """Each texture's quality, and the set's; bits are those of all mips."""
+        """Each texture's quality, and the set's; bits are those of all mips. FLIP is that of every `flip_every`-th texture."""
         found = []
         for number, texture in enumerate(textures):
             found.append(self.measure(texture, block_format))
             report(number + 1, len(textures))
         sizes = [texture.size for texture in textures]
         stored = sum(compressed_bytes(*mip, block_format) for size in sizes for mip in mip_sizes(*size))
-        pictures = tuple(each.quality for each in found)
+        pictures = tuple(
+            each.quality if number % flip_every == 0 else replace(each.quality, flip=None)
+            for number, each in enumerate(found)
+        )
         seconds = sum(each.cpu_seconds for each in found)
         return pictures, SetQuality.of(pictures, 8.0 * stored / texels_with_mips(sizes), seconds)
 

@@ -17,7 +17,7 @@ COLUMNS = (
     Column("worst_db", "worst dB"),
     Column("ssim", "SSIM", 4),
     Column("flip", "FLIP", 4),
-    Column("cpu_seconds", "CPU s", 1),
+    Column("seconds", "s", 1),
 )
 PLOTTED = (("mean_db", "PSNR, mean of textures, dB"), ("of_mean_mse_db", "PSNR of the mean MSE, dB"))
 DASHED = ("BC", "ASTC", "JPEG", "AVIF")

@@ -45,11 +45,11 @@ class SetQuality:
     ssim: float
     flip: float | None
     """Mean of those that were measured; None for none."""
-    cpu_seconds: float
-    """That encoding took, of all cores together."""
+    seconds: float
+    """That encoding took: processor time, but of codec `grid` by the clock."""
 
     @classmethod
-    def of(cls, pictures: Sequence[PictureQuality], bits_per_texel: float, cpu_seconds: float) -> "SetQuality":
+    def of(cls, pictures: Sequence[PictureQuality], bits_per_texel: float, seconds: float) -> "SetQuality":
         """Means over `pictures`. Raises InputError for none."""
         summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
         if summary is None:
@@ -62,7 +62,7 @@ class SetQuality:
             summary.minimum_db,
             float(np.mean([picture.ssim for picture in pictures])),
             float(np.mean(flips)) if flips else None,
-            cpu_seconds,
+            seconds,
         )
 
 

@@ -167,6 +167,36 @@ def test_the_papers_tables_of_scenes(tmp_path: Path) -> None:
     }
 
 
+def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("quicktex")
+    images, out = tmp_path / "in", tmp_path / "o"
+    y, x = np.mgrid[0:128, 0:128]
+    for number in range(3):
+        waves = np.stack([128 + 100 * np.sin(x / (3 + number + i) + y / 7) for i in range(3)], axis=-1)
+        write_png(images / f"{number}.png", waves.astype(np.uint8))
+    arguments = ["study", "rate", str(images), "--out", str(out), "--bits", "3", "5", "1000", "--groupings", "single"]
+    arguments += ["--texture-size", "128", "--formats", "bc1", "bc7", "--grid-steps", "3", "--flip-every", "2"]
+    assert cli.main(arguments) == 0
+    found = json.loads((out / "rate.json").read_text())
+    curves = [row["curve"] for row in found["rows"]]
+    assert set(curves) == {"BC1", "BC7", "JPEG XL", "block, single", "grid, single"}
+    assert curves.count("grid, single") == 4
+    rows = {(row["curve"], row["setting"]): row for row in found["rows"]}
+    assert 4.0 <= rows["BC1", "bc1"]["bits_per_texel"] < 4.1
+    assert rows["BC7", "bc7"]["mean_db"] > rows["BC1", "bc1"]["mean_db"]
+    exact, coarse = rows["JPEG XL", "distance 0.1"], rows["JPEG XL", "distance 5"]
+    assert exact["mean_db"] > coarse["mean_db"]
+    assert exact["bits_per_texel"] > coarse["bits_per_texel"]
+    assert all(0.0 <= row["flip"] <= 1.0 and row["worst_db"] <= row["mean_db"] for row in found["rows"])
+    assert "block, single, 1000 bits: left out" in capsys.readouterr().err
+    assert (out / "rate.md").read_text().count("\n|") == len(found["rows"]) + 2
+    assert read_image(out / "rate.png").shape[1] > 500
+    assert (out / "rate.png").stat().st_size < 200_000
+    for wrong, line in (("--bits 0", "--bits 0: must be above 0"), ("--most 0", "--most 0: must be at least 1")):
+        assert cli.main(["study", "rate", str(images), "--out", str(out), *wrong.split()]) == 2
+        assert line in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16), ("mips", 1)])
 def test_other_studies(tmp_path: Path, images: Path, name: str, rows: int) -> None:
     out = tmp_path / "o"

@@ -1,0 +1,89 @@
+"""Rate and distortion of a set of textures: every codec and setting as one step of the study."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from lab.studies.block_codec import measured_block_codec
+from lab.studies.hardware_formats import FormatStudy
+from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
+from lab.studies.rate_table import RatePoint
+from lab.studies.runs import Report, Run, finished_run
+from lab.studies.set_quality import PictureQuality, SetQuality, texels_with_mips
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat
+from ntc.training.config import TrainingConfig, in_the_manner_of, recipe_codec
+
+Step = Callable[[Report], RatePoint]
+GRID_SETTINGS = ((4, 4), (8, 4), (16, 4), (16, 8))
+"""(latent channels, bits of each) of codec `grid`: 1, 2, 4 and 8 bits a texel, decoders and adapters left out."""
+FARTHEST = 0.25
+"""Of the bits that were asked for: a point that is farther away is left out, as it stands for other bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class RateStudy:
+    """What is measured, and where finished trainings are kept."""
+
+    textures: Sequence[SourceTexture]
+    groupings: Sequence[Grouping]
+    """Of codec `block`; the first is that of codec `grid` too."""
+    bits: Sequence[float]
+    formats: Sequence[BlockFormat]
+    grid_steps: int
+    jpeg_xl: bool
+    flip_every: int
+    runs: Path
+    cache: Path
+    """Folder that keeps the figures of formats."""
+
+    def steps(self) -> list[tuple[str, Step]]:
+        """(name, step) of every point. A step raises InputError where its point cannot be had."""
+        steps: list[tuple[str, Step]] = [(name, partial(self._format, name)) for name in self.formats]
+        for distance in DISTANCES if self.jpeg_xl else ():
+            steps.append((f"JPEG XL {distance:g}", partial(self._jpeg_xl, distance)))
+        for grouping in self.groupings:
+            for bits in self.bits:
+                steps.append((f"block, {grouping.name}, {bits:g} bits", partial(self._block, grouping, bits)))
+        for channels, latent_bits in GRID_SETTINGS if self.grid_steps else ():
+            steps.append((f"grid {channels}x{latent_bits}", partial(self._grid, channels, latent_bits)))
+        return steps
+
+    def _format(self, name: BlockFormat, report: Report) -> RatePoint:
+        _, quality = FormatStudy(self.cache).measure_all(self.textures, name, report, self.flip_every)
+        return RatePoint("ASTC" if name.startswith("astc") else name.upper(), name, quality)
+
+    def _jpeg_xl(self, distance: float, report: Report) -> RatePoint:
+        if not has_jpeg_xl():
+            raise InputError("this build of OpenImageIO does not write JPEG XL")
+        _, quality = measured_jpeg_xl(self.textures, distance, self.flip_every, report)
+        return RatePoint("JPEG XL", f"distance {distance:g}", quality)
+
+    def _block(self, grouping: Grouping, bits: float, _report: Report) -> RatePoint:
+        _, quality = measured_block_codec(self.textures, grouping, bits, self.flip_every)
+        if abs(quality.bits_per_texel - bits) > FARTHEST * bits:
+            raise InputError(f"{quality.bits_per_texel:.2f} bits a texel are the nearest")
+        return RatePoint(f"block, {grouping.name}", f"{bits:g} bits", quality)
+
+    def _grid(self, channels: int, latent_bits: int, report: Report) -> RatePoint:
+        output_channels = max(texture.pixels.shape[2] for texture in self.textures)
+        codec = recipe_codec("best", output_channels, None)
+        codec = replace(codec, latent_channels=channels, latent_bits=latent_bits)  # type: ignore[arg-type]
+        training = in_the_manner_of("best", TrainingConfig(steps=self.grid_steps, texels_per_texture=512))
+        run = Run(f"grid {channels}x{latent_bits}", self.groupings[0], codec, training, pictures=True)
+        result = finished_run(run, self.textures, self.runs, report)
+        rows = zip(result.psnr_db, result.ssim, result.flip, strict=True)
+        pictures = [
+            PictureQuality(
+                float("inf") if psnr is None else psnr, ssim, flip if number % self.flip_every == 0 else None
+            )
+            for number, (psnr, ssim, flip) in enumerate(rows)
+        ]
+        sizes = [texture.size for texture in self.textures]
+        share = sum(width * height for width, height in sizes) / texels_with_mips(sizes)
+        quality = SetQuality.of(pictures, result.bits_per_texel * share, result.seconds)
+        setting = f"{channels} channels of {latent_bits} bits, {self.grid_steps} steps"
+        return RatePoint(f"grid, {self.groupings[0].name}", setting, quality)
