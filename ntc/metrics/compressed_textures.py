@@ -96,27 +96,42 @@ class CompressionRequest:
     color_space: ColorSpace = "srgb"
 
 
+def _cache_path(cache: BlockCache, request: CompressionRequest) -> Path:
+    return cache.path(f"{hash_pixels(request.pixels)} {request.color_space}", request.block_format, request.effort)
+
+
+def _compressed(request: CompressionRequest, blocks: tuple[bytes, ...]) -> CompressedTexture:
+    height, width, channels = request.pixels.shape
+    decoded = decompress(blocks[0], (height, width, channels), request.block_format)
+    quality = psnr_db(decoded, request.pixels[..., : decoded.shape[2]])
+    return CompressedTexture(request.block_format, (height, width, channels), blocks, quality)
+
+
+def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
+    """What an earlier `compress_texture` has kept; None for nothing. Raises InputError where the decoder is not installed."""
+    if request.cache is None:
+        return None
+    cache = BlockCache(request.cache)
+    height, width, channels = request.pixels.shape
+    sizes = [compressed_bytes(w, h, request.block_format) for h, w, _ in mip_shapes((height, width, channels))]
+    kept = cache.read(_cache_path(cache, request), sum(sizes))
+    if kept is None:
+        return None
+    ends = np.cumsum(sizes).tolist()
+    return _compressed(request, tuple(kept[end - size : end] for end, size in zip(ends, sizes, strict=True)))
+
+
 def compress_texture(request: CompressionRequest) -> CompressedTexture:
     """Encode a texture with all mips, or read what was kept. Raises InputError where the encoder is not installed."""
-    pixels, block_format = request.pixels, request.block_format
-    height, width, channels = pixels.shape
-    sizes = [compressed_bytes(w, h, block_format) for h, w, _ in mip_shapes((height, width, channels))]
-    cache = BlockCache(request.cache) if request.cache is not None else None
-    path = kept = None
-    if cache is not None:
-        path = cache.path(f"{hash_pixels(pixels)} {request.color_space}", block_format, request.effort)
-        kept = cache.read(path, sum(sizes))
+    kept = kept_texture(request)
     if kept is not None:
-        ends = np.cumsum(sizes).tolist()
-        blocks = tuple(kept[end - size : end] for end, size in zip(ends, sizes, strict=True))
-    else:
-        chain = mip_chain(pixels, request.color_space)
-        blocks = tuple(compressed_blocks(mip, block_format, request.effort) for mip in chain)
-        if cache is not None and path is not None:
-            cache.write(path, b"".join(blocks))
-    decoded = decompress(blocks[0], (height, width, channels), block_format)
-    quality = psnr_db(decoded, pixels[..., : decoded.shape[2]])
-    return CompressedTexture(block_format, (height, width, channels), blocks, quality)
+        return kept
+    chain = mip_chain(request.pixels, request.color_space)
+    blocks = tuple(compressed_blocks(mip, request.block_format, request.effort) for mip in chain)
+    if request.cache is not None:
+        cache = BlockCache(request.cache)
+        cache.write(_cache_path(cache, request), b"".join(blocks))
+    return _compressed(request, blocks)
 
 
 def compression_requests(

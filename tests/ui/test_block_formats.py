@@ -48,8 +48,9 @@ class HeldProcess:
 
 
 @pytest.fixture
-def process(monkeypatch: pytest.MonkeyPatch) -> HeldProcess:
-    """What the application of a test encodes in."""
+def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> HeldProcess:
+    """What the application of a test encodes in, with a cache of its own."""
+    monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
     made = HeldProcess(compress_texture)
     monkeypatch.setattr(format_encoding, "FunctionProcess", lambda *_: made)
     return made
@@ -121,6 +122,18 @@ def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldPro
     driven.frame(5)
     assert driven.session.view.slot_a.source == "single"
     assert driven.is_settled
+
+
+def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, process: HeldProcess) -> None:
+    driven.run("slot.source", "a", "bc1")
+    until(driven, lambda: driven.is_settled)
+    calls = process.calls
+    driven.session.compressed = {}
+    driven.frontend._formats._background.forget()
+    driven.run("slot.source", "b", "bc1")
+    until(driven, lambda: driven.is_settled)
+    assert driven.session.view.slot_b.source == "bc1"
+    assert process.calls == calls
 
 
 def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, process: HeldProcess) -> None:

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests
+from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests, kept_texture
 from viewer.jobs.background import Background
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import JobReport
@@ -65,7 +65,8 @@ class FormatEncoding:
         requests = compression_requests([texture.pixels for texture in scene.textures], block_format, self._cache)
         found = []
         for number, request in enumerate(requests):
-            found.append(self._process.call(request).future.result())
+            # No process is started for what is there already.
+            found.append(kept_texture(request) or self._process.call(request).future.result())
             report.progress(number + 1, len(requests))
         return CompressedTextures(block_format, tuple(found))
 
