@@ -16,6 +16,11 @@ def _resample_axis(image: NDArray[np.float32], size: int) -> NDArray[np.float32]
         return (image[0::2] + image[1::2]) * np.float32(0.5)
     step = rows / size
     result = np.zeros((size, *image.shape[1:]), np.float32)
+    if rows % size == 0:
+        # The same sums, without gathering rows.
+        for tap in range(rows // size):
+            result += image[tap :: rows // size] * np.float32(1.0 / step)
+        return result
     starts = np.arange(size) * step
     for tap in range(int(np.ceil(step)) + 1):
         row = np.floor(starts).astype(np.int64) + tap

@@ -18,7 +18,9 @@ def low_level_features(texture: SourceTexture) -> NDArray[np.float64]:
     luma = rgb @ LUMA
     planes = np.stack([luma, rgb[..., 0] - luma, rgb[..., 2] - luma], axis=-1).reshape(-1, 3)
     mean, deviation = planes.mean(axis=0), planes.std(axis=0)
-    skew = np.cbrt(((planes - mean) ** 3).mean(axis=0))
+    centred = planes - mean
+    # A power of 3 takes ten times as long.
+    skew = np.cbrt((centred * centred * centred).mean(axis=0))
     detail: list[float] = []
     for scale in range(SCALES):
         plane = mips[min(scale, len(mips) - 1)] @ LUMA

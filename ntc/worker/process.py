@@ -13,7 +13,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
+import numpy as np
+
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.validate import check_pack
 from ntc.training.progress import Ended, TrainingProgress
@@ -43,6 +47,8 @@ NICENESS = 19
 """Priority of the process, below the window's."""
 LONGEST_DETAILS = 8000
 """Characters of a traceback: its end holds the error."""
+WARM_TEXELS = 128
+"""Along one side of the texture that a new process encodes for practice."""
 NOT_A_COMMAND = 3
 """Exit status after bytes that are not a command. The window sees it, and starts another process."""
 
@@ -229,12 +235,15 @@ def _one_line(error: BaseException) -> str:
     return f"training: {type(error).__name__}: {text}"
 
 
-def _import_training() -> None:
+def _warm_up() -> None:
+    """Import what trains, and encode a texture: what torch does for the first time takes a second."""
     # An error is reported when a training imports it again.
     with suppress(Exception):
-        # What encodes a scene from nothing first.
-        for name in ("block_trainer", "trainer"):
-            importlib.import_module(f"ntc.training.{name}")
+        from ntc.training.encode_blocks import encode_blocks
+
+        noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
+        encode_blocks([SourceTexture("noise", noise, "")], Grouping("single", (0,)), BlockCodecConfig())
+        importlib.import_module("ntc.training.trainer")
 
 
 def failure(error: Exception) -> Failed:
@@ -253,10 +262,13 @@ def serve(end: socket.socket) -> None:
     threading.Thread(target=_listen, args=(pipe, state), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):
         pipe.send(encode(Ready()))
-        # Importing takes seconds, in which a request may be prepared elsewhere, or be on its way.
-        threading.Thread(target=_import_training, daemon=True).start()
+        # It takes seconds, in which a request may be prepared elsewhere, or be on its way.
+        warming = threading.Thread(target=_warm_up, daemon=True)
+        warming.start()
         while True:
             start = state.starts.get()
+            # It sets the number of torch's threads too.
+            warming.join()
             try:
                 last = encode(run_job(pipe, state, start))
             except (BrokenPipeError, ConnectionResetError):

@@ -20,6 +20,7 @@ from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import blocks
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
+from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
 
@@ -58,6 +59,40 @@ def run(app: DrivenApp, line: str) -> LiveTraining:
     """Run a command that trains, to its end."""
     run_line(app.context, line)
     return wait(app, lambda training: training.active is None)
+
+
+class PersonsApp(DrivenApp):
+    """It prepares the encoding that it offers, as a window does."""
+
+    prepares_ahead = True
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_encoding_that_is_offered_is_prepared(folder: Path, wanted: bool) -> None:
+    settings = ViewerSettings(prepare_encoding=wanted)
+    app = PersonsApp(load_scene(folder / "scene.glb"), {}, SIZE, folder / "pictures", settings)
+    try:
+        app.settle()
+        began = time.monotonic()
+        while wanted and app.training.process_id is None:
+            app.frame()
+            assert time.monotonic() - began < PATIENCE
+        assert (app.training.process_id is not None) == wanted
+        assert app.training.state == "idle"
+        process = app.training.process_id
+        app.click("Encode it now")
+        wait(app, lambda training: training.active is None)
+        assert not wanted or app.training.process_id == process
+        assert app.training.log[1].outcome == "done"
+        assert app.session.packs["run 1"].config.kind == "block"
+        app.show_panel("Training")
+        run_line(app.context, "training.discard")
+        app.settle()
+        app.click("prepare ahead")
+        assert app.session.settings.prepare_encoding != wanted
+    finally:
+        app.close()
+    assert not blocks()
 
 
 def messages(app: DrivenApp) -> str:

@@ -19,11 +19,14 @@ from viewer.ui.widgets import WidgetRects
 class App:
     """A session that is shown, and driven by commands. An ImGui context is current in all calls."""
 
+    prepares_ahead = False
+    """Whether a person may ask for an encoding at any moment; scripts and tests would start processes for nothing."""
+
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
         self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text)
         self.training = self.context.training
-        self.frontend = Frontend(graphics, self.context)
+        self.frontend = Frontend(graphics, self.context, self.prepares_ahead)
         self._appearance = Appearance()
 
     @property

@@ -46,7 +46,8 @@ COMPARISON_POLL_SECONDS = 0.05
 class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
-    def __init__(self, graphics: GraphicsContext, context: Context) -> None:
+    def __init__(self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False) -> None:
+        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn."""
         session = context.session
         self._graphics, self._context, self.session = graphics, context, session
         emit = partial(apply_event, session)
@@ -61,6 +62,7 @@ class Frontend:
         self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics), emit)
         self._recorded_at = -math.inf
         self._formats = FormatEncoding(blocks_cache(), emit)
+        self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
 
     def facts(self) -> FrameFacts:
@@ -81,6 +83,7 @@ class Frontend:
         self._update_flicker()
         if room is not None:
             self._draw_picture(room)
+        self._prepare_ahead()
         now = time.monotonic()
         if now - self._recorded_at >= RECORDING_SECONDS:
             self._recorded_at = now
@@ -164,6 +167,13 @@ class Frontend:
             notify(session, line, "error", str(error))
             if session.requests.measure:
                 finish_measurement(session, None)
+
+    def _prepare_ahead(self) -> None:
+        """Once a scene without a pack is drawn, prepare the encoding that it is offered."""
+        session = self.session
+        wanted = self._prepares_ahead and session.settings.prepare_encoding and self.picture.last is not None
+        if wanted and session.scene.textures and not session.packs and not self._context.training.log.runs:
+            self._context.training.prepare_ahead(session.scene)
 
     def _compare(self, size: tuple[int, int]) -> None:
         """Do what there is to do while the picture rests."""

@@ -53,6 +53,8 @@ class WindowContent:
 class WindowApp(App):
     """A session in a window, which is opened anew where its OpenGL context is lost."""
 
+    prepares_ahead = True
+
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()
         settings, problem = load_settings(folder)
@@ -200,7 +202,7 @@ class WindowApp(App):
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise context_lost_error(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.context)
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead)
         self._appearance = Appearance()
         self.frontend.interface.bring_to_front(earlier.interface.panels_in_front)
         notify(self.session, RECOVERED, details=str(lost))

@@ -9,6 +9,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command
 from viewer.state.pack_files import base_pack_name
+from viewer.state.session import Session
 from viewer.state.view_state import Side, is_image_source
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
@@ -145,6 +146,16 @@ def regroup(
 ) -> None:
     settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k))
     _start(context, Regroup(settings))
+
+
+@command(
+    "training.ahead",
+    "Prepare ahead",
+    "start the training process, and prepare the encoding of a scene without a pack, before it is asked for",
+    "Train",
+)
+def set_ahead(session: Session, state: Annotated[bool, Arg("on or off")]) -> None:
+    session.settings = replace(session.settings, prepare_encoding=state)
 
 
 @command("training.pause", "Pause training", "let the training stand still", "Train")

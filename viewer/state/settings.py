@@ -58,6 +58,8 @@ class ViewerSettings:
     """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
     live_figures: bool = True
     """Draw the hidden slot and compare A with B while the view does not change."""
+    prepare_encoding: bool = True
+    """Start the training process, and prepare the encoding that a scene without a pack is offered, before it is asked for."""
     flicker_hz: Annotated[float, Meta(ge=FLICKER_RANGE[0], le=FLICKER_RANGE[1])] = 2.0
     """Frequency in Hz of switching between A and B while they flicker."""
     ui_scale: Annotated[float, Meta(ge=UI_SCALE_RANGE[0], le=UI_SCALE_RANGE[1])] = 1.0

@@ -2,6 +2,7 @@
 
 The process ends with its one answer, and with the program that started it."""
 
+import importlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +14,13 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.worker.shared_arrays import SharedBlock, without_arrays
 from viewer.jobs.function_process import FunctionProcess
-from viewer.jobs.job import JobReport
+from viewer.jobs.job import Job, JobReport
 from viewer.locations import features_cache
 
 NICENESS = 10
 SECONDS_BETWEEN_CHECKS = 0.05
+WITH_CLUSTERING = ("clustered", "random")
+"""Groupings that need scikit-learn."""
 WITHOUT_FEATURES = ("baseline", "single", "category")
 """Groupings that are found at once, without another process."""
 
@@ -52,8 +55,12 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     return GroupingInputs(views.all_then_release(), {}, features)
 
 
-def group_textures(request: tuple[GroupingJob, str]) -> Grouping:
-    """In the grouping process: the grouping of a job whose pixels lie in the shared block of that name. Raises InputError."""
+def group_textures(request: tuple[GroupingJob, str] | None) -> Grouping | None:
+    """In the grouping process: the grouping of a job whose pixels lie in the shared block of that name; without a job only what
+    groupings import. Raises InputError."""
+    if request is None:
+        importlib.import_module("ntc.grouping.clustered")
+        return None
     places, block_name = request
     block = SharedBlock.open(block_name)
     job = block.read(places)
@@ -61,19 +68,42 @@ def group_textures(request: tuple[GroupingJob, str]) -> Grouping:
     return make_grouping(job.config, job.textures, grouping_inputs(job))
 
 
-def find_grouping(job: GroupingJob, report: JobReport) -> Grouping:
-    """What `make_grouping` finds. Raises InputError, and CancelledError as soon as the job of `report` is cancelled."""
-    if job.config.name in WITHOUT_FEATURES:
-        return make_grouping(job.config, job.textures)
-    # Pixels go through shared memory: pickled, they would hold up the window's thread.
-    block = SharedBlock.create(without_arrays(job)[2])
-    process = FunctionProcess(group_textures, "grouping", NICENESS)
-    try:
-        call = process.call((block.write(job), block.name))
-        while not call.done:
+class GroupingProcess:
+    """A process that imports what a grouping needs while its textures are still being made. Use in a `with` block."""
+
+    def __init__(self, config: GroupingConfig) -> None:
+        self._config = config
+        self._process = FunctionProcess(group_textures, "grouping", NICENESS)
+        self._call: Job[Grouping | None] | None = None
+
+    def __enter__(self) -> "GroupingProcess":
+        if self._config.name in WITH_CLUSTERING:
+            self._call = self._process.call(None)
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._process.close()
+
+    def find(self, textures: tuple[SourceTexture, ...], scene: Path | None, report: JobReport) -> Grouping:
+        """What `make_grouping` finds for `textures` of the scene in that file. Raises InputError, and CancelledError as soon as the
+        job of `report` is cancelled."""
+        job = GroupingJob(self._config, textures, scene)
+        if job.config.name in WITHOUT_FEATURES:
+            return make_grouping(job.config, job.textures)
+        # Pixels go through shared memory: pickled, they would hold up the window's thread.
+        block = SharedBlock.create(without_arrays(job)[2])
+        try:
+            self._wait(report)
+            self._call = self._process.call((block.write(job), block.name))
+            self._wait(report)
+            found = self._call.result()
+            assert found is not None
+            return found
+        finally:
+            self._process.close()
+            block.close()
+
+    def _wait(self, report: JobReport) -> None:
+        while self._call is not None and not self._call.done:
             report.check()
-            call.join(SECONDS_BETWEEN_CHECKS)
-        return call.result()
-    finally:
-        process.close()
-        block.close()
+            self._call.join(SECONDS_BETWEEN_CHECKS)

@@ -18,9 +18,11 @@ from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackUpdated, RunStarted
 from viewer.training.active_run import ActiveRun, State, changed_groups
+from viewer.training.ahead import AheadPreparation
 from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_pack
 from viewer.training.preparation import EncodeScene, TrainingJob, job_title, prepare
 from viewer.training.run_log import Curves, Run, RunLog
+from viewer.training.settings import TrainingSettings
 
 SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""
@@ -54,6 +56,7 @@ class LiveTraining:
         self._scene: Scene | None = None
         """The scene of the runs."""
         self._worker = TrainingWorker()
+        self._ahead = AheadPreparation()
         self._preparation: Job[TrainingRequest] | None = None
         self._saving: _Saving | None = None
         self._stopping: list[Job[None]] = []
@@ -96,16 +99,23 @@ class LiveTraining:
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
         self.log.undecided = None
         self.curves = self.active.curves
-        worker = self._worker
+        worker, ahead = self._worker, self._ahead
 
         def begin(report: JobReport) -> TrainingRequest:
             # No other code uses the worker until this job is done.
+            request = ahead.take(job, scene, report)
             worker.warm_up()
-            request = prepare(job, scene, pack, report)
+            request = request or prepare(job, scene, pack, report)
             report.check()
             return worker.start(request)
 
         self._preparation = Job(begin).start("prepare training")
+
+    def prepare_ahead(self, scene: Scene) -> None:
+        """Start the process, and prepare the encoding that a scene without a pack is offered, so that it begins at once when it is
+        asked for. No effect while a run is under way, where that was done for the scene, and where memory is short."""
+        if self.active is None and self._saving is None:
+            self._ahead.begin(EncodeScene(TrainingSettings()), scene, self._worker)
 
     def pause(self) -> None:
         """Pause the run. Raises InputError where none trains."""
@@ -187,6 +197,7 @@ class LiveTraining:
             for name in self.log.drop_old_packs(shown):
                 self._emit(PackClosed(name))
         self._take_saved(scene)
+        self._ahead.forget_other(scene)
         run = self.active
         if run is None:
             return
@@ -309,6 +320,7 @@ class LiveTraining:
     def _abandon(self, preparation: Job[TrainingRequest]) -> None:
         """The thread of `preparation` may be using the worker: both are left to end, and there is a new worker."""
         worker, self._worker, self._preparation = self._worker, TrainingWorker(), None
+        self._ahead = AheadPreparation()
         preparation.cancel()
 
         def end(_report: JobReport) -> None:
@@ -333,5 +345,6 @@ class LiveTraining:
             self._saving = None
         for job in self._stopping:
             job.join(SECONDS_TO_STOP)
+        self._ahead.end()
         self._worker.close()
         self.active = None

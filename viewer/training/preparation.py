@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from ntc.codec.block.rate import config_for_bits
 from ntc.codec.config import GroupingConfig
-from ntc.codec.model import AnyCodec, Grouping, Pack
+from ntc.codec.model import AnyCodec, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.config import recipe_codec, recipe_config
@@ -13,7 +13,7 @@ from ntc.training.snapshot import moved_texture, unchanged_groups
 from viewer.jobs.job import JobReport
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures
-from viewer.training.grouping_process import GroupingJob, find_grouping
+from viewer.training.grouping_process import GroupingProcess
 from viewer.training.settings import TrainingSettings, budget_text
 
 
@@ -91,21 +91,29 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         grouping = moved_texture(base.grouping, job.texture, job.group)
         if grouping.groups == base.grouping.groups:
             raise InputError(f"texture {job.texture} is in group {job.group} already")
-    textures = _textures_of(base, scene, report)
     if isinstance(job, Regroup):
-        grouping = _grouping(job.settings, textures, scene, report)
+        with GroupingProcess(_grouping_config(job.settings)) as process:
+            textures = _textures_of(base, scene, report)
+            _check_clusters(job.settings, textures)
+            grouping = process.find(textures, scene.path, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
             raise InputError(f"{job.settings.grouping_text}: gives the groups that there are; nothing is to be trained")
+    else:
+        textures = _textures_of(base, scene, report)
     dirty = job.groups if isinstance(job, RetrainGroups) else None
     training = recipe_config(job.settings.recipe)
     return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
 
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
-    textures = tuple(_reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None))
-    if not textures:
-        raise InputError(f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)")
-    grouping = _grouping(settings, textures, scene, report)
+    with GroupingProcess(_grouping_config(settings)) as process:
+        textures = tuple(_reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None))
+        if not textures:
+            raise InputError(
+                f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)"
+            )
+        _check_clusters(settings, textures)
+        grouping = process.find(textures, scene.path, report)
     channels = max(texture.pixels.shape[2] for texture in textures)
     codec: AnyCodec
     if settings.codec_kind == "block":
@@ -122,15 +130,15 @@ def _reduced(texture: SourceTexture, size: int, report: JobReport) -> SourceText
     return reduce_texture(texture, size)
 
 
-def _grouping(
-    settings: TrainingSettings, textures: tuple[SourceTexture, ...], scene: Scene, report: JobReport
-) -> Grouping:
+def _grouping_config(settings: TrainingSettings) -> GroupingConfig:
+    return GroupingConfig(settings.strategy, settings.clusters)
+
+
+def _check_clusters(settings: TrainingSettings, textures: tuple[SourceTexture, ...]) -> None:
     if settings.clusters is not None and settings.clusters > len(textures):
         raise InputError(
             f"k {settings.clusters}: there are only {len(textures)} textures; choose at most as many groups"
         )
-    config = GroupingConfig(settings.strategy, settings.clusters)
-    return find_grouping(GroupingJob(config, textures, scene.path), report)
 
 
 def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTexture, ...]:

@@ -55,8 +55,12 @@ class TrainingForms:
     def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
         """The forms; `pack` is what a training would go on from, open as `name`, None without one."""
         if pack is None:
-            imgui.text_wrapped("This scene has no pack. Encode it, and watch the picture sharpen:")
+            imgui.text_wrapped("This scene has no pack. Encode it:")
             self._encode(ui)
+            changed, ahead = imgui.checkbox("prepare ahead", ui.session.settings.prepare_encoding)
+            ui.rects.note("prepare ahead")
+            if changed:
+                ui.emit("training.ahead", ahead)
             return
         if pack is not self._pack:
             same = self._pack is not None and self._pack.grouping.groups == pack.grouping.groups
