@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, stored_scales
-from ntc.codec.block.trellis import share_out_bits
+from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import CodecConfig, WrapMode
-from ntc.codec.latents import latent_cell_count
+from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 
 
@@ -90,11 +90,18 @@ def _random_block_decoder(config: BlockCodecConfig, random: np.random.Generator)
     """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal."""
     falling = 1.0 / np.arange(1, config.coefficients + 1) ** 0.7
     spread = falling * random.lognormal(0.0, 0.5, (config.modes, config.coefficients))
-    depths = np.stack([share_out_bits(one * one, config.coefficient_bits) for one in spread])
     shape = (config.coefficients, config.block_texels, config.output_channels)
     basis = random.integers(-127, 128, shape).astype(np.int8)
     scale = np.full(config.coefficients, 1.0 / (73.0 * np.sqrt(config.block_values)), np.float32)
-    return BlockDecoder(basis, scale, depths, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
+    return BlockDecoder(basis, scale, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
+
+
+def _random_words(width: int, height: int, config: BlockCodecConfig, random: np.random.Generator) -> NDArray[np.uint32]:
+    """Stored words of random codes of random sizes."""
+    levels = latent_levels(width, height, config)
+    blocks = latent_cell_count(width, height, config)
+    codes = random.integers(0, 1 << 32, (blocks, config.block_words[-1]), np.uint32)
+    return stored_words(BlockCodes(codes, random.integers(0, len(config.block_words), blocks)), levels, config)
 
 
 def random_block_pack(
@@ -120,7 +127,7 @@ def random_block_pack(
             wrap=wrap,
             category=None,
             group=groups[index],
-            latents=random.integers(0, 256, (latent_cell_count(width, height, config), config.cell_bytes), np.uint8),
+            latents=_random_words(width, height, config, random).view(np.uint8).reshape(-1, 4),
             scale=(np.linalg.qr(random.normal(size=(channels, channels)))[0] * 0.4).astype(np.float32).reshape(-1),
             offset=random.uniform(0.3, 0.7, channels).astype(np.float32),
         )

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
-from ntc.codec.block.rate import config_for_bits
+from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_block import torch_codec
@@ -27,8 +27,7 @@ def measured_block_codec(
     textures: Sequence[SourceTexture], grouping: Grouping, bits: float, flip_every: int = 1
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
     """Encode in the settings whose bits come nearest to `bits` a texel. Raises InputError for bits that cannot be had."""
-    channels = max(texture.pixels.shape[2] for texture in textures)
-    config = config_for_bits(bits, [texture.size for texture in textures], grouping.group_count, channels, None)
+    config = config_for_bits(bits, texture_set(textures, grouping.group_count))
     began = time.process_time()
     pack = encode_blocks(textures, grouping, config)
     return measured_pack(pack, textures, time.process_time() - began, flip_every)

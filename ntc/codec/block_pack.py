@@ -1,25 +1,38 @@
-"""Textures of codec `block` as packs hold them: the words of codes as bytes, mean and axes as offset and scale."""
+"""Textures of codec `block` as packs hold them: words as bytes, mean and axes as offset and scale."""
 
 import numpy as np
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockTexture
-from ntc.codec.model import EncodedTexture
+from ntc.codec.block.storage import StoredRows, level_rows
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import AnyCodec, EncodedTexture
 from ntc.codec.textures import SourceTexture
 
 WORD = np.dtype("<u4")
 
 
 def block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> BlockTexture:
-    """`texture` of a pack of codec `block`, with its codes as words. Nothing is copied where the machine is little-endian."""
-    codes = np.ascontiguousarray(texture.latents).view(WORD).reshape(-1, config.block_words)
+    """`texture` of a pack of codec `block`, with its latents as words. Nothing is copied where the machine is little-endian."""
+    words = np.ascontiguousarray(texture.latents).view(WORD).reshape(-1)
     axes = texture.scale.reshape(config.output_channels, config.output_channels)
-    return BlockTexture(texture.width, texture.height, codes.astype(np.uint32, copy=False), texture.offset, axes)
+    return BlockTexture(texture.width, texture.height, words.astype(np.uint32, copy=False), texture.offset, axes)
+
+
+def latent_rows(texture: EncodedTexture, config: AnyCodec) -> tuple[StoredRows, ...]:
+    """Where each level lies in `texture.latents`: cells of codec `grid`, words of codec `block`.
+
+    Raises ValueError for latents of codec `block` that no encoder writes.
+    """
+    levels = latent_levels(texture.width, texture.height, config)
+    if isinstance(config, BlockCodecConfig):
+        return level_rows(block_texture(texture, config).words, levels, config)
+    return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
 
 
 def encoded_block_texture(source: SourceTexture, group: int, block: BlockTexture) -> EncodedTexture:
     """`source` in `group`, encoded as `block`; its PSNR is not yet known."""
-    codes = np.ascontiguousarray(block.codes.astype(WORD, copy=False))
+    words = np.ascontiguousarray(block.words.astype(WORD, copy=False))
     return EncodedTexture(
         name=source.name,
         pixel_hash=source.pixel_hash,
@@ -30,7 +43,7 @@ def encoded_block_texture(source: SourceTexture, group: int, block: BlockTexture
         wrap=source.wrap,
         category=source.category,
         group=group,
-        latents=codes.view(np.uint8).reshape(len(codes), -1),
+        latents=words.view(np.uint8).reshape(-1, WORD.itemsize),
         scale=block.axes.reshape(-1),
         offset=block.mean,
     )

@@ -54,7 +54,7 @@ class EncodedTexture:
     """Index of the decoder that decodes this texture."""
     latents: NDArray[np.uint8]
     """The levels of `ntc.codec.latents.latent_levels`, one after the other. Codec `grid`: [cells, latent_channels] uint8, 0 to
-    `CodecConfig.largest_stored`. Codec `block`: [blocks, cell_bytes] uint8, the words of each block's code, little-endian."""
+    `CodecConfig.largest_stored`. Codec `block`: [words, 4] uint8, `BlockTexture.words`, little-endian."""
     scale: NDArray[np.float32]
     """Codec `grid`: [latent_channels] float32; latent value = offset + scale * stored integer. Codec `block`: [output_channels *
     output_channels] float32, the rows of `BlockTexture.axes` one after the other."""

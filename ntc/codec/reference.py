@@ -145,7 +145,7 @@ def _block_values(pack: Pack, texture: EncodedTexture, uv: Array, lod: Array, wr
 
     def of_level(level: LatentLevel, at: Array) -> Array:
         def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
-            return texel_values(stored, decoder, config, level, column, row)
+            return texel_values(stored, decoder, config, levels.index(level), column, row)
 
         return _bilinear(texel, (level.texel_width, level.texel_height), at, wrap)
 

@@ -8,11 +8,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.block.blocks import bit_offsets, image_of
+from ntc.codec.block.blocks import image_of
+from ntc.codec.block.codes import bit_offsets
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, scale_values
+from ntc.codec.block.storage import level_codes
 from ntc.codec.block.trellis import branch_tables, level_table
-from ntc.codec.block_pack import block_texture
+from ntc.codec.block_pack import block_texture, latent_rows
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
@@ -36,17 +38,19 @@ class TorchBlockDecoder:
         self._config = config
         self._following, self._subsets = tensor(following), tensor(subsets)
         self._levels = tensor(level_table())
-        self._depths = tensor(decoder.depths.astype(np.int64))
-        self._offsets = tensor(bit_offsets(decoder, config))
+        depths = decoder.depths(config)
+        self._depths = tensor(depths.astype(np.int64))
+        self._offsets = tensor(bit_offsets(depths, config))
         self._scales = tensor(scale_values(decoder.scales).astype(np.float32))
         basis = decoder.basis.astype(np.float32) * decoder.basis_scale[:, None, None]
         self._basis = tensor(basis.reshape(config.coefficients, -1))
 
-    def coefficients(self, codes: Tensor) -> Tensor:
-        """[blocks, coefficients] float32 that `codes` [blocks, block_words] int64, each a word, stand for."""
+    def coefficients(self, codes: Tensor, sizes: Tensor) -> Tensor:
+        """[blocks, coefficients] float32 that `codes` [blocks, words of the largest code] int64, each a word, of size classes `sizes`
+        [blocks] int64 stand for."""
         words = torch.nn.functional.pad(codes, (0, 2))
         modes = codes[:, 0] & (self._config.modes - 1)
-        depths, offsets = self._depths[modes], self._offsets[modes]
+        depths, offsets = self._depths[sizes, modes], self._offsets[sizes, modes]
         word, shift = offsets >> 5, offsets & 31
         # An index takes 7 bits at most: two words joined are 39 bits.
         joined = words.gather(1, word) | ((words.gather(1, word + 1) & 127) << 32)
@@ -59,11 +63,11 @@ class TorchBlockDecoder:
             state = torch.where(active, self._following[state, branch], state)
         return values * self._scales[modes]
 
-    def blocks(self, codes: Tensor, mean: Tensor, axes: Tensor) -> Tensor:
+    def blocks(self, codes: Tensor, sizes: Tensor, mean: Tensor, axes: Tensor) -> Tensor:
         """[blocks, texels of a block, channels] float32, not clamped."""
         config, parts = self._config, []
-        for part in torch.split(codes, BLOCKS_AT_ONCE):
-            values = (self.coefficients(part) @ self._basis).view(-1, config.block_texels, config.output_channels)
+        for part, own in zip(torch.split(codes, BLOCKS_AT_ONCE), torch.split(sizes, BLOCKS_AT_ONCE), strict=True):
+            values = (self.coefficients(part, own) @ self._basis).view(-1, config.block_texels, config.output_channels)
             parts.append(mean + values @ axes.T)
         return torch.cat(parts)
 
@@ -72,6 +76,9 @@ class _Stored(NamedTuple):
     """A texture's arrays on the device."""
 
     codes: Tensor
+    """[blocks, words of the largest code] int64: the blocks of some levels, one after the other."""
+    sizes: Tensor
+    """[blocks] int64 size classes."""
     mean: Tensor
     axes: Tensor
 
@@ -86,9 +93,20 @@ class TorchBlockCodec:
         self._device = torch.device(device)
         self._decoders = [TorchBlockDecoder(each, self._config, self._device) for each in pack.block_decoders]
 
-    def _stored(self, texture: EncodedTexture) -> _Stored:
+    def _stored(self, texture: EncodedTexture, levels: slice = slice(None)) -> _Stored:
         found = block_texture(texture, self._config)
-        parts = (found.codes.astype(np.int64), found.mean.copy(), found.axes.copy())
+        geometry = latent_levels(texture.width, texture.height, self._config)[levels]
+        rows = latent_rows(texture, self._config)[levels]
+        codes = [
+            level_codes(found.words[first : first + count], level, self._config)
+            for (first, count), level in zip(rows, geometry, strict=True)
+        ]
+        parts = (
+            np.concatenate([each.codes for each in codes]).astype(np.int64),
+            np.concatenate([each.sizes for each in codes]),
+            found.mean.copy(),
+            found.axes.copy(),
+        )
         return _Stored(*(torch.from_numpy(part).to(self._device) for part in parts))
 
     @torch.no_grad()
@@ -115,7 +133,7 @@ class TorchBlockCodec:
             index, weights = trilinear_corners(texels, same, wrapped, level.clamp(0.0, len(levels) - 1.0))
             block, place = self._blocks_of(texels, texture, index)
             used, row = torch.unique(block, return_inverse=True)
-            values = decoder.blocks(stored.codes[used], stored.mean, stored.axes)[row, place]
+            values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
             blended = (values * weights[..., None]).sum(1)
             parts.append(blended.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
@@ -137,9 +155,7 @@ class TorchBlockCodec:
         texture = self._pack.textures[texture_index]
         geometry = latent_levels(texture.width, texture.height, self._config)[level]
         self._interruption()
-        stored = self._stored(texture)
-        codes = stored.codes[geometry.first_cell : geometry.first_cell + geometry.cells]
-        values = self._decoders[texture.group].blocks(codes, stored.mean, stored.axes).clamp(0.0, 1.0)
+        values = self._decoders[texture.group].blocks(*self._stored(texture, slice(level, level + 1))).clamp(0.0, 1.0)
         image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., : texture.channels]
         return np.asarray(np.rint(image * 255.0), np.uint8)
 

@@ -1,7 +1,9 @@
 """Encoders and decoders of BC1, BC7 and ASTC that the extra `lab` installs. Pictures are whole blocks of RGBA."""
 
 from functools import lru_cache
+from importlib import import_module
 from threading import get_ident
+from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -59,32 +61,32 @@ def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np
     return np.asarray(Image.frombytes("RGBA", (width, height), blocks, "bcn", number))
 
 
+def _astc_package() -> ModuleType:
+    try:
+        return import_module("astc_encoder")
+    except ImportError as error:
+        raise InputError(_MISSING.format(error)) from error
+
+
 @lru_cache(maxsize=CONTEXTS_KEPT)
 def _astc_context(block: tuple[int, int], effort: Effort, _thread: int) -> Any:
     """A context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
-    try:
-        from astc_encoder import ASTCConfig, ASTCContext, ASTCProfile
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    return ASTCContext(ASTCConfig(ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES[effort]))
+    astc = _astc_package()
+    return astc.ASTCContext(astc.ASTCConfig(astc.ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES[effort]))
 
 
 def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort) -> bytes:
     """ASTC LDR sRGB blocks of (width, height) `block` of `rgba` [H, W, 4]. Raises InputError without astc-encoder-py."""
-    context = _astc_context(block, effort, get_ident())
-    from astc_encoder import ASTCImage, ASTCSwizzle, ASTCType
-
-    image = ASTCImage(ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
-    return bytes(context.compress(image, ASTCSwizzle.from_str("RGBA")))
+    astc, context = _astc_package(), _astc_context(block, effort, get_ident())
+    image = astc.ASTCImage(astc.ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
+    return bytes(context.compress(image, astc.ASTCSwizzle.from_str("RGBA")))
 
 
 def decode_astc(blocks: bytes, width: int, height: int, block: tuple[int, int]) -> NDArray[np.uint8]:
     """[height, width, 4] uint8 of ASTC LDR sRGB blocks, whole blocks. Raises InputError without astc-encoder-py."""
-    context = _astc_context(block, "medium", get_ident())
-    from astc_encoder import ASTCImage, ASTCSwizzle, ASTCType
-
-    image = ASTCImage(ASTCType.U8, width, height, 1)
-    context.decompress(blocks, image, ASTCSwizzle.from_str("RGBA"))
+    astc, context = _astc_package(), _astc_context(block, "medium", get_ident())
+    image = astc.ASTCImage(astc.ASTCType.U8, width, height, 1)
+    context.decompress(blocks, image, astc.ASTCSwizzle.from_str("RGBA"))
     if image.data is None or len(image.data) != 4 * width * height:
         raise InputError(f"ASTC {block[0]}x{block[1]}: astc-encoder-py decoded nothing; install it again")
     return np.frombuffer(image.data, np.uint8).reshape(height, width, 4)

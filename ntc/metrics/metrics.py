@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.latents import latent_levels
 from ntc.codec.model import Adapter, Pack
 from ntc.errors import InputError
 
@@ -140,6 +141,14 @@ def _decoder_bytes(pack: Pack) -> int:
         return sum(decoder.stored_bits for decoder in pack.block_decoders) // 8
     numbers = sum(array.size for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases))
     return numbers * pack.config.weight_bits // 8
+
+
+def bits_with_mips(pack: Pack) -> float:
+    """Bits of latents, decoders and adapters per texel of all encoded mips."""
+    table = psnr_table(pack)
+    levels = [level for each in pack.textures for level in latent_levels(each.width, each.height, pack.config)]
+    texels = sum(level.texel_width * level.texel_height for level in levels)
+    return 8.0 * (table.latent_bytes + table.decoder_bytes + table.adapter_bytes) / max(1, texels)
 
 
 def psnr_table(pack: Pack) -> PsnrTable:

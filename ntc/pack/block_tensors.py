@@ -1,6 +1,6 @@
 """The tensors of packs of codec `block` (docs/pack-format.md)."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -9,30 +9,25 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.pack.schema import PackMetadata
 from ntc.pack.validate import check_block_decoder, check_block_texture
 
-TensorShape = tuple[str, tuple[int, ...]]
-"""(type, shape)."""
+TensorShape = tuple[str, tuple[int | None, ...]]
+"""(type, shape); None: any number."""
 
 
-def expected_block_tensors(
-    sizes: Iterable[tuple[int, int]], decoders: int, config: BlockCodecConfig
-) -> dict[str, TensorShape]:
-    """Type and shape of every tensor of a pack with textures of these (width, height)."""
+def expected_block_tensors(textures: int, decoders: int, config: BlockCodecConfig) -> dict[str, TensorShape]:
+    """Type and shape of every tensor of a pack of so many textures."""
     channels, expected = config.output_channels, dict[str, TensorShape]()
-    for index, (width, height) in enumerate(sizes):
-        expected[f"latents.{index}"] = ("U8", (latent_cell_count(width, height, config), config.cell_bytes))
+    for index in range(textures):
+        expected[f"latents.{index}"] = ("U8", (None, config.cell_bytes))
         expected[f"latents.{index}.mean"] = ("F32", (channels,))
         expected[f"latents.{index}.axes"] = ("F32", (channels, channels))
-    allocations = ("U8", (config.modes, config.coefficients))
     for index in range(decoders):
         expected[f"decoder.{index}.basis"] = ("I8", (config.coefficients, config.block_texels, channels))
         expected[f"decoder.{index}.basis_scale"] = ("F32", (config.coefficients,))
-        expected[f"decoder.{index}.depths"] = allocations
-        expected[f"decoder.{index}.scales"] = allocations
+        expected[f"decoder.{index}.scales"] = ("U8", (config.modes, config.coefficients))
     return expected
 
 
@@ -45,7 +40,7 @@ def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
         tensors[f"latents.{index}.mean"] = texture.offset
         tensors[f"latents.{index}.axes"] = texture.scale.reshape(channels, channels)
     for index, decoder in enumerate(pack.block_decoders):
-        for part in ("basis", "basis_scale", "depths", "scales"):
+        for part in ("basis", "basis_scale", "scales"):
             tensors[f"decoder.{index}.{part}"] = getattr(decoder, part)
     return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
 
@@ -69,7 +64,7 @@ def read_block_parts(
         _named(f"latents.{index}", check_block_texture, encoded, config)
         textures.append(encoded)
     for index in range(metadata.decoders):
-        parts = ("basis", "basis_scale", "depths", "scales")
+        parts = ("basis", "basis_scale", "scales")
         decoder = BlockDecoder(*(tensor(f"decoder.{index}.{part}") for part in parts))
         _named(f"decoder.{index}", check_block_decoder, decoder, config)
         decoders.append(decoder)

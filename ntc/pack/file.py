@@ -21,7 +21,7 @@ from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Groupi
 from ntc.codec.quantize import packed_cells, unpacked_cells
 from ntc.errors import InputError, MetadataError
 from ntc.io import read_file, write_bytes
-from ntc.pack.block_tensors import block_tensors, expected_block_tensors, read_block_parts
+from ntc.pack.block_tensors import TensorShape, block_tensors, expected_block_tensors, read_block_parts
 from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2
@@ -39,9 +39,9 @@ _deserialize: Callable[[bytes], list[tuple[str, Mapping[str, Any]]]] = deseriali
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
-def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, tuple[str, tuple[int, ...]]]:
+def _texture_tensors(index: int, cells: int, config: CodecConfig) -> dict[str, TensorShape]:
     channels = config.latent_channels
-    tensors: dict[str, tuple[str, tuple[int, ...]]] = {
+    tensors: dict[str, TensorShape] = {
         f"latents.{index}": ("U8", (cells, config.cell_bytes)),
         f"latents.{index}.scale": ("F32", (channels,)),
         f"latents.{index}.offset": ("F32", (channels,)),
@@ -62,12 +62,11 @@ def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tup
         yield f"decoder.{index}.{layer}.bias", (kind, (outputs,))
 
 
-def expected_tensors(metadata: PackMetadata) -> dict[str, tuple[str, tuple[int, ...]]]:
+def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
     """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
     if isinstance(metadata.codec, BlockCodecConfig):
-        sizes = [(texture.width, texture.height) for texture in metadata.textures]
-        return expected_block_tensors(sizes, metadata.decoders, metadata.codec)
-    expected: dict[str, tuple[str, tuple[int, ...]]] = {}
+        return expected_block_tensors(len(metadata.textures), metadata.decoders, metadata.codec)
+    expected: dict[str, TensorShape] = {}
     for index, texture in enumerate(metadata.textures):
         cells = latent_cell_count(texture.width, texture.height, metadata.codec)
         expected.update(_texture_tensors(index, cells, metadata.codec))
@@ -119,9 +118,13 @@ def _check_header(file: _Tensors, metadata: PackMetadata, path: Path) -> None:
         raise InputError(f"{path}: tensor {surplus[0]!r} does not belong there ({len(surplus)} in all); {REMEDY}")
     for name, (kind, shape) in expected.items():
         part = file[name]
-        if part["dtype"] != kind or tuple(part["shape"]) != shape:
+        fits = len(part["shape"]) == len(shape) and all(
+            size in (None, own) for own, size in zip(part["shape"], shape, strict=True)
+        )
+        if part["dtype"] != kind or not fits:
             found = f"{part['dtype']} {part['shape']}"
-            raise InputError(f"{path}: tensor {name} is {found}, expected {kind} {list(shape)}; {REMEDY}")
+            wanted = ", ".join("any" if size is None else str(size) for size in shape)
+            raise InputError(f"{path}: tensor {name} is {found}, expected {kind} [{wanted}]; {REMEDY}")
 
 
 def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:

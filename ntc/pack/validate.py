@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block_pack import latent_rows
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Adapter, AnyCodec, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
@@ -90,10 +91,10 @@ def _check(array: NDArray[Any], shape: tuple[int, ...], kind: type, name: str) -
 
 
 def check_block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> None:
-    """Raises ValueError for a size, codes, mean or axes that do not fit `config`. All codes are valid."""
+    """Raises ValueError for a size, directories, mean or axes that do not fit `config`. All codes are valid."""
     _check_texture(texture)
-    cells = latent_cell_count(texture.width, texture.height, config)
-    _check(texture.latents, (cells, config.cell_bytes), np.uint8, "latents")
+    _check(texture.latents, (len(texture.latents), config.cell_bytes), np.uint8, "latents")
+    latent_rows(texture, config)
     _check_block_numbers(texture.offset, (config.output_channels,), "mean")
     _check_block_numbers(texture.scale, (config.output_channels * config.output_channels,), "axes")
     if texture.adapter is not None:
@@ -101,16 +102,10 @@ def check_block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> No
 
 
 def check_block_decoder(decoder: BlockDecoder, config: BlockCodecConfig) -> None:
-    """Raises ValueError for tables of other shapes than the codec's, and for allocations of more bits than a code has."""
+    """Raises ValueError for tables of other shapes than the codec's, or numbers that no encoder writes."""
     _check(decoder.basis, (config.coefficients, config.block_texels, config.output_channels), np.int8, "basis")
     _check_block_numbers(decoder.basis_scale, (config.coefficients,), "basis_scale")
-    allocations = (config.modes, config.coefficients)
-    _check(decoder.depths, allocations, np.uint8, "depths")
-    _check(decoder.scales, allocations, np.uint8, "scales")
-    if decoder.depths.max(initial=0) > LARGEST_DEPTH:
-        raise ValueError(f"depths: a coefficient has more than {LARGEST_DEPTH} bits")
-    if decoder.depths.sum(axis=1, dtype=np.int64).max(initial=0) > config.coefficient_bits:
-        raise ValueError(f"depths: a mode shares out more than the {config.coefficient_bits} bits of a code")
+    _check(decoder.scales, (config.modes, config.coefficients), np.uint8, "scales")
 
 
 def _check_block_numbers(array: NDArray[Any], shape: tuple[int, ...], name: str) -> None:

@@ -2,18 +2,21 @@
 
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
 
+from ntc.codec.block.blocks import sample_textures
 from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.encoder import encode_texture, fit_decoder
+from ntc.codec.block.encoder import encode_texture
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.quantizer import TrellisQuantizer
 from ntc.codec.block.reference import decode_image
+from ntc.codec.block.sharing import RateCurve, share_words
+from ntc.codec.block.tables import fit_decoder, rate_curve
 from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.model import EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -77,17 +80,60 @@ def encoding_stages(
 ) -> Iterator[BlockStage]:
     """Encode `groups` of `grouping`, one after the other; yields before the first texture and after each one.
 
-    The same seed gives the same groups, whichever others are encoded. Whoever stops asking ends it.
+    The textures of a group share its words among each other, so a group is the same whichever others are encoded. Whoever stops
+    asking ends it.
     """
-    quantizer, psnr_db_of = TrellisQuantizer(), dict[int, float]()
     total = sum(len(group_members(grouping, group)) for group in groups)
     yield BlockStage(0, total, {})
-    for group in groups:
-        members = group_members(grouping, group)
-        decoder = fit_decoder([textures[index] for index in members], config, seed)
+    plans = (_shared([fitted_group(textures, grouping, group, config, seed)], config)[0] for group in groups)
+    yield from _encoding_stages(textures, plans, config, total)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedGroup:
+    """A group whose tables are known, and what words are worth to its textures."""
+
+    group: int
+    members: tuple[int, ...]
+    """Indices of its textures."""
+    decoder: BlockDecoder
+    curves: tuple[RateCurve, ...]
+    """Of the members."""
+
+
+@dataclass(frozen=True, eq=False)
+class _GroupPlan:
+    fitted: FittedGroup
+    words: tuple[float, ...]
+    """By member: words a block."""
+
+
+def fitted_group(
+    textures: Sequence[SourceTexture], grouping: Grouping, group: int, config: BlockCodecConfig, seed: int
+) -> FittedGroup:
+    """The tables of a group, fitted to samples of its textures. `seed` decides which blocks are sampled."""
+    members = group_members(grouping, group)
+    samples = sample_textures([textures[index] for index in members], config, seed)
+    decoder = fit_decoder(samples, config, seed)
+    return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
+
+
+def _shared(fitted: Sequence[FittedGroup], config: BlockCodecConfig) -> list[_GroupPlan]:
+    """What each texture of these groups may take, where they share the words of all their blocks."""
+    curves = [curve for each in fitted for curve in each.curves]
+    words = iter(share_words(curves, config.mean_words * sum(curve.block_count for curve in curves)))
+    return [_GroupPlan(each, tuple(next(words) for _ in each.members)) for each in fitted]
+
+
+def _encoding_stages(
+    textures: Sequence[SourceTexture], plans: Iterable[_GroupPlan], config: BlockCodecConfig, total: int
+) -> Iterator[BlockStage]:
+    quantizer, psnr_db_of = TrellisQuantizer(), dict[int, float]()
+    for plan in plans:
+        group, members, decoder = plan.fitted.group, plan.fitted.members, plan.fitted.decoder
         encoded: list[EncodedTexture] = []
-        for index in members:
-            encoded.append(_encoded(textures[index], group, decoder, config, quantizer))
+        for index, words in zip(members, plan.words, strict=True):
+            encoded.append(_encoded(textures[index], group, decoder, config, quantizer, words))
             psnr_db_of[index] = encoded[-1].psnr_db or 0.0
             whole = len(encoded) == len(members)
             changed = BlockGroup(group, members, tuple(encoded), decoder, final=True) if whole else None
@@ -114,35 +160,56 @@ def encode_blocks(
     report: BlockProgressListener | None = None,
     cancelled: CancelQuestion | None = None,
 ) -> Pack:
-    """A pack of codec `block` of `textures` in the groups of `grouping`. The same seed gives the same pack.
+    """A pack of codec `block` of `textures` in the groups of `grouping`, which all share its words. The same seed gives the same
+    pack.
 
     Raises InputError for textures and groups that cannot be encoded, TrainingCancelledError when `cancelled` says so.
     """
     check_textures(textures, grouping, config)
-    began = time.monotonic()
+    began, fitted = time.monotonic(), []
+    for group in range(grouping.group_count):
+        if cancelled is not None and cancelled():
+            raise TrainingCancelledError
+        fitted.append(fitted_group(textures, grouping, group, config, seed))
+    stages = _encoding_stages(textures, _shared(fitted, config), config, len(textures))
+
+    def reported() -> Iterator[BlockStage]:
+        for stage in stages:
+            if report is not None:
+                report(_progress(stage, time.monotonic() - began))
+            if cancelled is not None and cancelled() and stage.done < stage.total:
+                raise TrainingCancelledError
+            yield stage
+
+    return encoded_pack(reported(), grouping, config, seed)
+
+
+def encoded_pack(stages: Iterable[BlockStage], grouping: Grouping, config: BlockCodecConfig, seed: int) -> Pack:
+    """The pack that `stages` of all groups end with."""
     encoded: dict[int, EncodedTexture] = {}
     decoders: dict[int, BlockDecoder] = {}
-    for stage in encoding_stages(textures, grouping, config, seed, range(grouping.group_count)):
+    for stage in stages:
         if stage.changed is not None:
             decoders[stage.changed.group] = stage.changed.decoder
             encoded.update(zip(stage.changed.members, stage.changed.textures, strict=True))
-        if report is not None and stage.done:
-            report(_progress(stage, time.monotonic() - began))
-        if cancelled is not None and cancelled() and stage.done < stage.total:
-            raise TrainingCancelledError
     return Pack(
         config,
         grouping,
-        tuple(encoded[index] for index in range(len(textures))),
+        tuple(encoded[index] for index in range(len(grouping.groups))),
         tuple(decoders[group] for group in range(grouping.group_count)),
         encoding_record(config, seed),
     )
 
 
 def _encoded(
-    source: SourceTexture, group: int, decoder: BlockDecoder, config: BlockCodecConfig, quantizer: TrellisQuantizer
+    source: SourceTexture,
+    group: int,
+    decoder: BlockDecoder,
+    config: BlockCodecConfig,
+    quantizer: TrellisQuantizer,
+    words: float,
 ) -> EncodedTexture:
-    blocks = encode_texture(source, decoder, config, quantizer)
+    blocks = encode_texture(source, decoder, config, quantizer, words)
     found = encoded_block_texture(source, group, blocks)
     decoded = decode_image(blocks, decoder, config)[..., : found.channels]
     return replace(found, psnr_db=psnr_db(decoded, source.pixels))

@@ -7,9 +7,10 @@ import numpy as np
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.config import CodecConfig
-from ntc.codec.latents import latent_cell_count
+from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import QuantizedLatents
 from ntc.codec.textures import SourceTexture
@@ -111,7 +112,10 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
 
 
 def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecConfig) -> Pack:
-    """A pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots."""
+    """A pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots.
+
+    Codes have their largest size, so that what comes fits into as much memory.
+    """
     shapes = codec.layer_shapes
     outputs, width = shapes[-1]
     zeros = [np.zeros(shape, np.float32) for shape in shapes]
@@ -137,23 +141,30 @@ def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: Code
 
 def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, codec: BlockCodecConfig) -> Pack:
     """A pack in which every texel has the mean colour of some texels of its texture, in the groups of `grouping`: shown until the
-    first snapshots."""
-    channels, allocations = codec.output_channels, (codec.modes, codec.coefficients)
+    first snapshots.
+
+    Codes have their largest size, so that what comes fits into as much memory.
+    """
+    channels = codec.output_channels
     decoder = BlockDecoder(
         np.zeros((codec.coefficients, codec.block_texels, channels), np.int8),
         np.zeros(codec.coefficients, np.float32),
-        np.zeros(allocations, np.uint8),
-        np.zeros(allocations, np.uint8),
+        np.zeros((codec.modes, codec.coefficients), np.uint8),
     )
     encoded = []
     for texture, group in zip(textures, grouping.groups, strict=True):
-        cells = latent_cell_count(*texture.size, codec)
+        levels = latent_levels(*texture.size, codec)
+        blocks = levels[-1].first_cell + levels[-1].cells
         mean = np.zeros(channels, np.float32)
         strides = (1 + side // MEANT_TEXELS for side in texture.pixels.shape[:2])
         sample = texture.pixels[tuple(slice(None, None, stride) for stride in strides)]
         mean[: texture.pixels.shape[2]] = sample.mean(axis=(0, 1)) / 255.0
-        codes = np.zeros((cells, codec.block_words), np.uint32)
-        flat = BlockTexture(*texture.size, codes, mean, np.zeros((channels, channels), np.float32))
+        empty = BlockCodes(
+            np.zeros((blocks, codec.block_words[-1]), np.uint32), np.full(blocks, len(codec.block_words) - 1)
+        )
+        flat = BlockTexture(
+            *texture.size, stored_words(empty, levels, codec), mean, np.zeros((channels, channels), np.float32)
+        )
         encoded.append(encoded_block_texture(texture, group, flat))
     return Pack(codec, grouping, tuple(encoded), (decoder,) * grouping.group_count)
 

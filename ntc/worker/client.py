@@ -83,12 +83,16 @@ def starting_pack(request: TrainingRequest) -> Pack:
 
 def _job(request: TrainingRequest) -> _Job:
     pack = starting_pack(request)
+    # Codes may become larger than those that a training starts from.
+    largest = (
+        pack if request.start is None or pack.config.kind == "grid" else starting_pack(replace(request, start=None))
+    )
     regions: dict[int, int] = {}
     size = 0
     for group in sorted(request.dirty or ()):
         regions[group] = size
-        textures = tuple(t for t, g in zip(pack.textures, request.grouping.groups, strict=True) if g == group)
-        size = without_arrays((textures, pack.decoders[0]), size)[2]
+        textures = tuple(t for t, g in zip(largest.textures, request.grouping.groups, strict=True) if g == group)
+        size = without_arrays((textures, largest.decoders[0]), size)[2]
     given = SharedBlock.create(without_arrays(request)[2])
     try:
         snapshots = SharedBlock.create(size)

@@ -40,17 +40,39 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
 struct Code {
     int first_word;
     int last_word;
-    int lists;     // of its modes, a list after the other
+    int lists;     // of the modes for its size, a list after the other
     int basis;
 };
 
 Code code_of(int decoder, LevelRecord level, ivec2 block) {
     int tables = FIRST_TABLE_BLOCK + decoder * TABLE_BLOCKS;
+    int number = block.y * level.width + block.x;
     Code code;
-    code.first_word = (level.first_cell + block.y * level.width + block.x) * CELL_WORDS;
-    code.last_word = code.first_word + CELL_WORDS - 1;
+    code.first_word = level.first_cell;
     code.lists = tables;
     code.basis = tables + LISTS_BLOCKS;
+#if CODE_SIZES > 1
+    // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
+    int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
+    int place = number % DIRECTORY_RUN;
+    uint classes = latent_words[entry + 1];
+    int size_class = int((classes >> (2 * place)) & 3u);
+    uint before = classes & ((1u << (2 * place)) - 1u);
+    uint low = before & 0x55555555u;
+    uint high = (before >> 1) & 0x55555555u;
+    code.first_word += int(latent_words[entry]) + place * CLASS_WORDS.x;
+    code.first_word += bitCount(low & ~high) * (CLASS_WORDS.y - CLASS_WORDS.x);
+    code.first_word += bitCount(high & ~low) * (CLASS_WORDS.z - CLASS_WORDS.x);
+    code.first_word += bitCount(low & high) * (CLASS_WORDS.w - CLASS_WORDS.x);
+    int words = size_class < 2
+        ? (size_class == 0 ? CLASS_WORDS.x : CLASS_WORDS.y)
+        : (size_class == 2 ? CLASS_WORDS.z : CLASS_WORDS.w);
+    code.lists += size_class * MODES * LIST_BLOCKS;
+#else
+    int words = CLASS_WORDS.x;
+    code.first_word += number * words;
+#endif
+    code.last_word = code.first_word + words - 1;
     return code;
 }
 
@@ -71,7 +93,7 @@ Reader reader_of(Code code) {
     reader.high = latent_words[min(code.first_word + 1, code.last_word)];
     reader.bit = MODE_BITS;
     reader.state = 0u;
-    reader.list = code.lists + int(reader.low & uint(MODES - 1)) * GROUPS;
+    reader.list = code.lists + int(reader.low & uint(MODES - 1)) * LIST_BLOCKS;
     return reader;
 }
 
@@ -91,9 +113,9 @@ float next_coefficient(inout Reader reader, inout uint bits, uint entry) {
     return value * uintBitsToFloat(entry & ~7u);
 }
 
-// The next four coefficients of `code`, which are number 4 `group` and those after it.
-vec4 next_coefficients(inout Reader reader, Code code, int group) {
-    uvec4 entries = table_block(reader.list + group);
+// The next four coefficients of `code`: number 4 `part` and those after it. Once all bits are read, those that follow are 0.
+vec4 next_coefficients(inout Reader reader, Code code, int part) {
+    uvec4 entries = table_block(reader.list + part);
     uint bits = (reader.low >> reader.bit) | ((reader.high << 1) << (31u - reader.bit));
     vec4 values;
     values.x = next_coefficient(reader, bits, entries.x);
@@ -132,9 +154,9 @@ struct Texels {
 Texels block_texels(Code code, ivec4 texels) {
     Texels sums = Texels(CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0));
     Reader reader = reader_of(code);
-    for (int group = 0; group < GROUPS; ++group) {
-        vec4 values = next_coefficients(reader, code, group);
-        int basis = code.basis + group * BLOCK_SIDE * BLOCK_SIDE;
+    for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
+        vec4 values = next_coefficients(reader, code, part);
+        int basis = code.basis + part * BLOCK_SIDE * BLOCK_SIDE;
         add_rows(sums.first, values, table_block(basis + texels.x));
         add_rows(sums.second, values, table_block(basis + texels.y));
         add_rows(sums.third, values, table_block(basis + texels.z));
@@ -147,9 +169,9 @@ Texels block_texels(Code code, ivec4 texels) {
 CHANNELS_T block_texel(Code code, int texel) {
     CHANNELS_T sum = CHANNELS_T(0.0);
     Reader reader = reader_of(code);
-    for (int group = 0; group < GROUPS; ++group) {
-        vec4 values = next_coefficients(reader, code, group);
-        add_rows(sum, values, table_block(code.basis + group * BLOCK_SIDE * BLOCK_SIDE + texel));
+    for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
+        vec4 values = next_coefficients(reader, code, part);
+        add_rows(sum, values, table_block(code.basis + part * BLOCK_SIDE * BLOCK_SIDE + texel));
     }
     return sum;
 }

@@ -13,6 +13,7 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block_pack import latent_rows
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Pack
@@ -46,7 +47,7 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     if request.param == "grid":
         write_pack(path, random_pack(sizes, config=CodecConfig(hidden_width=4)))
     else:
-        config = BlockCodecConfig(block_side=4, block_words=1, coefficients=6, modes=2)
+        config = BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
         write_pack(path, random_block_pack(sizes, config=config))
     return path.read_bytes()
 
@@ -78,15 +79,17 @@ def assert_whole(pack: Pack) -> None:
         if isinstance(pack.config, CodecConfig):
             assert texture.latents.shape == (cells, pack.config.latent_channels)
         else:
-            assert texture.latents.shape == (cells, pack.config.cell_bytes)
+            rows = latent_rows(texture, pack.config)
+            assert texture.latents.shape == (sum(each.rows for each in rows), pack.config.cell_bytes)
         assert np.isfinite(texture.scale).all()
         assert np.isfinite(texture.offset).all()
         assert 0 <= texture.group < len(pack.decoders)
         assert 1 <= texture.channels <= pack.config.output_channels
     if isinstance(pack.config, BlockCodecConfig):
         for tables in pack.block_decoders:
-            assert tables.depths.max() <= LARGEST_DEPTH
-            assert tables.depths.sum(axis=1, dtype=np.int64).max() <= pack.config.coefficient_bits
+            depths = tables.depths(pack.config)
+            assert depths.max() <= LARGEST_DEPTH
+            assert (depths.sum(axis=2, dtype=np.int64).max(axis=1) <= pack.config.coefficient_bits).all()
     else:
         for decoder in pack.grid_decoders:
             assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +12,9 @@ import torch
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.textures import SourceTexture
 from ntc.training.config import TrainingConfig
+from ntc.training.encode_blocks import encoded_pack, encoding_stages
 from ntc.training.request import TrainingRequest
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished, Report
@@ -119,3 +121,11 @@ def processor_seconds(process: int) -> float:
         return 0.0
     fields = path.read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def encoded_by_group(
+    textures: Sequence[SourceTexture], grouping: Grouping, config: BlockCodecConfig, seed: int
+) -> Pack:
+    """What encoding in blocks without a process gives, each group for itself."""
+    groups = range(grouping.group_count)
+    return encoded_pack(encoding_stages(textures, grouping, config, seed, groups), grouping, config, seed)

@@ -40,7 +40,7 @@ from viewer.training.run_log import Curves
 CODEC = CodecConfig(
     hidden_width=4, latent_bits=4, positional_octaves=1, output_channels=3, adapters=True, adapter_output=True
 )
-BLOCK_CODEC = BlockCodecConfig(coefficients=8, modes=2)
+BLOCK_CODEC = BlockCodecConfig(block_words=(4,), coefficients=8, modes=2)
 GIVEN_BLOCK, SNAPSHOT_BLOCK = "ntc-0-" + "0" * 16, "ntc-0-" + "1" * 16
 MOST_POLLS = 2000
 

@@ -15,7 +15,7 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.rate import bits_per_texel, config_for_bits
+from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.config import CodecKind
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -23,7 +23,7 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
-from ntc.metrics.metrics import psnr_table
+from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import write_pack
 from ntc.training.config import DEFAULT_BITS, TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
 from ntc.training.device import peak_memory_bytes
@@ -259,13 +259,11 @@ def encode_in_blocks(
     options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console
 ) -> int:
     """Encode in codec `block`, and write the pack. Raises InputError for bits that cannot be had."""
-    asked, sizes = DEFAULT_BITS if options.bits is None else options.bits, [texture.size for texture in textures]
-    channels = max(texture.pixels.shape[2] for texture in textures)
-    codec = config_for_bits(asked, sizes, grouping.group_count, channels, options.levels)
-    came = bits_per_texel(sizes, grouping.group_count, codec)
+    asked = DEFAULT_BITS if options.bits is None else options.bits
+    codec = config_for_bits(asked, texture_set(textures, grouping.group_count, options.levels))
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block: "
-        f"{codec.block_words} words a block, {codec.coefficients} coefficients, {codec.modes} modes",
+        f"codes of {' or '.join(map(str, codec.block_words))} words, {codec.coefficients} coefficients, {codec.modes} modes",
         highlight=False,
     )
     with _ProgressReport(console) as report:
@@ -279,7 +277,7 @@ def encode_in_blocks(
     write_or_rescue(options.out, pack)
     lines = [
         *psnr_table(pack).lines(),
-        f"bits: {came:.2f} per texel of all mips, asked for {asked:g}",
+        f"bits: {bits_with_mips(pack):.2f} per texel of all mips, asked for {asked:g}",
         f"encoding: {seconds:.1f} s on cpu",
         f"wrote {options.out}",
     ]

@@ -89,7 +89,7 @@ def codec_json(config: AnyCodec) -> dict[str, Any]:
     """The codec's settings, what it is called, and what a decode costs."""
     content = {"kind": config.kind, **asdict(config), "multiply_adds": config.multiply_adds}
     if isinstance(config, BlockCodecConfig):
-        content["bits_per_texel_of_codes"] = config.bits_per_texel
+        content["bits_per_texel_of_codes"] = config.mean_words * 32.0 / config.block_texels
     return content
 
 
@@ -99,7 +99,7 @@ def block_lines(config: AnyCodec) -> list[str]:
         return []
     side = config.block_side
     return [
-        f"codec block: blocks of {side}x{side} texels, {config.bits_per_texel:.2f} bits a texel, "
+        f"codec block: blocks of {side}x{side} texels, {config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
         f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
     ]
 

@@ -204,6 +204,8 @@ class GpuPack:
         kept = int(latent_bytes.sum() - latent_bytes[list(textures)].sum())
         kept += self.buffers.bytes_by_part["decoders"] - self._weight_bytes(version)
         uploaded += latents.apply()
+        if not latents.fits:
+            self.buffers.note_latents()
         self.pack, self.version = version.pack, version.number
         for path in self._paths.values():
             path.update(textures, regrouped)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from ntc.codec.block.rate import config_for_bits
+from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.config import GroupingConfig
 from ntc.codec.model import AnyCodec, Pack
 from ntc.codec.textures import SourceTexture
@@ -114,12 +114,11 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
             )
         _check_clusters(settings, textures)
         grouping = process.find(textures, scene.path, report)
-    channels = max(texture.pixels.shape[2] for texture in textures)
     codec: AnyCodec
     if settings.codec_kind == "block":
-        sizes = [texture.size for texture in textures]
-        codec = config_for_bits(settings.bits, sizes, grouping.group_count, channels, None)
+        codec = config_for_bits(settings.bits, texture_set(textures, grouping.group_count))
     else:
+        channels = max(texture.pixels.shape[2] for texture in textures)
         codec = recipe_codec(settings.recipe, channels, None)
     return TrainingRequest(textures, grouping, codec, recipe_config(settings.recipe), settings.budget)
 

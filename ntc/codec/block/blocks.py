@@ -1,13 +1,22 @@
-"""Texels in blocks, and the words of a block's code."""
+"""Images in blocks of texels, and textures as the encoder works on them: in blocks of normalised values."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import LatentLevel
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.textures import SourceTexture
 
+Array = NDArray[np.float32]
+SAMPLED_BLOCKS = 24_000
+"""Blocks that a group's tables are fitted to."""
+LEAST_CONTRAST = 1e-4
+"""Axes of a constant texture are this long, so that nothing is divided by zero."""
 _PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
 
 
@@ -30,41 +39,69 @@ def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDA
     return parts.reshape(level.height * side, level.width * side, -1)[: level.texel_height, : level.texel_width]
 
 
-def bit_offsets(decoder: BlockDecoder, config: BlockCodecConfig) -> NDArray[np.int64]:
-    """[modes, coefficients] int64: where each coefficient's bits begin in a block's code, after the bits of the mode."""
-    ends = np.cumsum(decoder.depths.astype(np.int64), axis=1)
-    return config.mode_bits + ends - decoder.depths
+@dataclass(frozen=True, eq=False)
+class PreparedTexture:
+    """A texture in blocks of normalised values."""
+
+    mean: Array
+    axes: Array
+    """[channels, channels] orthogonal, all of the length `contrast`."""
+    blocks: Array
+    """[blocks of all levels, texels x channels]: (value - mean) in units of the axes."""
+
+    @property
+    def contrast(self) -> float:
+        """What a normalised value is multiplied by to give a texture's value in [0, 1]."""
+        return float(np.linalg.norm(self.axes[:, 0]))
 
 
-def packed_codes(
-    modes: NDArray[np.int64], indices: NDArray[np.uint32], decoder: BlockDecoder, config: BlockCodecConfig
-) -> NDArray[np.uint32]:
-    """[blocks, block_words] uint32 of modes [blocks] and stored indices [blocks, coefficients]."""
-    # One word more: an index may seem to reach over the end while its high part is empty.
-    words = np.zeros((len(modes), config.block_words + 1), np.uint64)
-    words[:, 0] = modes.astype(np.uint64)
-    offsets = bit_offsets(decoder, config)[modes]
-    rows = np.arange(len(modes))
-    for k in range(indices.shape[1]):
-        word, shift = offsets[:, k] >> 5, (offsets[:, k] & 31).astype(np.uint64)
-        word = np.minimum(word, config.block_words)
-        value = indices[:, k].astype(np.uint64) << shift
-        words[rows, word] |= value & np.uint64(0xFFFFFFFF)
-        words[rows, np.minimum(word + 1, config.block_words)] |= value >> np.uint64(32)
-    return words[:, : config.block_words].astype(np.uint32)
+def _colour_axes(pixels: Array) -> tuple[Array, Array]:
+    """(mean [C], axes [C, C]) of `pixels` [N, C]: orthogonal, all of the length of the texture's contrast.
+
+    Of one length, so that an error has the same weight in every direction.
+    """
+    mean = pixels.mean(0, dtype=np.float64)
+    centred = pixels - mean
+    variances, vectors = np.linalg.eigh(centred.T @ centred / len(pixels))
+    vectors = vectors[:, ::-1] * np.where(vectors[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
+    contrast = max(float(np.sqrt(max(variances.sum(), 0.0))), LEAST_CONTRAST)
+    return mean.astype(np.float32), (vectors * contrast).astype(np.float32)
 
 
-def unpacked_codes(
-    codes: NDArray[np.uint32], decoder: BlockDecoder, config: BlockCodecConfig
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """(modes [blocks] int64, stored indices [blocks, coefficients] uint32) of `codes` [blocks, block_words]."""
-    modes = (codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
-    offsets, depths = bit_offsets(decoder, config)[modes], decoder.depths[modes].astype(np.uint64)
-    wide = np.concatenate([codes, np.zeros((len(codes), 2), np.uint32)], axis=1).astype(np.uint64)
-    rows = np.arange(len(codes))
-    indices = np.zeros(depths.shape, np.uint32)
-    for k in range(depths.shape[-1]):
-        word, shift = np.minimum(offsets[:, k] >> 5, config.block_words), (offsets[:, k] & 31).astype(np.uint64)
-        both = wide[rows, word] | (wide[rows, word + 1] << np.uint64(32))
-        indices[:, k] = ((both >> shift) & ((np.uint64(1) << depths[:, k]) - np.uint64(1))).astype(np.uint32)
-    return modes, indices
+def prepare_texture(source: SourceTexture, config: BlockCodecConfig) -> PreparedTexture:
+    """All mips of `source` in blocks."""
+    width, height = source.size
+    levels = latent_levels(width, height, config)
+    mips = mip_chain(source.pixels, source.color_space)[: len(levels)]
+    missing = config.output_channels - source.pixels.shape[2]
+    # A channel that the texture lacks is 0 everywhere, which costs no bits.
+    values = [np.pad(mip.astype(np.float32) / np.float32(255.0), ((0, 0), (0, 0), (0, missing))) for mip in mips]
+    mean, axes = _colour_axes(values[0].reshape(-1, config.output_channels))
+    # The inverse of orthogonal axes of one length.
+    inverse = axes / np.square(np.linalg.norm(axes[:, 0]))
+    blocks = [blocks_of((value - mean) @ inverse, config.block_side, source.wrap) for value in values]
+    return PreparedTexture(mean, axes, np.concatenate(blocks).reshape(-1, config.block_values))
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Some blocks of a texture, for what is fitted or estimated."""
+
+    blocks: Array
+    """[sampled blocks, texels x channels], normalised."""
+    contrast: float
+    """As `PreparedTexture.contrast`."""
+    block_count: int
+    """Blocks of all levels of the texture."""
+
+
+def sample_textures(sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0) -> tuple[Sample, ...]:
+    """Blocks of each texture of a group, chosen at random; each texture has the same weight, whatever its size."""
+    random = np.random.default_rng(seed)
+    each = max(1, SAMPLED_BLOCKS // max(1, len(sources)))
+    samples = []
+    for source in sources:
+        texture = prepare_texture(source, config)
+        chosen = random.permutation(len(texture.blocks))[:each]
+        samples.append(Sample(texture.blocks[chosen], texture.contrast, len(texture.blocks)))
+    return tuple(samples)

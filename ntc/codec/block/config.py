@@ -5,6 +5,12 @@ from typing import ClassVar, Literal
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
+LARGEST_WORDS = 16
+"""Words of a block's code at most."""
+LARGEST_SIZES = 4
+"""Sizes of codes at most: two bits name one."""
+DIRECTORY_RUN = 16
+"""Blocks whose size classes one word of a level's directory holds."""
 SCALE_STEPS_PER_OCTAVE = 16
 """Stored scales are powers of two in steps of 1/16 octave."""
 SCALE_ORIGIN = 192
@@ -15,15 +21,18 @@ SCALE_ORIGIN = 192
 class BlockCodecConfig:
     """The shape of block codes and of the tables that a group shares, the same for every texture of a pack.
 
-    A block's code is a latent cell: `downscale`, `cell_bytes` and `smallest_top_cells` mean what they mean of codec `grid`.
+    A block is a latent cell: `downscale` and `smallest_top_cells` mean what they mean of codec `grid`.
     """
 
     kind: ClassVar[Literal["block"]] = "block"
 
     block_side: Literal[4, 8] = 8
     """Texels of a block along one side."""
-    block_words: int = 4
-    """32-bit words of a block's code: 4 words of 8x8 texels are 2 bits a texel."""
+    block_words: tuple[int, ...] = (2, 4, 5, 8)
+    """Sizes of a block's code in 32-bit words, rising, at most four: each block takes one of them. 4 words of 8x8 texels are 2 bits a
+    texel."""
+    mean_words: float = 4.0
+    """Words that the encoder gives a block on average over a pack; decoding does not depend on it."""
     coefficients: int = 96
     """Rows of the group's basis: coefficients that a block may spend bits on, in order of falling variance."""
     modes: int = 32
@@ -36,7 +45,11 @@ class BlockCodecConfig:
     def __post_init__(self) -> None:
         checks = {
             "block_side": self.block_side in (4, 8),
-            "block_words": 1 <= self.block_words <= 16,
+            "block_words": 1 <= len(self.block_words) <= LARGEST_SIZES
+            and list(self.block_words) == sorted(set(self.block_words))
+            and self.block_words[0] >= 1
+            and self.block_words[-1] <= LARGEST_WORDS,
+            "mean_words": 0.0 < self.mean_words <= LARGEST_WORDS,
             "coefficients": 1 <= self.coefficients <= self.block_values,
             "modes": 1 <= self.modes <= 64 and self.modes & (self.modes - 1) == 0,
             "output_channels": 1 <= self.output_channels <= 4,
@@ -53,8 +66,8 @@ class BlockCodecConfig:
 
     @property
     def cell_bytes(self) -> int:
-        """Bytes of a stored latent cell: of a block's code."""
-        return 4 * self.block_words
+        """Bytes of a stored row of latents: one word."""
+        return 4
 
     @property
     def smallest_top_cells(self) -> int:
@@ -77,16 +90,11 @@ class BlockCodecConfig:
         return self.modes.bit_length() - 1
 
     @property
-    def coefficient_bits(self) -> int:
-        """Bits of a block's code that its mode shares out among coefficients."""
-        return 32 * self.block_words - self.mode_bits
+    def coefficient_bits(self) -> tuple[int, ...]:
+        """By size of a code: its bits that are shared out among coefficients."""
+        return tuple(32 * words - self.mode_bits for words in self.block_words)
 
     @property
     def multiply_adds(self) -> int:
         """Multiply-adds of one texel's value at most: each coefficient's basis row, then the texture's axes."""
         return (self.coefficients + self.output_channels) * self.output_channels
-
-    @property
-    def bits_per_texel(self) -> float:
-        """Bits of block codes per texel of one mip, side information left out."""
-        return 32.0 * self.block_words / self.block_texels

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE
+from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockCodecConfig
+from ntc.codec.block.trellis import share_out_bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,15 +17,18 @@ class BlockDecoder:
     """[coefficients, texels of a block, channels] int8: rows of the transform, -127 to 127."""
     basis_scale: NDArray[np.float32]
     """[coefficients] float32: what a row's integers are multiplied by."""
-    depths: NDArray[np.uint8]
-    """[modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH."""
     scales: NDArray[np.uint8]
     """[modes, coefficients] uint8: logarithmic scale of each coefficient's levels (`scale_values`)."""
+
+    def depths(self, config: BlockCodecConfig) -> NDArray[np.uint8]:
+        """[sizes of codes, modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH; they follow from the scales."""
+        allocations = [[share_out_bits(scales, bits) for scales in self.scales] for bits in config.coefficient_bits]
+        return np.array(allocations, np.uint8)
 
     @property
     def stored_bits(self) -> int:
         """Bits of the tables in a pack."""
-        return 8 * self.basis.size + 32 * self.basis_scale.size + 16 * self.depths.size
+        return 8 * self.basis.size + 32 * self.basis_scale.size + 8 * self.scales.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +39,8 @@ class BlockTexture:
     """Texels of mip 0 along u."""
     height: int
     """Texels of mip 0 along v."""
-    codes: NDArray[np.uint32]
-    """[blocks of all levels, block_words] uint32, least significant bit first."""
+    words: NDArray[np.uint32]
+    """[words of all levels] uint32: directories and codes (`ntc.codec.block.storage`)."""
     mean: NDArray[np.float32]
     """[channels] float32, in the texture's colour space, 0 to 1."""
     axes: NDArray[np.float32]
@@ -45,7 +49,7 @@ class BlockTexture:
     @property
     def stored_bits(self) -> int:
         """Bits in a pack."""
-        return 32 * (self.codes.size + self.mean.size + self.axes.size)
+        return 32 * (self.words.size + self.mean.size + self.axes.size)
 
 
 def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -51,18 +51,30 @@ def _polynomials() -> torch.Tensor:
     return torch.from_numpy(np.stack(found).astype(np.float32))
 
 
-def best_modes(values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
-    """[blocks] int64: the mode in which each block has about the least squared error, without searching the trellis.
+def expected_errors(values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
+    """[blocks, sizes, modes] about the squared error of each block by size of its code and mode, without searching the trellis.
 
-    Of `values` [blocks, coefficients] under `depths` int64 and `scales` float32 [modes, coefficients]. A polynomial of the values
-    names a few modes, and the table of errors chooses among them.
+    Of `values` [blocks, coefficients] under `depths` int64 [sizes, modes, coefficients] and `scales` float32 [modes, coefficients].
     """
-    constant, square, fourth = _polynomials()[depths].unbind(-1)
+    constant, square, fourth = _polynomials()[depths].flatten(0, 1).unbind(-1)
+    variances = scales.square().repeat(len(depths), 1)
     squares = values.square()
-    rough = squares @ square.T + squares.square() @ (fourth / scales.square()).T + (constant * scales.square()).sum(1)
-    shortlist = rough.topk(min(SHORTLIST, len(depths)), dim=1, largest=False).indices
-    errors = torch.stack([_looked_up(values, depths[modes], scales[modes]) for modes in shortlist.unbind(1)], dim=1)
-    return shortlist.gather(1, errors.argmin(1, keepdim=True))[:, 0]
+    rough = squares @ square.T + squares.square() @ (fourth / variances).T + (constant * variances).sum(1)
+    return rough.view(len(values), *depths.shape[:2])
+
+
+def best_modes(
+    values: torch.Tensor, expected: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor
+) -> torch.Tensor:
+    """[blocks] int64: the mode in which each block has about the least squared error.
+
+    `expected` [blocks, modes] errors name a few modes, and the table of errors chooses among them; `depths` [blocks, modes,
+    coefficients] or [1, modes, coefficients] int64, `scales` [modes, coefficients] float32.
+    """
+    shortlist = expected.topk(min(SHORTLIST, expected.shape[1]), dim=1, largest=False).indices
+    rows = torch.arange(len(values)) if len(depths) > 1 else torch.zeros(len(values), dtype=torch.int64)
+    found = [_looked_up(values, depths[rows, modes], scales[modes]) for modes in shortlist.unbind(1)]
+    return shortlist.gather(1, torch.stack(found, dim=1).argmin(1, keepdim=True))[:, 0]
 
 
 def _looked_up(values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:

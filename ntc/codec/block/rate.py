@@ -1,47 +1,104 @@
-"""The settings of codec `block` whose packs come nearest to a number of bits a texel."""
+"""The settings of codec `block` that come to a number of bits a texel."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_WORDS, BlockCodecConfig
 from ntc.codec.latents import latent_levels
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
-LARGEST_WORDS = 16
-COEFFICIENTS_PER_WORD = 24
-"""Rows of the basis for each word of a code: more are hardly ever given a bit."""
+SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
+"""Sizes of codes over their mean: textures and their blocks are so far apart."""
+WHOLE_WORDS = 0.1
+"""Blocks of 4x4 texels take codes of one size where the mean is as near to a whole number of words: a directory costs 0.25 bits a
+texel there."""
+COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
+"""Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
+MODES = 32
 TABLE_SHARE = 0.15
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
+SETTLING_ROUNDS = 12
 
 Sizes = Sequence[tuple[int, int]]
 
 
-def bits_per_texel(sizes: Sizes, groups: int, config: BlockCodecConfig) -> float:
-    """Stored bits (codes of all mips, means, axes, tables of `groups` decoders) per texel of all encoded mips of textures of these
-    (width, height)."""
-    channels, bits, texels = config.output_channels, groups * _table_bits(config), 0
-    for width, height in sizes:
-        levels = latent_levels(width, height, config)
-        bits += 8 * config.cell_bytes * sum(level.cells for level in levels) + 32 * channels * (channels + 1)
-        texels += sum(level.texel_width * level.texel_height for level in levels)
-    return bits / max(1, texels)
+@dataclass(frozen=True)
+class TextureSet:
+    """What of the textures to encode decides about bits."""
+
+    sizes: Sizes
+    """(width, height) of mip 0 in texels."""
+    groups: int
+    """Decoders that are stored with them."""
+    channels: int
+    """Of the texture that has most of them."""
+    levels: int | None = None
+    """Encoded mips; None: all."""
 
 
-def _table_bits(config: BlockCodecConfig) -> int:
-    basis = config.coefficients * (8 * config.block_values + 32)
-    return basis + 16 * config.modes * config.coefficients
+def texture_set(textures: Sequence[SourceTexture], groups: int, levels: int | None = None) -> TextureSet:
+    """What of `textures` in so many groups decides about bits; `levels` as in BlockCodecConfig."""
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    return TextureSet([texture.size for texture in textures], groups, channels, levels)
 
 
-def _with_words(words: int, sizes: Sizes, groups: int, config: BlockCodecConfig) -> BlockCodecConfig:
-    """Codes of so many words, and tables that are in proportion."""
-    most = min(config.block_values, COEFFICIENTS_PER_WORD * words)
-    found = replace(config, block_words=words, coefficients=most)
-    texels = sum(width * height for width, height in sizes)
-    largest = TABLE_SHARE * found.bits_per_texel * texels / max(1, groups)
-    while _table_bits(found) > largest:
+def side_bits(textures: TextureSet, config: BlockCodecConfig) -> int:
+    """Stored bits besides codes: means, axes, directories and tables."""
+    channels, decoder = config.output_channels, config.coefficients * (8 * config.block_values + 32)
+    bits = textures.groups * (decoder + 8 * config.modes * config.coefficients)
+    for size in textures.sizes:
+        bits += 32 * channels * (channels + 1)
+        if len(config.block_words) > 1:
+            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in latent_levels(*size, config))
+    return bits
+
+
+def texel_count(sizes: Sizes, config: BlockCodecConfig) -> int:
+    """Texels of all encoded mips."""
+    levels = [level for size in sizes for level in latent_levels(*size, config)]
+    return sum(level.texel_width * level.texel_height for level in levels)
+
+
+def block_count(sizes: Sizes, config: BlockCodecConfig) -> int:
+    """Blocks of all encoded mips."""
+    return sum(level.cells for size in sizes for level in latent_levels(*size, config))
+
+
+def _code_sizes(words: float, side: int) -> tuple[int, ...]:
+    """`BlockCodecConfig.block_words` for codes of `words` words on average."""
+    if side == 4:
+        near = abs(words - round(words)) < WHOLE_WORDS and round(words) >= 1
+        found = {round(words)} if near else {int(words), int(words) + 1}
+        return tuple(sorted(min(max(size, 1), LARGEST_WORDS) for size in found))
+    sizes: list[int] = []
+    for ratio in SIZE_RATIOS:
+        sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
+    return tuple(size for size in sizes if size < LARGEST_WORDS) or (LARGEST_WORDS,)
+
+
+def _config_for_words(words: float, textures: TextureSet, side: Literal[4, 8]) -> BlockCodecConfig:
+    """Codes of about so many words, and tables that are in proportion."""
+    block_words = _code_sizes(words, side)
+    if block_words[-1] < LARGEST_WORDS and words > 0.5 * LARGEST_WORDS:
+        block_words = (*block_words[:3], LARGEST_WORDS)
+    plain = BlockCodecConfig(
+        block_side=side,
+        block_words=block_words,
+        coefficients=1,
+        modes=MODES,
+        output_channels=textures.channels,
+        levels=textures.levels,
+    )
+    most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))
+    found = replace(plain, coefficients=most)
+    codes = 32.0 * words * block_count(textures.sizes, found)
+    enough = max(FEWEST_COEFFICIENTS, -(-found.coefficient_bits[0] // LARGEST_DEPTH) * 2)
+    while textures.groups and side_bits(replace(textures, sizes=()), found) > TABLE_SHARE * codes:
         # Of each kind in turns, as long as a code's bits find coefficients that take them.
-        enough = max(FEWEST_COEFFICIENTS, -(-found.coefficient_bits // LARGEST_DEPTH) * 2)
         if found.coefficients * 3 // 4 >= enough:
             found = replace(found, coefficients=found.coefficients * 3 // 4)
         elif found.modes > FEWEST_MODES:
@@ -51,17 +108,22 @@ def _with_words(words: int, sizes: Sizes, groups: int, config: BlockCodecConfig)
     return found
 
 
-def config_for_bits(bits: float, sizes: Sizes, groups: int, channels: int, levels: int | None) -> BlockCodecConfig:
-    """The settings with blocks of 8x8 texels whose `bits_per_texel` comes nearest to `bits`.
+def config_for_bits(bits: float, textures: TextureSet, side: Literal[4, 8] = 8) -> BlockCodecConfig:
+    """Settings with blocks of `side` texels that come to `bits` stored bits a texel of all encoded mips.
 
-    Raises InputError for bits that are not above 0, or beyond what the largest codes take.
+    The least that is possible where textures are so small or so few that this is more. Raises InputError for bits that are not above
+    0, or beyond what the largest codes take.
     """
-    plain = BlockCodecConfig(output_channels=channels, levels=levels, coefficients=1)
-    plain = replace(plain, coefficients=min(96, plain.block_values))
-    found = [_with_words(words, sizes, groups, plain) for words in range(1, LARGEST_WORDS + 1)]
-    reached = [bits_per_texel(sizes, groups, config) for config in found]
-    if not 0.0 < bits <= max(reached):
-        raise InputError(
-            f"--bits {bits:g}: set it above 0 and up to {max(reached):.2f}, what the largest codes take here"
-        )
-    return min(zip(found, reached, strict=True), key=lambda pair: abs(pair[1] - bits))[0]
+    if math.isnan(bits):
+        raise InputError(f"--bits {bits}: is not a number")
+    words = max(bits, 0.0) * side * side / 32.0
+    for _ in range(SETTLING_ROUNDS):
+        # Side information depends on the settings, and they on the words that it leaves.
+        config = _config_for_words(words, textures, side)
+        blocks, texels = block_count(textures.sizes, config), texel_count(textures.sizes, config)
+        left = max((bits * texels - side_bits(textures, config)) / (32.0 * max(1, blocks)), 0.0)
+        words = 0.5 * (words + left)
+    most = (32.0 * LARGEST_WORDS * blocks + side_bits(textures, config)) / max(1, texels)
+    if not 0.0 < bits <= most:
+        raise InputError(f"--bits {bits:g}: set it above 0 and up to {most:.2f}, what the largest codes take here")
+    return replace(config, mean_words=float(min(max(left, config.block_words[0]), config.block_words[-1])))

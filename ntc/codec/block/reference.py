@@ -3,27 +3,29 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.blocks import image_of, unpacked_codes
+from ntc.codec.block.blocks import image_of
+from ntc.codec.block.codes import unpacked_codes
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
+from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
 from ntc.codec.block.trellis import branch_tables, level_table
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import latent_levels
 
 Array = NDArray[np.float64]
 
 
-def decode_coefficients(codes: NDArray[np.uint32], decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
-    """[blocks, coefficients] float64 that `codes` [blocks, block_words] stand for.
+def decode_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
+    """[blocks, coefficients] float64 that the codes of blocks stand for.
 
     Any words are valid codes: whatever a file holds decodes to finite numbers.
     """
-    modes, indices = unpacked_codes(codes, decoder, config)
+    modes, found, indices = unpacked_codes(stored.codes, stored.sizes, decoder, config)
     levels = level_table().astype(np.float64)
     following, subsets = branch_tables()
     scales = scale_values(decoder.scales)[modes]
-    depths = decoder.depths[modes].astype(np.int64)
+    depths = found.astype(np.int64)
     values = np.zeros(depths.shape)
-    state = np.zeros(len(codes), np.int64)
+    state = np.zeros(len(modes), np.int64)
     for k in range(depths.shape[1]):
         active = depths[:, k] > 0
         branch, place = (indices[:, k] & 1).astype(np.int64), (indices[:, k] >> 1).astype(np.int64)
@@ -33,35 +35,42 @@ def decode_coefficients(codes: NDArray[np.uint32], decoder: BlockDecoder, config
     return values
 
 
-def block_values(
-    texture: BlockTexture, codes: NDArray[np.uint32], decoder: BlockDecoder, config: BlockCodecConfig
-) -> Array:
-    """[blocks, texels of a block, channels] float64, not clamped, in the texture's colour space: what `codes` decode to."""
-    coefficients = decode_coefficients(codes, decoder, config) * decoder.basis_scale.astype(np.float64)
+def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
+    """[blocks, texels of a block, channels] float64, not clamped, in the texture's colour space: what codes decode to."""
+    coefficients = decode_coefficients(stored, decoder, config) * decoder.basis_scale.astype(np.float64)
     normalised = np.einsum("nk,ktc->ntc", coefficients, decoder.basis.astype(np.float64), optimize=True)
     values: Array = texture.mean.astype(np.float64) + normalised @ texture.axes.astype(np.float64).T
     return values
+
+
+def texture_codes(texture: BlockTexture, config: BlockCodecConfig, level: int) -> BlockCodes:
+    """The codes of all blocks of mip `level`. Raises ValueError for words that no encoder writes."""
+    levels = latent_levels(texture.width, texture.height, config)
+    rows = level_rows(texture.words, levels, config)[level]
+    return level_codes(texture.words[rows.first : rows.first + rows.rows], levels[level], config)
 
 
 def texel_values(
     texture: BlockTexture,
     decoder: BlockDecoder,
     config: BlockCodecConfig,
-    level: LatentLevel,
+    level: int,
     column: NDArray[np.int64],
     row: NDArray[np.int64],
 ) -> Array:
-    """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of a level."""
+    """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of mip `level`."""
     side = config.block_side
-    block = level.first_cell + row // side * level.width + column // side
-    used, place = np.unique(block, return_inverse=True)
-    values = block_values(texture, texture.codes[used], decoder, config)
+    width = latent_levels(texture.width, texture.height, config)[level].width
+    used, place = np.unique(row // side * width + column // side, return_inverse=True)
+    stored = texture_codes(texture, config, level)
+    values = block_values(texture, BlockCodes(stored.codes[used], stored.sizes[used]), decoder, config)
     return np.asarray(values[place.reshape(-1), row % side * side + column % side])
 
 
-def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
-    """[blocks, texels of a block, channels] float64 in [0, 1], in the texture's colour space: all blocks of all levels."""
-    shown: Array = np.clip(block_values(texture, texture.codes, decoder, config), 0.0, 1.0)
+def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig, level: int) -> Array:
+    """[blocks, texels of a block, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
+    values = block_values(texture, texture_codes(texture, config, level), decoder, config)
+    shown: Array = np.clip(values, 0.0, 1.0)
     return shown
 
 
@@ -70,8 +79,6 @@ def decode_image(
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
     geometry = latent_levels(texture.width, texture.height, config)[level]
-    first, count = geometry.first_cell, geometry.cells
-    part = BlockTexture(texture.width, texture.height, texture.codes[first : first + count], texture.mean, texture.axes)
-    values = image_of(decode_blocks(part, decoder, config), geometry, config.block_side)
+    values = image_of(decode_blocks(texture, decoder, config, level), geometry, config.block_side)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels

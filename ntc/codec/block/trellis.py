@@ -6,12 +6,10 @@ scalar quantisation has, which is worth 0.7 to 1.9 dB at no cost to the decoder 
 the trellis is that of JPEG 2000 part 2, ITU-T T.801, Annex D).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import LARGEST_DEPTH
+from ntc.codec.block.config import LARGEST_DEPTH, SCALE_STEPS_PER_OCTAVE
 
 STATES = 8
 BRANCHES: tuple[tuple[tuple[int, int], tuple[int, int]], ...] = (
@@ -82,14 +80,21 @@ def branch_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return table[..., 0], table[..., 1]
 
 
-def share_out_bits(variances: Sequence[float] | NDArray[np.float64], bits: int) -> NDArray[np.uint8]:
+def _allocation_keys() -> NDArray[np.int64]:
+    """[LARGEST_DEPTH] int64, falling: 16 log2 of what the variance is multiplied by for the error that each further bit takes away."""
+    gains = -np.diff(np.asarray(EXPECTED_ERROR))
+    keys: NDArray[np.int64] = np.rint(SCALE_STEPS_PER_OCTAVE * np.log2(gains)).astype(np.int64)
+    return keys
+
+
+def share_out_bits(scales: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
     """[coefficients] uint8 depths that sum to `bits`: each bit goes where it lowers the expected squared error most.
 
-    Fewer where every coefficient has LARGEST_DEPTH already.
+    `scales` are stored scales (`ntc.codec.block.model.scale_values`). In integers, so that every reader comes to the same depths.
+    Fewer bits where every coefficient has LARGEST_DEPTH already.
     """
-    variance = np.asarray(variances, np.float64)
-    gains = -np.diff(np.asarray(EXPECTED_ERROR))
-    every = variance[:, None] * gains
+    # A variance is the square of a scale, so its logarithm is twice as large.
+    keys = 2 * scales.astype(np.int64)[:, None] + _allocation_keys()
     # Gains of a coefficient fall with its depth, so the greatest ones of all coefficients are a valid allocation.
-    order = np.argsort(-every, axis=None, kind="stable")[: min(bits, every.size)]
-    return np.bincount(order // LARGEST_DEPTH, minlength=len(variance)).astype(np.uint8)
+    order = np.argsort(-keys, axis=None, kind="stable")[: min(bits, keys.size)]
+    return np.bincount(order // LARGEST_DEPTH, minlength=len(scales)).astype(np.uint8)

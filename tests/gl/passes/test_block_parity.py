@@ -27,13 +27,17 @@ WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
 TOLERANCE = 1e-4
 SHAPES = {
     "default": BlockCodecConfig(),
-    "one-word": BlockCodecConfig(block_words=1, modes=2, coefficients=20),
-    "three-words-4x4": BlockCodecConfig(block_side=4, block_words=3, modes=64, coefficients=48),
-    "sixteen-words": BlockCodecConfig(block_words=16, modes=1, coefficients=192),
-    "four-channels": BlockCodecConfig(block_words=7, coefficients=256, output_channels=4, modes=8),
-    "one-channel-4x4": BlockCodecConfig(block_side=4, block_words=2, coefficients=16, output_channels=1, modes=16),
-    "two-channels": BlockCodecConfig(block_words=5, coefficients=100, output_channels=2, levels=2),
-    "one-coefficient": BlockCodecConfig(block_words=2, coefficients=1, modes=4),
+    "one-word": BlockCodecConfig(block_words=(1,), mean_words=1.0, modes=2, coefficients=20),
+    "three-words-4x4": BlockCodecConfig(block_side=4, block_words=(3,), mean_words=3.0, modes=64, coefficients=48),
+    "sixteen-words": BlockCodecConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192),
+    "four-channels": BlockCodecConfig(block_words=(7,), mean_words=7.0, coefficients=256, output_channels=4, modes=8),
+    "one-channel-4x4": BlockCodecConfig(
+        block_side=4, block_words=(2,), mean_words=2.0, coefficients=16, output_channels=1, modes=16
+    ),
+    "two-channels": BlockCodecConfig(block_words=(5,), mean_words=5.0, coefficients=100, output_channels=2, levels=2),
+    "two-sizes-4x4": BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8),
+    "three-sizes": BlockCodecConfig(block_words=(2, 3, 16), mean_words=3.0, coefficients=150, modes=16),
+    "one-coefficient": BlockCodecConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=4),
 }
 Codec = tuple[Pack, GlTexelDecoder]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block_pack import latent_rows
 from ntc.codec.color import linear_to_srgb
 from ntc.codec.model import Pack
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
@@ -21,7 +22,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
-CONFIG = BlockCodecConfig(block_words=3, modes=8, coefficients=60)
+CONFIG = BlockCodecConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
 GROUPINGS = {"two groups": (0, 1, 0), "one decoder": (0, 0, 0)}
 
 
@@ -95,8 +96,8 @@ def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: Grap
     image = texture(*SIZES[0], 64)
     pack = random_block_pack(SIZES[:1], (0,), CONFIG, [image.pixel_hash])
     pack = replace(pack, textures=tuple(replace(t, scale=t.scale * np.float32(0.15)) for t in pack.textures))
-    # Room for mip 1 and those below it: 4 x 4, 2 x 2 and 1 x 1 blocks.
-    budget = LatentBudget(21 * CONFIG.cell_bytes)
+    # Room for mip 1 and those below it.
+    budget = LatentBudget(sum(row.rows for row in latent_rows(pack.textures[0], CONFIG)[1:]) * CONFIG.cell_bytes)
     renderer = Renderer(
         graphics, scene_of([case.map.quad(SIZE, 0, 0)], [Material("m", 0, WHITE)], [image]), latents=budget
     )
@@ -111,3 +112,30 @@ def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: Grap
     # Tiles are resampled on the texels of the mip that is missing, and have 8 bits.
     assert np.abs(shown - expected).mean() <= (0.01 if path == "cached" else TOLERANCE)
     renderer.release()
+
+
+@pytest.mark.parametrize("path", ["deferred", "cached"])
+def test_a_version_whose_codes_take_other_room_replaces_the_one_before(
+    graphics: GraphicsContext, path: DecodePath
+) -> None:
+    scene, slot = objects(), Slot("p", path)
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    hashes = [t.pixel_hash for t in scene.textures]
+    old, other = (random_block_pack(sizes, (0, 1, 0, 1), CONFIG, hashes, seed=seed) for seed in (0, 1))
+    # Of group 1 alone, textures 1 and 3.
+    textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
+    new = replace(old, textures=textures)
+    assert latent_rows(new.textures[1], CONFIG) != latent_rows(old.textures[1], CONFIG)
+    renderer, fresh = Renderer(graphics, scene), Renderer(graphics, scene)
+    renderer.set_packs({"p": old})
+    before = pictures(renderer, slot)
+    renderer.update_pack("p", new, frozenset({1}))
+    fresh.set_packs({"p": new})
+    # Tiles lie on other pages than in a fresh cache, and are sampled at other coordinates.
+    for found, expected in zip(pictures(renderer, slot), pictures(fresh, slot), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
+    renderer.update_pack("p", old, frozenset({1}))
+    for found, expected in zip(pictures(renderer, slot), before, strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
+    renderer.release()
+    fresh.release()

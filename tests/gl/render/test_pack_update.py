@@ -29,7 +29,8 @@ ENCODED_SIZES = ((256, 256), (512, 256), (160, 96), (330, 330))
 """Larger than the scene's images: the latents of a group take more than one frame."""
 MEMBERS = [1, 3]
 ADAPTED = CodecConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
-BLOCK = BlockCodecConfig(block_words=3, modes=4, coefficients=40)
+BLOCK = BlockCodecConfig(block_words=(3,), mean_words=3.0, modes=4, coefficients=40)
+BLOCK_SIZES = BlockCodecConfig(block_words=(1, 3, 4), mean_words=3.0, modes=4, coefficients=40)
 CACHED = Slot("p", "cached")
 DEFERRED = Slot("p", "deferred")
 ELSEWHERE = 1e-3
@@ -79,7 +80,9 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
 
 
-@pytest.mark.parametrize("config", [None, ADAPTED, BLOCK], ids=["plain", "adapted", "block"])
+@pytest.mark.parametrize(
+    "config", [None, ADAPTED, BLOCK, BLOCK_SIZES], ids=["plain", "adapted", "block", "block, sizes"]
+)
 @pytest.mark.parametrize("precision", ["fp32", "fp16"])
 @pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
 @pytest.mark.parametrize("in_image", [False, True], ids=["buffer", "image"])

@@ -43,7 +43,7 @@ HARDWARE = 4e-3
 """Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
 
 
-SMALL_BLOCKS = BlockCodecConfig(block_side=4, block_words=2, coefficients=30, modes=8)
+SMALL_BLOCKS = BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8)
 CODECS: dict[str, Callable[..., Pack]] = {
     "grid": random_pack,
     "block": random_block_pack,

@@ -1,7 +1,8 @@
 """What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words.
 
 First a block of zeros and the levels of the trellis, which all decoders share. Then for each decoder, four coefficients to a block,
-- for each mode its list of coefficients: a word for each, its scale as float32 whose lowest three bits give way to its depth;
+- for each size of a code, for each mode its list of coefficients: a word for each, its scale as float32, whose lowest three bits hold
+  its depth;
 - for each four coefficients, for each texel, their rows of the basis: a word for each, a signed byte for each channel.
 """
 
@@ -12,12 +13,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_SIZES, BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
 
 Words = NDArray[np.uint32]
-GROUP = 4
+AT_ONCE = 4
 """Coefficients that shaders read at once."""
 DEPTH_MASK = np.uint32(7)
 """Bits of a scale that give way to a depth: a relative error of 2^-22."""
@@ -56,27 +57,30 @@ class BlockTables:
     def __init__(self, config: BlockCodecConfig) -> None:
         self._config = config
         self.first_block = len(trellis_blocks())
-        self.groups = -(-config.coefficients // GROUP)
-        self.basis = config.modes * self.groups
-        self.blocks = self.basis + self.groups * config.block_texels
+        self.list_blocks = -(-config.coefficients // AT_ONCE)
+        self.basis = len(config.block_words) * config.modes * self.list_blocks
+        self.blocks = self.basis + self.list_blocks * config.block_texels
 
     def _lists(self, decoder: BlockDecoder) -> Words:
         exact = scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)
         scales = exact.astype("<f4").view("<u4")
-        words = ((scales + (DEPTH_MASK + 1) // 2) & ~DEPTH_MASK) | decoder.depths
-        active = np.where(decoder.depths > 0, words, 0).astype(np.uint32)
-        return self._padded(active, axis=1).reshape(-1, GROUP)
+        depths = decoder.depths(self._config)
+        words = ((scales + (DEPTH_MASK + 1) // 2) & ~DEPTH_MASK) | depths
+        active = np.where(depths > 0, words, 0).astype(np.uint32)
+        return self._padded(active, axis=2).reshape(-1, AT_ONCE)
 
     def _basis(self, decoder: BlockDecoder) -> Words:
         config = self._config
         rows = np.zeros((config.coefficients, config.block_texels, 4), np.int8)
         rows[..., : config.output_channels] = decoder.basis
         words = self._padded(rows.view("<u4")[..., 0], axis=0)
-        return np.ascontiguousarray(words.reshape(self.groups, GROUP, -1).transpose(0, 2, 1)).reshape(-1, GROUP)
+        return np.ascontiguousarray(words.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1)).reshape(
+            -1, AT_ONCE
+        )
 
     def _padded(self, words: Words, axis: int) -> Words:
         """`words` with zeros for the coefficients that the last four lack."""
-        missing = self.groups * GROUP - words.shape[axis]
+        missing = self.list_blocks * AT_ONCE - words.shape[axis]
         return np.pad(words, [(0, missing if number == axis else 0) for number in range(words.ndim)])
 
     def decoder_bytes(self, decoder: BlockDecoder) -> bytes:
@@ -88,16 +92,24 @@ class BlockTables:
         return b"".join([trellis_blocks().tobytes(), *(self.decoder_bytes(decoder) for decoder in decoders)])
 
 
+def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
+    """Words by size class; classes that the codec lacks, and no directory names, as the smallest."""
+    return (*sizes, *[sizes[0]] * (LARGEST_SIZES - len(sizes)))
+
+
 def block_glsl(config: BlockCodecConfig) -> str:
     """Defines of shaders/ntc/block.glsl."""
     tables = BlockTables(config)
     values = {
         "BLOCK_SIDE": config.block_side,
+        "CODE_SIZES": len(config.block_words),
+        "CLASS_WORDS": f"ivec4({', '.join(str(words) for words in _four(config.block_words))})",
+        "DIRECTORY_RUN": DIRECTORY_RUN,
         "MODES": config.modes,
         "FIRST_TABLE_BLOCK": tables.first_block,
         "TABLE_BLOCKS": tables.blocks,
         "LISTS_BLOCKS": tables.basis,
-        "GROUPS": tables.groups,
+        "LIST_BLOCKS": tables.list_blocks,
         "MODE_BITS": f"{config.mode_bits}u",
         "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
         "CHANNELS_T": CHANNEL_TYPES[config.output_channels - 1],

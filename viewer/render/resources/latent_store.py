@@ -7,6 +7,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.storage import StoredRows
+from ntc.codec.block_pack import latent_rows
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.model import AnyCodec, EncodedTexture
@@ -47,7 +49,10 @@ def stored_words(texture: EncodedTexture, config: AnyCodec, cells: slice) -> NDA
 
 
 class LatentStore:
-    """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is."""
+    """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is.
+
+    They are counted in cells: rows of the stored latents, which are words for codec `block`.
+    """
 
     def __init__(
         self,
@@ -64,6 +69,8 @@ class LatentStore:
         self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
             () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
         )
+        self.rows: list[tuple[StoredRows, ...]] = [self._rows_of(texture) for texture in textures]
+        """Where each mip lies in its texture's latents."""
         counts = [len(pyramid) for pyramid in self.pyramids]
         self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
         """[textures] row of `levels` of each texture's finest mip."""
@@ -78,19 +85,21 @@ class LatentStore:
         """[textures] finest mip that is there; the number of mips where none is."""
         # Of each texture one entry more than mips, so that `finest` may say that none is there.
         self._first_sum = self.first_level + np.arange(len(counts))
-        self._cells_from = np.array(
-            [
-                sum(level.cells for level in pyramid[start:])
-                for pyramid in self.pyramids
-                for start in range(len(pyramid) + 1)
-            ],
-            np.int64,
-        )
+        self._cells_from = self._counted_cells()
         self._mips = np.array(counts, np.int64)
         self._used = 0
         self._without_room = 0
         self._out_of_memory = False
         self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self.cell_bytes)
+
+    def _rows_of(self, texture: EncodedTexture | None) -> tuple[StoredRows, ...]:
+        return () if texture is None else latent_rows(texture, self.config)
+
+    def _counted_cells(self) -> NDArray[np.int64]:
+        """[mips and one more of each texture] int64: cells from each mip on."""
+        return np.array(
+            [sum(row.rows for row in rows[start:]) for rows in self.rows for start in range(len(rows) + 1)], np.int64
+        )
 
     def _cells(self, index: int, finest: int) -> int:
         """Cells of a texture from mip `finest` on."""
@@ -122,6 +131,24 @@ class LatentStore:
         """Upload from these versions, given by index, from now on. What is on the GPU stays (`LatentUpdate` replaces it)."""
         for index, texture in textures.items():
             self._textures[index] = texture
+
+    def fits(self, index: int, texture: EncodedTexture) -> bool:
+        """Whether each mip of this version takes as much as that of the present one, and so can replace it in its place."""
+        return self._rows_of(texture) == self.rows[index]
+
+    def reload(self, textures: Mapping[int, EncodedTexture]) -> int:
+        """Hold these versions, given by index, whatever room they take: all that is there is uploaded anew; the bytes.
+
+        Raises GpuMemoryError as `need` does.
+        """
+        there = {index: int(level) for index, level in enumerate(self.finest) if level < self._mips[index]}
+        self.replace_textures(textures)
+        for index, texture in textures.items():
+            self.rows[index] = self._rows_of(texture)
+        self._cells_from = self._counted_cells()
+        self.finest[:], self._used = self._mips, 0
+        self.need(there)
+        return int(self.bytes_by_texture.sum())
 
     def need(self, wanted: Mapping[int, int]) -> bool:
         """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
@@ -164,7 +191,7 @@ class LatentStore:
             open_ones = [index for index, level in fitting.items() if level + 1 < len(self.pyramids[index])]
             if not open_ones:
                 break
-            largest = max(open_ones, key=lambda index: self.pyramids[index][fitting[index]].cells)
+            largest = max(open_ones, key=lambda index: self.rows[index][fitting[index]].rows)
             fitting[largest] += 1
             self._without_room += 1
         return fitting
@@ -187,17 +214,17 @@ class LatentStore:
 
     def _upload(self, index: int, finest: int) -> None:
         """Upload a texture's mips from `finest` to those that are there."""
-        texture, pyramid = self._textures[index], self.pyramids[index]
+        texture, rows = self._textures[index], self.rows[index]
         assert texture is not None
         present = int(self.finest[index])
-        start = pyramid[finest].first_cell
-        end = pyramid[present].first_cell if present < len(pyramid) else len(texture.latents)
+        start = rows[finest].first
+        end = rows[present].first if present < len(rows) else len(texture.latents)
         self.buffer.write(
             stored_words(texture, self.config, slice(start, end)).tobytes(), offset=self._used * self.cell_bytes
         )
         for number in range(finest, present):
             row = int(self.first_level[index]) + number
-            self.levels[row]["first_cell"] = self._used + pyramid[number].first_cell - start
+            self.levels[row]["first_cell"] = self._used + rows[number].first - start
         self._used += end - start
         self.finest[index] = finest
 

@@ -22,25 +22,28 @@ class CellRange:
 
 
 class LatentUpdate:
-    """Replaces the latents of `textures`, given by index in the store, by others of the same sizes.
+    """Replaces the latents of `textures`, given by index in the store, by others of textures of the same sizes.
 
-    The store keeps its old latents, and may load more of them, until `apply`.
+    The store keeps its old latents, and may load more of them, until `apply`. Latents that take other room than before are not
+    staged: with them the store is filled anew.
     """
 
     def __init__(self, store: LatentStore, textures: Mapping[int, EncodedTexture]) -> None:
         self._store, self._textures = store, textures
+        self.fits = all(store.fits(index, texture) for index, texture in textures.items())
+        """Whether the new latents take the places of the old ones."""
         self._staged: dict[tuple[int, int], int] = {}
         """Cells that are staged, by texture and mip."""
         self._batches: list[tuple[moderngl.Buffer, list[CellRange]]] = []
 
     def _missing(self) -> Iterator[CellRange]:
         """Cells on the GPU whose new version is not staged."""
-        for index in self._textures:
-            pyramid = self._store.pyramids[index]
-            for level in range(int(self._store.finest[index]), len(pyramid)):
+        for index in self._textures if self.fits else ():
+            rows = self._store.rows[index]
+            for level in range(int(self._store.finest[index]), len(rows)):
                 first = self._staged.get((index, level), 0)
-                if first < pyramid[level].cells:
-                    yield CellRange(index, level, first, pyramid[level].cells - first)
+                if first < rows[level].rows:
+                    yield CellRange(index, level, first, rows[level].rows - first)
 
     @property
     def missing_bytes(self) -> int:
@@ -48,7 +51,7 @@ class LatentUpdate:
         return sum(part.count for part in self._missing()) * self._store.cell_bytes
 
     def _words(self, part: CellRange) -> bytes:
-        start = self._store.pyramids[part.texture][part.level].first_cell + part.first
+        start = self._store.rows[part.texture][part.level].first + part.first
         cells = slice(start, start + part.count)
         return stored_words(self._textures[part.texture], self._store.config, cells).tobytes()
 
@@ -68,8 +71,13 @@ class LatentUpdate:
         return len(data)
 
     def apply(self) -> int:
-        """Upload what is not staged, and have the store hold the new latents; the bytes uploaded."""
+        """Upload what is not staged, and have the store hold the new latents; the bytes uploaded.
+
+        The store's `levels` and `finest` may then be others. Raises GpuMemoryError where latents take more room than before.
+        """
         store, uploaded = self._store, 0
+        if not self.fits:
+            return store.reload(self._textures)
         for part in self._missing():
             data = self._words(part)
             store.buffer.write(data, offset=self._offset(part))

@@ -152,7 +152,7 @@ LEVEL_RECORD = np.dtype(
         ("padding_2", "<i4"),
     ]
 )
-"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents."""
+"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents, for codec `block` in words."""
 
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""

@@ -181,11 +181,15 @@ class PackBuffers:
     def need(self, wanted: Mapping[int, int]) -> None:
         """Upload what is missing of these mips, given as finest mip by texture. Raises GpuMemoryError."""
         if self.latent_store.need(wanted):
-            finest = self.latent_store.finest
-            last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
-            self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
-            self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
-            self._tables[StorageBinding.LEVELS].write(self.latent_store.levels.tobytes())
+            self.note_latents()
+
+    def note_latents(self) -> None:
+        """Tell shaders which mips are there, and where, after the store has changed."""
+        finest = self.latent_store.finest
+        last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
+        self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
+        self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
+        self._tables[StorageBinding.LEVELS].write(self.latent_store.levels.tobytes())
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ntc.codec.block import reference
-from ntc.codec.block.blocks import blocks_of, image_of, packed_codes, unpacked_codes
+from ntc.codec.block.blocks import blocks_of, image_of
+from ntc.codec.block.codes import packed_codes, unpacked_codes
 from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
 from ntc.codec.block.encoder import encode_group
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
 from ntc.codec.block.quantizer import TrellisQuantizer
+from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out_bits
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
@@ -40,19 +42,17 @@ def smooth_texture(
 def random_decoder(config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
     """Valid tables without meaning."""
     random = np.random.default_rng(seed)
-    depths = np.stack(
-        [
-            share_out_bits(random.lognormal(0, 2, config.coefficients), config.coefficient_bits)
-            for _ in range(config.modes)
-        ]
-    )
     shape = (config.coefficients, config.block_texels, config.output_channels)
     return BlockDecoder(
         random.integers(-127, 128, shape).astype(np.int8),
         random.uniform(0.001, 0.01, config.coefficients).astype(np.float32),
-        depths,
-        random.integers(100, 200, depths.shape).astype(np.uint8),
+        random.integers(100, 200, (config.modes, config.coefficients)).astype(np.uint8),
     )
+
+
+def fixed_size(words: int, **settings: int) -> BlockCodecConfig:
+    """Codes of one size."""
+    return BlockCodecConfig(block_words=(words,), mean_words=words, **settings)  # type: ignore[arg-type]
 
 
 def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
@@ -87,38 +87,50 @@ def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
     assert latent_levels(1, 1, BlockCodecConfig())[-1].cells == 1
 
 
-@pytest.mark.parametrize("words", [1, 2, 3, 4, 9, 16])
+@pytest.mark.parametrize("sizes", [(1,), (2,), (16,), (1, 2, 3), (2, 5, 9, 16)])
 @pytest.mark.parametrize("modes", [1, 2, 64])
-def test_codes_hold_modes_and_indices(words: int, modes: int) -> None:
-    config = BlockCodecConfig(block_words=words, modes=modes, coefficients=60)
-    decoder, random = random_decoder(config), np.random.default_rng(words)
-    chosen = random.integers(0, modes, 50)
-    depths = decoder.depths[chosen].astype(np.int64)
+def test_codes_hold_modes_and_indices(sizes: tuple[int, ...], modes: int) -> None:
+    config = BlockCodecConfig(block_words=sizes, mean_words=sizes[0], modes=modes, coefficients=60)
+    decoder, random = random_decoder(config), np.random.default_rng(sizes[0])
+    chosen, size = random.integers(0, modes, 50), random.integers(0, len(sizes), 50)
+    allocations = decoder.depths(config)
+    depths = allocations[size, chosen].astype(np.int64)
+    assert (depths.sum(1) <= np.array(config.coefficient_bits)[size]).all()
     indices = (random.integers(0, 1 << 30, depths.shape) & ((1 << depths) - 1)).astype(np.uint32)
-    codes = packed_codes(chosen, indices, decoder, config)
-    assert codes.shape == (50, words)
-    read_modes, read_indices = unpacked_codes(codes, decoder, config)
+    codes = packed_codes(chosen, size, indices, allocations, config)
+    assert codes.shape == (50, sizes[-1])
+    assert not (codes[np.arange(sizes[-1]) >= np.array(sizes)[size, None]]).any()
+    read_modes, read_depths, read_indices = unpacked_codes(codes, size, decoder, config)
     np.testing.assert_array_equal(read_modes, chosen)
+    np.testing.assert_array_equal(read_depths, depths)
     np.testing.assert_array_equal(read_indices, indices)
 
 
 def test_any_words_decode_to_finite_values() -> None:
     decoder = random_decoder(SMALL)
     random = np.random.default_rng(1)
-    words = random.integers(0, 1 << 32, (500, SMALL.block_words), dtype=np.uint64).astype(np.uint32)
-    texture = BlockTexture(8, 8, words, np.full(3, 0.5, np.float32), np.eye(3, dtype=np.float32))
-    values = reference.decode_blocks(texture, decoder, SMALL)
-    assert np.isfinite(values).all()
-    assert values.min() >= 0.0
-    assert values.max() <= 1.0
+    words = random.integers(0, 1 << 32, (500, SMALL.block_words[-1]), dtype=np.uint32)
+    stored = BlockCodes(words, random.integers(0, len(SMALL.block_words), 500))
+    texture = BlockTexture(8, 8, words[0], np.full(3, 0.5, np.float32), np.eye(3, dtype=np.float32))
+    assert np.isfinite(reference.block_values(texture, stored, decoder, SMALL)).all()
 
 
 def test_bits_go_where_they_lower_the_error_most() -> None:
-    depths = share_out_bits([100.0, 1.0, 1.0, 1e-6], 9)
+    scales = stored_scales(np.array([10.0, 1.0, 1.0, 1e-3]))
+    depths = share_out_bits(scales, 9)
     assert depths.sum() == 9
     assert depths[0] > depths[1] >= depths[2] > depths[3]
-    assert share_out_bits([1.0, 1.0], 100).tolist() == [LARGEST_DEPTH, LARGEST_DEPTH]
-    assert share_out_bits([1.0], 0).tolist() == [0]
+    assert share_out_bits(scales[1:3], 100).tolist() == [LARGEST_DEPTH, LARGEST_DEPTH]
+    assert share_out_bits(scales[:1], 0).tolist() == [0]
+
+
+def test_every_reader_derives_the_same_bits() -> None:
+    scales = np.arange(40, 240, 5, dtype=np.uint8)
+    found = [share_out_bits(scales[::-1], bits).tolist() for bits in (30, 90, 250)]
+    assert [sum(depths) for depths in found] == [30, 90, 250]
+    # Falling with the scale, and written down: files depend on it.
+    assert all(depths == sorted(depths, reverse=True) for depths in found)
+    assert found[0][:12] == [5, 4, 4, 3, 3, 3, 2, 2, 2, 1, 1, 0]
 
 
 def _best_by_trying_all(values: NDArray[np.float64], depths: list[int], scales: NDArray[np.float64]) -> float:
@@ -155,14 +167,15 @@ def test_what_is_stored_decodes_to_what_the_quantizer_chose() -> None:
     config = BlockCodecConfig(coefficients=60, modes=8)
     decoder, random = random_decoder(config), np.random.default_rng(2)
     modes = random.integers(0, config.modes, 200)
-    depths, scales = decoder.depths[modes].astype(np.int64), scale_values(decoder.scales)[modes]
+    sizes, allocations = random.integers(0, len(config.block_words), 200), decoder.depths(config)
+    depths, scales = allocations[sizes, modes].astype(np.int64), scale_values(decoder.scales)[modes]
     values = torch.from_numpy((random.normal(size=depths.shape) * scales * 1.5).astype(np.float32))
     numbers, decoded = TrellisQuantizer().quantize(
         values, torch.from_numpy(depths), torch.from_numpy(scales.astype(np.float32))
     )
-    codes = packed_codes(modes, indices_of(numbers.numpy(), depths), decoder, config)
+    codes = packed_codes(modes, sizes, indices_of(numbers.numpy(), depths), allocations, config)
     np.testing.assert_allclose(
-        reference.decode_coefficients(codes, decoder, config), decoded.numpy(), rtol=1e-5, atol=1e-7
+        reference.decode_coefficients(BlockCodes(codes, sizes), decoder, config), decoded.numpy(), rtol=1e-5, atol=1e-7
     )
 
 
@@ -201,7 +214,7 @@ def test_more_bits_give_a_nearer_picture_and_modes_help() -> None:
         found = [reference.decode_image(texture, decoder, config) for texture in textures]
         return float(np.mean([psnr_db(d, s.pixels) for d, s in zip(found, sources, strict=True)]))
 
-    by_words = [mean_psnr(BlockCodecConfig(block_words=words, coefficients=96, modes=1)) for words in (2, 4, 8)]
+    by_words = [mean_psnr(fixed_size(words, coefficients=96, modes=1)) for words in (2, 4, 8)]
     assert by_words[0] + 2 < by_words[1] < by_words[2] - 2
 
 
@@ -213,12 +226,22 @@ def test_a_constant_texture_is_exact_and_the_same_seed_gives_the_same_bytes() ->
     sources = [smooth_texture(48, 32, seed=seed) for seed in range(2)]
     first, second = (encode_group(sources, SMALL, seed=9) for _ in range(2))
     assert first[0].basis.tobytes() == second[0].basis.tobytes()
-    assert all(a.codes.tobytes() == b.codes.tobytes() for a, b in zip(first[1], second[1], strict=True))
+    assert all(a.words.tobytes() == b.words.tobytes() for a, b in zip(first[1], second[1], strict=True))
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("block_side", 5), ("block_words", 0), ("modes", 3), ("coefficients", 193)]
+    ("field", "value"),
+    [
+        ("block_side", 5),
+        ("block_words", (0, 1)),
+        ("block_words", (2, 2)),
+        ("block_words", (1, 17)),
+        ("block_words", ()),
+        ("mean_words", 0.0),
+        ("modes", 3),
+        ("coefficients", 193),
+    ],
 )
-def test_settings_out_of_range_are_named(field: str, value: int) -> None:
+def test_settings_out_of_range_are_named(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         BlockCodecConfig(**{field: value})  # type: ignore[arg-type]

@@ -28,7 +28,7 @@ WRAPS = tuple(product(MODES, MODES))
 
 def four_textures(channels: int = 3, side: int = 8, levels: int | None = None) -> Pack:
     """A pack of all SIZES in two groups."""
-    shape = {"block_side": side, "block_words": side // 2, "coefficients": 16, "modes": 8}
+    shape = {"block_side": side, "block_words": (1, 2, 4, 7)[: side // 2], "coefficients": 16, "modes": 8}
     config = BlockCodecConfig(**shape, output_channels=channels, levels=levels)  # type: ignore[arg-type]
     return random_block_pack(SIZES, (0, 1, 0, 1), config)
 
@@ -38,8 +38,7 @@ def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     texture, config = pack.textures[index], pack.block_config
     stored, decoder = block_texture(texture, config), pack.block_decoders[texture.group]
     geometry = latent_levels(texture.width, texture.height, config)[level]
-    codes = stored.codes[geometry.first_cell : geometry.first_cell + geometry.cells]
-    values = reference.block_values(stored, codes, decoder, config)
+    values = reference.block_values(stored, reference.texture_codes(stored, config, level), decoder, config)
     return image_of(values, geometry, config.block_side).astype(np.float64)
 
 

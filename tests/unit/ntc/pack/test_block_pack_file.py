@@ -19,7 +19,8 @@ from ntc.pack.schema import parse_metadata
 from ntc.pack.validate import check_pack
 from tests.support.pack_bytes import PackBytes
 
-SMALL = BlockCodecConfig(block_side=4, block_words=2, coefficients=10, modes=4)
+SMALL = BlockCodecConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
+SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))
 Change = Callable[[PackBytes], None]
 
 
@@ -36,8 +37,9 @@ def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
     [
         BlockCodecConfig(),
         SMALL,
-        BlockCodecConfig(block_words=16, modes=1, coefficients=192, levels=1),
-        BlockCodecConfig(block_words=1, modes=64, coefficients=1, output_channels=1),
+        SIZES_OF_CODES,
+        BlockCodecConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
+        BlockCodecConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
         BlockCodecConfig(output_channels=4),
     ],
 )
@@ -56,7 +58,7 @@ def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
             np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
         assert (one.name, one.wrap, one.group, other.adapter) == (other.name, other.wrap, other.group, None)
     for decoder, twin in zip(pack.block_decoders, read.block_decoders, strict=True):
-        for part in ("basis", "basis_scale", "depths", "scales"):
+        for part in ("basis", "basis_scale", "scales"):
             array, found = getattr(decoder, part), getattr(twin, part)
             assert (array.dtype, array.tobytes()) == (found.dtype, found.tobytes())
 
@@ -67,10 +69,11 @@ def test_the_file_holds_what_the_format_says(tmp_path: Path, pieces: PackBytes) 
     assert len(read_pack(path).textures) == 3
     assert set(expected_tensors(parse_metadata(json.dumps(pieces.metadata)))) == set(pieces.tensors)
     assert pieces.metadata["codec"] == {
-        "kind": "block", "block_side": 4, "block_words": 2, "coefficients": 10, "modes": 4, "output_channels": 3, "levels": None,
+        "kind": "block", "block_side": 4, "block_words": [2], "mean_words": 2.0, "coefficients": 10, "modes": 4,
+        "output_channels": 3, "levels": None,
     }  # fmt: skip
-    # 2 x 2 blocks, then 1.
-    assert pieces.tensors["latents.0"]["shape"] == [5, 8]
+    # 2 x 2 blocks, then 1, of two words.
+    assert pieces.tensors["latents.0"]["shape"] == [10, 4]
 
 
 def test_files_of_codec_grid_name_no_kind_and_may(tmp_path: Path) -> None:
@@ -95,14 +98,12 @@ def codec(field: str, value: Any) -> Change:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (put("decoder.0.depths", 3, b"\x08"), ("decoder.0.depths", "7 bits")),
-        (put("decoder.1.depths", 0, b"\x07" * 10), ("decoder.1.depths", "62 bits")),
         (put("decoder.0.basis_scale", 0, struct.pack("<f", float("nan"))), ("decoder.0.basis_scale", "NaN")),
         (put("decoder.0.basis_scale", 4, struct.pack("<f", 1e30)), ("decoder.0.basis_scale", "beyond 16")),
         (put("latents.2.mean", 0, struct.pack("<f", float("inf"))), ("latents.2.mean", "NaN or infinity")),
         (put("latents.1.axes", 32, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
         (lambda p: p.tensors["decoder.0.basis"].update(dtype="U8"), ("decoder.0.basis", "expected I8")),
-        (lambda p: p.tensors["latents.0"].update(shape=[40]), ("latents.0", "expected U8 [5, 8]")),
+        (lambda p: p.tensors["latents.0"].update(shape=[40]), ("latents.0", "expected U8 [any, 4]")),
         (lambda p: p.tensors.pop("latents.1.axes"), ()),
         (codec("kind", "wavelet"), ("metadata.codec.kind",)),
         (codec("kind", None), ("metadata.codec.kind",)),
@@ -111,8 +112,13 @@ def codec(field: str, value: Any) -> Change:
         (lambda p: p.metadata["codec"].pop("modes"), ("metadata.codec has fields",)),
         (codec("hidden_width", 64), ("metadata.codec has fields",)),
         (codec("modes", 3), ("codec.modes",)),
-        (codec("modes", 8), ("decoder.0.depths",)),
-        (codec("block_words", 10**9), ("codec.block_words",)),
+        (codec("modes", 8), ("decoder.0.scales",)),
+        (codec("block_words", [10**9]), ("codec.block_words",)),
+        (codec("block_words", [1]), ("latents.0", "10 words, not the 5")),
+        (codec("block_words", [3]), ("latents.0", "too few")),
+        (codec("block_words", [1, 2, 3, 4, 5]), ("codec.block_words",)),
+        (codec("block_words", 2), ("codec.block_words",)),
+        (codec("mean_words", -1.0), ("codec.mean_words",)),
         (codec("block_side", 5), ("metadata.codec.block_side",)),
         (codec("coefficients", 49), ("codec.coefficients",)),
         (codec("output_channels", 2), ("textures[0].channels",)),
@@ -131,6 +137,27 @@ def test_damaged_files_are_refused_in_one_line(
     assert all(word in line for word in words), line
 
 
+def _directory_changes() -> list[tuple[int, bytes, str]]:
+    """(byte of latents.0, what it becomes, what the message says): a level of 4 blocks, then one of 1."""
+    return [
+        (0, b"\x03", "places where codes begin"),
+        (0, b"\xff" * 4, "places where codes begin"),
+        (4, b"\xff", "a size of codes that the codec does not have"),
+        (4, b"\x00", "latents"),
+    ]
+
+
+@pytest.mark.parametrize(("offset", "value", "words"), _directory_changes())
+def test_directories_that_no_encoder_writes_are_refused(tmp_path: Path, offset: int, value: bytes, words: str) -> None:
+    path = tmp_path / "bad.ntc"
+    pack = random_block_pack(((8, 8), (12, 4), (5, 7)), config=SIZES_OF_CODES, seed=3)
+    write_pack(path, pack)
+    assert len(read_pack(path).textures) == 3
+    path.write_bytes(PackBytes.of(path.read_bytes()).changed(lambda p: p.put("latents.0", offset, value)))
+    with pytest.raises(InputError, match=words):
+        read_pack(path)
+
+
 def test_any_codes_are_valid(tmp_path: Path, pieces: PackBytes) -> None:
     path = tmp_path / "a.ntc"
     for byte in (b"\x00", b"\xff", b"\xa7"):
@@ -142,7 +169,7 @@ def test_what_decodes_differently_is_found() -> None:
     old = random_block_pack()
     assert changed_textures(old, random_block_pack()) == frozenset()
     codes = old.textures[1].latents.copy()
-    codes[0, 0] ^= 1
+    codes[-1, 0] ^= 1
     other = replace(old, textures=(old.textures[0], replace(old.textures[1], latents=codes), old.textures[2]))
     assert same_shape(old, other)
     assert changed_textures(old, other) == {1}

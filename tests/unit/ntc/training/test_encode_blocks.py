@@ -1,6 +1,7 @@
 """Packs of codec `block`, encoded in the caller's process: textures of all kinds, progress, cancelling, sizes."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ from safetensors import safe_open
 from ntc.accuracy.precision_choice import chosen_precision
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.rate import bits_per_texel, config_for_bits
+from ntc.codec.block.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count
+from ntc.codec.block.storage import level_codes
+from ntc.codec.block_pack import block_texture
+from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -30,6 +34,12 @@ def waves(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTe
     image = np.stack([np.sin(x * 0.2 + y * 0.1 * (seed + 1) + c) for c in range(channels)], axis=-1) * 80 + 128
     pixels = np.clip(image + random.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
     return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels), wrap=("mirror", "repeat"))
+
+
+def noise(width: int, height: int) -> SourceTexture:
+    """What no transform compresses."""
+    pixels = np.random.default_rng(7).integers(0, 256, (height, width, 3), np.uint8)
+    return SourceTexture("noise", pixels, hash_pixels(pixels))
 
 
 def test_textures_with_different_channels_share_a_group(tmp_path: Path) -> None:
@@ -112,11 +122,41 @@ def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("groups", [1, 8])
 @pytest.mark.parametrize("channels", [1, 3, 4])
-def test_large_textures_come_within_half_a_word_of_the_bits_asked_for(groups: int, channels: int) -> None:
-    sizes = [(1024, 1024)] * 8
-    for asked in (0.6, 1.0, 2.0, 3.3, 6.0):
-        config = config_for_bits(asked, sizes, groups, channels, None)
-        assert bits_per_texel(sizes, groups, config) == pytest.approx(asked, abs=0.32)
-        assert config.output_channels == channels
-    with pytest.raises(InputError, match=r"--bits 9\.5: set it above 0 and up to 8"):
-        config_for_bits(9.5, sizes, groups, 3, None)
+@pytest.mark.parametrize("side", [4, 8])
+def test_settings_of_large_textures_come_to_the_bits_asked_for(groups: int, channels: int, side: Literal[4, 8]) -> None:
+    textures = TextureSet([(1024, 1024)] * 8, groups, channels)
+    for asked in (0.8, 1.0, 2.0, 3.3, 6.0):
+        if side == 4 and asked < 2.5:
+            continue
+        config = config_for_bits(asked, textures, side)
+        codes = 32.0 * config.mean_words * block_count(textures.sizes, config) + side_bits(textures, config)
+        # Blocks of 4x4 texels have codes of one size where a directory would cost more than it is worth.
+        assert codes / texel_count(textures.sizes, config) == pytest.approx(asked, abs=1e-6 if side == 8 else 0.25)
+        assert (config.output_channels, config.block_side) == (channels, side)
+
+
+def test_bits_out_of_reach() -> None:
+    textures = TextureSet([(1024, 1024)] * 8, 2, 3)
+    for asked in (0.0, -1.0, 9.5):
+        with pytest.raises(InputError, match=r"--bits \S+: set it above 0 and up to 8\.\d\d, what the largest codes"):
+            config_for_bits(asked, textures)
+    # The least that is possible.
+    for few in (textures, TextureSet([(16, 16)], 1, 3)):
+        config = config_for_bits(0.3, few)
+        assert config.mean_words == config.block_words[0] == 1
+
+
+def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
+    rough, smooth = noise(64, 64), waves(64, 64)
+    pack = encode_blocks([rough, smooth], Grouping("single", (0, 0)), BlockCodecConfig(coefficients=48, modes=4))
+    assert len(pack.textures[0].latents) > 1.3 * len(pack.textures[1].latents)
+    # One texture, half of it smooth: the other half takes most of the words.
+    pixels = np.concatenate([rough.pixels[:, :32], smooth.pixels[:, :32]], axis=1)
+    mixed = SourceTexture("mixed", pixels, hash_pixels(pixels))
+    pack = encode_blocks([mixed], Grouping("single", (0,)), BlockCodecConfig(coefficients=48, modes=4, levels=1))
+    texture, config = pack.textures[0], pack.block_config
+    level = latent_levels(64, 64, config)[0]
+    sizes = level_codes(block_texture(texture, config).words, level, config).sizes.reshape(8, 8)
+    assert sizes[:, :4].mean() > sizes[:, 4:].mean() + 1.0
+    mean = np.array(config.block_words)[sizes].mean()
+    assert config.mean_words - 0.1 < mean <= config.mean_words

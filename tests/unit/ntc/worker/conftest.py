@@ -8,7 +8,6 @@ import pytest
 
 from ntc.codec.model import Pack
 from ntc.training.encode import train
-from ntc.training.encode_blocks import encode_blocks
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished
 from tests.support.training_workers import (
@@ -21,6 +20,7 @@ from tests.support.training_workers import (
     SHORT,
     TEXTURES,
     CodecCase,
+    encoded_by_group,
     threads,
     until,
 )
@@ -54,5 +54,5 @@ def case(request: pytest.FixtureRequest, trained: Pack) -> CodecCase:
     """The codecs, one after the other."""
     if request.param == "grid":
         return CodecCase(FROM_NOTHING, replace(FROM_NOTHING, training=ENDLESS), trained)
-    encoded = encode_blocks(TEXTURES, GROUPS, BLOCKS_FROM_NOTHING.block_codec, SHORT.seed)
+    encoded = encoded_by_group(TEXTURES, GROUPS, BLOCKS_FROM_NOTHING.block_codec, SHORT.seed)
     return CodecCase(BLOCKS_FROM_NOTHING, MANY_BLOCKS, encoded)

@@ -9,7 +9,6 @@ import pytest
 
 from ntc.codec.reference import decode_image
 from ntc.metrics.metrics import psnr_db
-from ntc.training.encode_blocks import encode_blocks
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
@@ -21,6 +20,7 @@ from tests.support.training_workers import (
     MANY_BLOCKS,
     TEXTURES,
     blocks,
+    encoded_by_group,
     finished,
     lives,
     pack_of,
@@ -63,7 +63,7 @@ def test_a_group_is_shown_as_soon_as_it_is_encoded_and_the_whole_is_the_pack(sha
 
 def test_encoded_again_only_the_dirty_group_changes_and_never_gets_worse(shared: TrainingWorker) -> None:
     packs = sorted(
-        (encode_blocks(TEXTURES, GROUPS, CODEC, seed) for seed in (1, 2)),
+        (encoded_by_group(TEXTURES, GROUPS, CODEC, seed) for seed in (1, 2)),
         key=lambda pack: sum(texture.psnr_db or 0.0 for texture in pack.textures if texture.group == 0),
     )
     for start, other in (packs, packs[::-1]):
@@ -90,7 +90,7 @@ def test_whatever_the_budget_every_texture_is_encoded(
 ) -> None:
     end, _ = finished(shared, replace(BLOCKS_FROM_NOTHING, budget=budget))
     assert len(end.outcomes) == GROUPS.group_count
-    assert same(pack_of(end), encode_blocks(TEXTURES, GROUPS, CODEC, BLOCKS_FROM_NOTHING.training.seed))
+    assert same(pack_of(end), encoded_by_group(TEXTURES, GROUPS, CODEC, BLOCKS_FROM_NOTHING.training.seed))
     if isinstance(budget, QualityBudget):
         assert end.reason == ("target reached" if budget.psnr_db < 50.0 else "target not reached")
 

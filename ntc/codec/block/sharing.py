@@ -1,0 +1,82 @@
+"""Sharing out words among the blocks of a texture, and among textures, by what they are worth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+BISECTIONS = 40
+BALANCE = 0.5
+"""How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
+BALANCE_ROUNDS = 6
+LEAST_ERROR = (0.25 / 255.0) ** 2
+"""Mean squared error below which a texture is as good as exact: it asks for no more words."""
+
+
+@dataclass(frozen=True, eq=False)
+class RateCurve:
+    """What the words of a texture's blocks are worth."""
+
+    errors: Array
+    """[sampled blocks, sizes] float32: mean squared error of a block's values by size of its code."""
+    block_words: tuple[int, ...]
+    """Words by size."""
+    block_count: int
+    """Blocks of the texture."""
+
+    def at(self, price: float) -> tuple[float, float]:
+        """(words a block, mean squared error) where a word must lower a block's error by at least `price`."""
+        sizes = sizes_at_price(self.errors, self.block_words, price)
+        words = np.array(self.block_words, np.float64)[sizes].mean()
+        return float(words), float(np.take_along_axis(self.errors, sizes[:, None], axis=1).mean())
+
+
+def sizes_at_price(errors: Array, block_words: Sequence[int], price: float) -> NDArray[np.int64]:
+    """[blocks] int64 size classes with the least error plus `price` x words."""
+    found: NDArray[np.int64] = (errors + np.float32(price) * np.array(block_words, np.float32)).argmin(1)
+    return found
+
+
+def sizes_within(errors: Array, block_words: Sequence[int], words: float) -> NDArray[np.int64]:
+    """[blocks] int64 size classes with about the least sum of `errors` [blocks, sizes] whose mean is at most `words`.
+
+    The smallest size for all where even that is more.
+    """
+    lengths = np.array(block_words, np.int64)
+    low, high = _prices(errors)
+    for _ in range(BISECTIONS):
+        middle = (low * high) ** 0.5
+        enough = lengths[sizes_at_price(errors, block_words, middle)].mean() <= words
+        low, high = (low, middle) if enough else (middle, high)
+    return sizes_at_price(errors, block_words, high)
+
+
+def _prices(errors: Array) -> tuple[float, float]:
+    """Prices of a word at which every block takes its largest size, and its smallest."""
+    most = 2.0 * float(errors.max(initial=0.0)) + 1e-20
+    return most * 1e-14, most
+
+
+def share_words(curves: Sequence[RateCurve], words: float, balance: float = BALANCE) -> tuple[float, ...]:
+    """Words a block for each texture, which come to `words` words in all where the sizes of codes allow that.
+
+    An error is worth more in a texture that has few of them, by the power `balance`.
+    """
+    blocks = np.array([curve.block_count for curve in curves], np.float64)
+    weights = np.ones(len(curves))
+    found: tuple[float, ...] = ()
+    for _ in range(BALANCE_ROUNDS if balance else 1):
+        low, high = 1e-16, 16.0
+        for _ in range(BISECTIONS):
+            middle = (low * high) ** 0.5
+            given = [curve.at(middle / weight) for curve, weight in zip(curves, weights, strict=True)]
+            enough = float(np.array([each for each, _ in given]) @ blocks) <= words
+            low, high = (low, middle) if enough else (middle, high)
+        given = [curve.at(high / weight) for curve, weight in zip(curves, weights, strict=True)]
+        found = tuple(each for each, _ in given)
+        errors = np.array([max(error, LEAST_ERROR) for _, error in given])
+        # Half of the way, for weights and errors answer each other.
+        weights = np.sqrt(weights * errors**-balance)
+    return found

@@ -1,0 +1,136 @@
+"""Fitting what a group shares: basis and modes. Torch on the CPU, float32."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ntc.codec.block.blocks import Array, Sample
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
+from ntc.codec.block.quantizer import best_modes, expected_errors
+from ntc.codec.block.sharing import RateCurve
+
+MODE_ROUNDS = 6
+"""Alternations between choosing a mode for each block and fitting the modes to their blocks."""
+CLASS_ROUNDS = 12
+"""Rounds of the clustering that the first modes come from."""
+MODE_FEATURES = 24
+"""Leading coefficients whose energies the first modes are clustered by."""
+FEWEST_BLOCKS = 16
+"""A mode that fewer blocks chose is fitted to all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """A decoder's tables as the encoder reads them."""
+
+    projection: torch.Tensor
+    """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error."""
+    depths: torch.Tensor
+    """[sizes, modes, coefficients] int64."""
+    scales: torch.Tensor
+    """[modes, coefficients] float32."""
+
+    @classmethod
+    def of(cls, decoder: BlockDecoder, config: BlockCodecConfig) -> "Tables":
+        """Those of `decoder`."""
+        depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
+        scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
+        return cls(_projection(decoder.basis, decoder.basis_scale), depths, scales)
+
+
+def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
+    """(basis, basis_scale) of BlockDecoder: leading principal directions of `blocks` about 0, rounded to 8 bits."""
+    values = torch.from_numpy(blocks).double()
+    vectors = torch.linalg.eigh(values.T @ values / len(blocks))[1].numpy()[:, ::-1].T[: config.coefficients]
+    vectors = vectors * np.where(vectors.sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+    scale = np.abs(vectors).max(1) / 127.0
+    rounded = np.rint(vectors / scale[:, None]).astype(np.int8)
+    return rounded.reshape(len(vectors), config.block_texels, config.output_channels), scale.astype(np.float32)
+
+
+def _projection(basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:
+    """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error under the rounded
+    basis."""
+    rows = torch.from_numpy((basis.reshape(len(basis), -1) * basis_scale[:, None]).astype(np.float64))
+    # The rows are orthogonal but for their rounding.
+    solution: torch.Tensor = torch.linalg.solve(rows @ rows.T, rows)
+    return solution.T.float().contiguous()
+
+
+def _fitted_scales(squares: torch.Tensor, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
+    """[modes, coefficients] stored scales for the blocks that chose each mode."""
+    total = squares.mean(0).numpy().astype(np.float64)
+    scales = []
+    for mode in range(modes):
+        own = squares[torch.from_numpy(chosen == mode)]
+        variance = own.mean(0).numpy().astype(np.float64) if len(own) >= FEWEST_BLOCKS else total
+        scales.append(stored_scales(np.sqrt(np.maximum(variance, 1e-9))))
+    return np.stack(scales)
+
+
+def _first_classes(features: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
+    """[rows] class of each of `features` [rows, K], by a few rounds of Lloyd's iteration from rows chosen at random."""
+    centres = features[random.permutation(len(features))[:count]]
+    for _ in range(CLASS_ROUNDS):
+        # Squared distances but for a summand that all classes share.
+        chosen = (np.square(centres).sum(1) - 2.0 * features @ centres.T).argmin(1)
+        sizes = np.bincount(chosen, minlength=len(centres))
+        sums = np.stack([np.bincount(chosen, column, len(centres)) for column in features.T], axis=1)
+        centres = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], centres).astype(np.float32)
+    classes: NDArray[np.int64] = chosen.astype(np.int64)
+    return classes
+
+
+def _modes(
+    coefficients: torch.Tensor, decoder: BlockDecoder, config: BlockCodecConfig, random: np.random.Generator
+) -> NDArray[np.uint8]:
+    """[modes, coefficients] stored scales."""
+    squares = coefficients.square()
+    energies = torch.log(squares[:, :MODE_FEATURES] + 1e-4).numpy()
+    scales = _fitted_scales(squares, _first_classes(energies, config.modes, random), config.modes)
+    middle = len(config.block_words) // 2
+    for _ in range(MODE_ROUNDS):
+        tables = Tables.of(BlockDecoder(decoder.basis, decoder.basis_scale, scales), config)
+        depths = tables.depths[middle : middle + 1]
+        expected = expected_errors(coefficients, depths, tables.scales)[:, 0]
+        chosen = best_modes(coefficients, expected, depths, tables.scales).numpy()
+        scales = _fitted_scales(squares, chosen, config.modes)
+    return scales
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread: the same numbers on every machine, and the other cores are left alone."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def fit_decoder(samples: Sequence[Sample], config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
+    """The tables of a group, from samples of its textures. `seed` decides where the search for modes begins."""
+    random = np.random.default_rng(seed)
+    blocks = np.concatenate([sample.blocks for sample in samples])
+    with one_thread():
+        basis, basis_scale = _basis(blocks, config)
+        decoder = BlockDecoder(basis, basis_scale, np.zeros((config.modes, len(basis)), np.uint8))
+        coefficients = torch.from_numpy(blocks) @ _projection(basis, basis_scale)
+        scales = _modes(coefficients, decoder, config, random)
+    return BlockDecoder(basis, basis_scale, scales)
+
+
+def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockCodecConfig) -> RateCurve:
+    """What the words of a texture's blocks are worth under `decoder`."""
+    with one_thread():
+        tables = Tables.of(decoder, config)
+        expected = expected_errors(torch.from_numpy(sample.blocks) @ tables.projection, tables.depths, tables.scales)
+    # In units of the texture's own values, for textures are compared.
+    errors = expected.amin(2).numpy() * np.float32(sample.contrast**2 / config.block_values)
+    return RateCurve(errors, config.block_words, sample.block_count)
