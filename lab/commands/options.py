@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
-from lab.studies.settings import ScaleName, StudySettings
+from lab.studies.settings import BlockSide, ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
@@ -205,6 +205,8 @@ class RateStudyOptions:
     """Decoders of clustered."""
     groupings: tuple[GroupingName, ...] = ("clustered", "single", "baseline")
     """Groupings of codec block."""
+    sides: tuple[BlockSide, ...] = (8, 4)
+    """Texels of its blocks along one side."""
     bits: tuple[float, ...] = (0.9, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
     """Bits per texel of codec block, of all mips and tables together."""
     formats: tuple[BlockFormat, ...] = BLOCK_FORMATS

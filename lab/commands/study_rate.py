@@ -62,6 +62,7 @@ def study_rate(options: RateStudyOptions) -> int:
     study = RateStudy(
         textures,
         groupings,
+        options.sides,
         options.bits,
         options.formats,
         options.grid_steps,

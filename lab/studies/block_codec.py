@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
+from lab.studies.settings import BlockSide
 from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -24,10 +25,13 @@ def measured_pack(
 
 
 def measured_block_codec(
-    textures: Sequence[SourceTexture], grouping: Grouping, bits: float, flip_every: int = 1
+    textures: Sequence[SourceTexture], grouping: Grouping, bits: float, flip_every: int = 1, side: BlockSide = 8
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
-    """Encode in the settings whose bits come nearest to `bits` a texel. Raises InputError for bits that cannot be had."""
-    config = config_for_bits(bits, texture_set(textures, grouping.group_count))
+    """Encode in blocks of `side` texels, in the settings whose bits come nearest to `bits` a texel.
+
+    Raises InputError for bits that cannot be had.
+    """
+    config = config_for_bits(bits, texture_set(textures, grouping.group_count), side)
     began = time.process_time()
     pack = encode_blocks(textures, grouping, config)
     return measured_pack(pack, textures, time.process_time() - began, flip_every)

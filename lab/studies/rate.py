@@ -11,6 +11,7 @@ from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
 from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Report, Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality, texels_with_mips
+from lab.studies.settings import BlockSide
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -31,6 +32,8 @@ class RateStudy:
     textures: Sequence[SourceTexture]
     groupings: Sequence[Grouping]
     """Of codec `block`; the first is that of codec `grid` too."""
+    sides: Sequence[BlockSide]
+    """Texels of its blocks along one side."""
     bits: Sequence[float]
     formats: Sequence[BlockFormat]
     grid_steps: int
@@ -46,8 +49,11 @@ class RateStudy:
         for distance in DISTANCES if self.jpeg_xl else ():
             steps.append((f"JPEG XL {distance:g}", partial(self._jpeg_xl, distance)))
         for grouping in self.groupings:
-            for bits in self.bits:
-                steps.append((f"block, {grouping.name}, {bits:g} bits", partial(self._block, grouping, bits)))
+            for side in self.sides:
+                name = f"block {side}x{side}, {grouping.name}"
+                steps += [
+                    (f"{name}, {bits:g} bits", partial(self._block, name, grouping, side, bits)) for bits in self.bits
+                ]
         for channels, latent_bits in GRID_SETTINGS if self.grid_steps else ():
             steps.append((f"grid {channels}x{latent_bits}", partial(self._grid, channels, latent_bits)))
         return steps
@@ -62,11 +68,11 @@ class RateStudy:
         _, quality = measured_jpeg_xl(self.textures, distance, self.flip_every, report)
         return RatePoint("JPEG XL", f"distance {distance:g}", quality)
 
-    def _block(self, grouping: Grouping, bits: float, _report: Report) -> RatePoint:
-        _, quality = measured_block_codec(self.textures, grouping, bits, self.flip_every)
+    def _block(self, name: str, grouping: Grouping, side: BlockSide, bits: float, _report: Report) -> RatePoint:
+        _, quality = measured_block_codec(self.textures, grouping, bits, self.flip_every, side)
         if abs(quality.bits_per_texel - bits) > FARTHEST * bits:
             raise InputError(f"{quality.bits_per_texel:.2f} bits a texel are the nearest")
-        return RatePoint(f"block, {grouping.name}", f"{bits:g} bits", quality)
+        return RatePoint(name, f"{bits:g} bits", quality)
 
     def _grid(self, channels: int, latent_bits: int, report: Report) -> RatePoint:
         output_channels = max(texture.pixels.shape[2] for texture in self.textures)

@@ -7,6 +7,8 @@ from ntc.codec.config import CodecConfig, RecipeName
 from ntc.errors import InputError
 from ntc.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
 
+BlockSide = Literal[4, 8]
+"""Texels of codec `block`'s blocks along one side."""
 ScaleName = Literal["small", "paper"]
 
 

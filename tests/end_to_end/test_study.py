@@ -179,7 +179,7 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert cli.main(arguments) == 0
     found = json.loads((out / "rate.json").read_text())
     curves = [row["curve"] for row in found["rows"]]
-    assert set(curves) == {"BC1", "BC7", "JPEG XL", "block, single", "grid, single"}
+    assert set(curves) == {"BC1", "BC7", "JPEG XL", "block 8x8, single", "block 4x4, single", "grid, single"}
     assert curves.count("grid, single") == 4
     rows = {(row["curve"], row["setting"]): row for row in found["rows"]}
     assert 4.0 <= rows["BC1", "bc1"]["bits_per_texel"] < 4.1
@@ -188,7 +188,7 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert exact["mean_db"] > coarse["mean_db"]
     assert exact["bits_per_texel"] > coarse["bits_per_texel"]
     assert all(0.0 <= row["flip"] <= 1.0 and row["worst_db"] <= row["mean_db"] for row in found["rows"])
-    assert "block, single, 1000 bits: left out" in capsys.readouterr().err
+    assert "block 8x8, single, 1000 bits: left out" in capsys.readouterr().err
     assert (out / "rate.md").read_text().count("\n|") == len(found["rows"]) + 2
     assert read_image(out / "rate.png").shape[1] > 500
     assert (out / "rate.png").stat().st_size < 200_000

@@ -73,7 +73,7 @@ def _code_sizes(words: float, side: int) -> tuple[int, ...]:
     if side == 4:
         near = abs(words - round(words)) < WHOLE_WORDS and round(words) >= 1
         found = {round(words)} if near else {int(words), int(words) + 1}
-        return tuple(sorted(min(max(size, 1), LARGEST_WORDS) for size in found))
+        return tuple(sorted({min(max(size, 1), LARGEST_WORDS) for size in found}))
     sizes: list[int] = []
     for ratio in SIZE_RATIOS:
         sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
