@@ -45,6 +45,20 @@ def filtering_table(rows: Sequence[FilteringRow]) -> Table:
     return Table(COLUMNS, table)
 
 
+def _styles(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """(colour, line style) of each way: one colour for a way with several packs ("pack: way"), one style for a pack."""
+    colours = {way: f"C{number}" for number, way in enumerate(dict.fromkeys(name.split(": ")[-1] for name in names))}
+    packs = list(dict.fromkeys(name.partition(": ")[0] for name in names if ": " in name))
+    lines = dict(zip(packs, (":", "-", "-."), strict=False))
+    return {
+        name: (
+            colours[name.split(": ")[-1]],
+            "--" if "reference" in name else lines.get(name.partition(": ")[0], "-"),
+        )
+        for name in names
+    }
+
+
 def filtering_figure(rows: Sequence[FilteringRow], title: str) -> Figure:
     """Four curves: shrinking, tilting, moving, flicker."""
     figure = Figure(figsize=(11, 7.5), layout="constrained")
@@ -56,17 +70,17 @@ def filtering_figure(rows: Sequence[FilteringRow], title: str) -> Figure:
         ("moving", "frame of a turning camera", "PSNR, dB", lambda row: row.psnr_db),
         ("moving", "frame of a turning camera", "flicker, 8-bit steps", lambda row: row.flicker),
     )
-    names = list(dict.fromkeys(row.way for row in rows))
+    styles = _styles(list(dict.fromkeys(row.way for row in rows)))
     for axis, (sweep, across, upward, value) in zip(axes, panels, strict=True):
-        for number, way in enumerate(names):
+        for way, (colour, line) in styles.items():
             points = [(row.value, value(row)) for row in rows if row.way == way and row.sweep == sweep]
             points = [point for point in points if point[1] is not None]
             axis.plot(
                 [x for x, _ in points],
                 [y for _, y in points],
                 marker=".",
-                color=f"C{number}",
-                linestyle="--" if "reference" in way else "-",
+                color=colour,
+                linestyle=line,
                 label=way,
             )
         axis.set_xlabel(across)
@@ -74,5 +88,6 @@ def filtering_figure(rows: Sequence[FilteringRow], title: str) -> Figure:
         axis.grid(alpha=0.3)
         if sweep == "shrinking":
             axis.set_xscale("log", base=2)
-    axes[0].legend(fontsize=8)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
     return figure

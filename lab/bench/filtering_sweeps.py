@@ -1,18 +1,20 @@
 """How well each path filters: pictures against a supersampled truth while a surface shrinks, tilts, and a camera moves."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb
+from viewer.render.albedo_path import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import REFERENCE, PathChoice, Slot, ViewState
+from viewer.state.view_state import REFERENCE, DecodePath, PathChoice, Slot, ViewState
 
 SUPERSAMPLES = 4
 """Samples of the ground truth along each side of a pixel."""
@@ -45,6 +47,8 @@ class Way:
     name: str
     slot: Slot
     anisotropy: int = 1
+    whole: bool = True
+    """Whether the picture is drawn to the end; else the stochastic filter takes one sample."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,25 @@ class FilteringRow:
     """`moving`: RMS change of the error from the frame before, in 8-bit steps."""
 
 
-def ways(source: str, paths: Sequence[PathChoice]) -> tuple[Way, ...]:
-    """The reference and `source` by each path, trilinear; those that can, anisotropic too."""
+def ways(sources: Mapping[str, str]) -> tuple[Way, ...]:
+    """Those of `ways_of` for each source, named by its label; of several sources only by the paths that filter differently."""
+    if len(sources) == 1:
+        return ways_of(next(iter(sources)), get_args(DecodePath))
+    named = [
+        replace(way, name=f"{label}: {way.name}" if way.slot.source == source else way.name)
+        for source, label in sources.items()
+        for way in ways_of(source, ("deferred", "cached"))
+    ]
+    return tuple(dict.fromkeys(named))
+
+
+def ways_of(source: str, paths: Sequence[PathChoice]) -> tuple[Way, ...]:
+    """The reference and `source` by each path, trilinear; those that can, anisotropic too; one with the stochastic filter."""
     decoded = [Way(path, Slot(source, path)) for path in paths]
+    if "deferred" in paths:
+        # One sample first: the others are added to it.
+        sampled = Slot(source, "deferred", filter="stochastic")
+        decoded += [Way("deferred, 1 sample", sampled, whole=False), Way(f"deferred, {SAMPLES} samples", sampled)]
     anisotropic = [Way("reference, anisotropic", Slot(REFERENCE), 8)]
     if "cached" in paths:
         anisotropic.append(Way("cached, anisotropic", Slot(source, "cached"), 8))
@@ -122,8 +142,10 @@ def supersampled(renderer: Renderer, camera: Camera, size: tuple[int, int]) -> t
 
 def shown(renderer: Renderer, camera: Camera, size: tuple[int, int], way: Way) -> Picture:
     """[H, W, 3] sRGB-coded in [0, 1]."""
-    renderer.render(ViewState(camera, size, way.slot, anisotropy=way.anisotropy), whole=True)
-    return np.asarray(linear_to_srgb(renderer.albedo(way.slot).astype(np.float64)), np.float64)
+    renderer.render(ViewState(camera, size, way.slot, anisotropy=way.anisotropy), way.whole)
+    drawn = renderer.albedo(way.slot) if way.whole else renderer.albedo_in(way.slot, (0, 0, *size))
+    assert drawn is not None
+    return np.asarray(linear_to_srgb(drawn.astype(np.float64)), np.float64)
 
 
 def _psnr(squares: Sequence[float]) -> float:

@@ -22,7 +22,16 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.model import Camera, Scene
-from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState, is_image_source
+from viewer.state.view_state import (
+    REFERENCE,
+    DecodePath,
+    Overlay,
+    Precision,
+    Slot,
+    TexelFilter,
+    ViewState,
+    is_image_source,
+)
 
 NUDGE = 1e-4
 """A camera moves by this share of its distance to the target from frame to frame, so that no pass is skipped."""
@@ -42,6 +51,7 @@ class SceneBenchConfig:
     repeats: int = 5
     formats: tuple[BlockFormat, ...] = ()
     """Formats of graphics hardware to show beside the packs."""
+    filters: tuple[TexelFilter, ...] = ("exact",)
 
 
 @dataclass(frozen=True)
@@ -52,8 +62,9 @@ class SceneBenchRow:
     source: str
     path: str
     precision: str
+    filter: str
     decode_ms: float
-    """Median time of the decode or reference pass."""
+    """Median time of the decode or reference pass; with the stochastic filter of one sample."""
     min_ms: float
     max_ms: float
     frame_ms: float
@@ -69,7 +80,9 @@ class SceneBenchRow:
     reference_step: int | None
     """Most 8-bit steps that a channel of a covered pixel is away from the reference picture; None for the reference."""
     float64_max: float | None
-    """Largest distance of a decoded value, in [0, 1] before 8 bits, from the float64 decode of sampled pixels."""
+    """Largest distance of a decoded value, in [0, 1] before 8 bits, from the float64 decode of sampled pixels.
+
+    None, as all that is named so, for the stochastic filter, which only approaches it."""
     float64_psnr_db: float | None
     """PSNR of the same values; None where equal."""
     float64_step: int | None
@@ -89,11 +102,22 @@ def nudged(camera: Camera, frame: int) -> Camera:
 
 
 def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, ...]:
-    """The reference, the block formats, then every pack by every path in every precision; `deferred` in fp32 comes before its like."""
+    """The reference, the block formats, then every pack by every path, in every precision, with every filter that the path has.
+
+    `deferred` in fp32 with the exact filter comes before its like.
+    """
     paths = sorted(config.paths, key=lambda path: path != "deferred")
     precisions = sorted(config.precisions, key=lambda precision: precision != "fp32")
-    decoded = [Slot(pack, path, precision) for pack in packs for path in paths for precision in precisions]
-    return (Slot(REFERENCE), *(Slot(block_format) for block_format in config.formats), *decoded)
+    filters = sorted(config.filters)
+    decoded = [
+        Slot(pack, path, precision, filtered if path != "cached" else "exact")
+        for pack in packs
+        for path in paths
+        for precision in precisions
+        for filtered in filters
+    ]
+    formats = [Slot(block_format) for block_format in config.formats]
+    return (Slot(REFERENCE), *formats, *dict.fromkeys(decoded))
 
 
 def interleaved(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
@@ -161,7 +185,7 @@ def _measured(
         shown = linear_to_srgb8(albedo)
         is_reference, is_image = slot.source == REFERENCE, is_image_source(slot.source)
         twin = None
-        if not is_image:
+        if not is_image and slot.filter == "exact":
             key = (slot.source, slot.path == "cached")
             if key not in twins:
                 pack, match = packs[slot.source], renderer.matches[slot.source]
@@ -179,6 +203,7 @@ def _measured(
                 source=slot.source,
                 path="" if is_image else slot.path,
                 precision="" if is_image else slot.precision,
+                filter="" if is_image else slot.filter,
                 decode_ms=decode.median_ms,
                 min_ms=decode.min_ms,
                 max_ms=decode.max_ms,

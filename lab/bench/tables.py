@@ -32,6 +32,7 @@ SCENE_COLUMNS = (
     Column("source", "pack"),
     Column("path", "path"),
     Column("precision", "precision"),
+    Column("filter", "filter"),
     Column("decode_ms", "decode ms"),
     *(Column(f"{name}_ms", f"{name} ms") for name in OTHER_PASSES),
     Column("frame_ms", "frame ms"),
@@ -99,16 +100,17 @@ def _most(values: Sequence[Number | None]) -> Number | None:
 
 def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
     """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference."""
-    slots = list(dict.fromkeys((row.source, row.path, row.precision) for row in rows))
+    slots = list(dict.fromkeys((row.source, row.path, row.precision, row.filter) for row in rows))
     table: list[dict[str, Cell]] = []
     for slot in slots:
-        same = [row for row in rows if (row.source, row.path, row.precision) == slot]
+        same = [row for row in rows if (row.source, row.path, row.precision, row.filter) == slot]
         largest = _most([row.float64_max for row in same])
         table.append(
             {
                 "source": slot[0],
                 "path": slot[1],
                 "precision": slot[2],
+                "filter": slot[3],
                 "decode_ms": _mean([row.decode_ms for row in same]),
                 "frame_ms": _mean([row.frame_ms for row in same]),
                 **{f"{name}_ms": _mean([row.passes_ms.get(name) for row in same]) for name in OTHER_PASSES},
@@ -125,7 +127,9 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
             }
         )
     exact = {
-        row["source"]: row["decode_ms"] for row in table if (row["path"], row["precision"]) == ("deferred", "fp32")
+        row["source"]: row["decode_ms"]
+        for row in table
+        if (row["path"], row["precision"], row["filter"]) == ("deferred", "fp32", "exact")
     }
     for row in table:
         base = exact.get(row["source"])

@@ -38,6 +38,8 @@ from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.state.pack_files import match_scene
 
+WHOLE_PICTURES = ("deferred", "deferred, stochastic", "binned")
+
 
 @dataclass(frozen=True)
 class Cost:
@@ -57,7 +59,11 @@ class PackInScene:
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = AlbedoTarget(context.graphics, inputs.visibility.size)
         self._gpu.upload_latents(inputs)
-        self._passes = {"deferred": deferred_pass(self._gpu, may_share=False), "binned": binned_pass(self._gpu)}
+        self._passes = {
+            "deferred": deferred_pass(self._gpu, may_share=False),
+            "deferred, stochastic": deferred_pass(self._gpu, "stochastic", may_share=False),
+            "binned": binned_pass(self._gpu),
+        }
         self._table = TileTable.of(context.scene.materials, pack, match)
 
     def _measured(self, action: Callable[[], object]) -> float:
@@ -69,7 +75,7 @@ class PackInScene:
         return (time.process_time() - start) * 1e3
 
     def decode(self, name: str) -> Cost:
-        """Decode the picture by the path `name`."""
+        """Decode the picture by the pass `name`; with the stochastic filter one sample."""
         width, height = self._target.size
         return Cost(self._measured(lambda: self._passes[name].run(self._inputs, self._target)), width * height)
 
@@ -120,8 +126,7 @@ def measure(
         for name, pack in made.items():
             decoding, drawing = pack.decode_tiles()
             found = {
-                "deferred": pack.decode("deferred"),
-                "binned": pack.decode("binned"),
+                **{way: pack.decode(way) for way in WHOLE_PICTURES},
                 "cached, tiles": decoding,
                 "cached, drawing": drawing,
             }

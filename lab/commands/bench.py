@@ -52,7 +52,11 @@ def _check(options: BenchOptions) -> None:
         raise InputError(f"--repeats {options.repeats}: must be at least 1")
     if options.memory_mb < LEAST_MEMORY_MB:
         raise InputError(f"--memory-mb {options.memory_mb}: must be at least {LEAST_MEMORY_MB}")
-    for option, names in (("--paths", options.paths), ("--precisions", options.precisions)):
+    for option, names in (
+        ("--paths", options.paths),
+        ("--precisions", options.precisions),
+        ("--filters", options.filters),
+    ):
         if not names:
             raise InputError(f"{option}: name at least one")
     for option, sizes in (("--worst-sizes", options.worst_sizes), ("--scaling-sizes", options.scaling_sizes)):
@@ -175,7 +179,9 @@ def _bench_scene(
     record: BenchRecord,
     report: MakeReport,
 ) -> str:
-    config = SceneBenchConfig(options.size, options.paths, options.precisions, options.repeats, options.formats)
+    config = SceneBenchConfig(
+        options.size, options.paths, options.precisions, options.repeats, options.formats, options.filters
+    )
     name = opened.scene.name
     compressed = opened.compressed
     rows = bench_scene(context, opened.scene, opened.packs, opened.cameras, config, report(name), compressed)

@@ -11,7 +11,7 @@ from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, RecipeNa
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
 from viewer.cli.options import OptionalScene, Packs, Size, Sizes, Switch
-from viewer.state.view_state import DecodePath, Precision
+from viewer.state.view_state import DecodePath, Precision, TexelFilter
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,8 @@ class BenchOptions:
     """Storage of decoder weights and arithmetic with them. All of them: those that the driver has."""
     formats: tuple[BlockFormat, ...] = ()
     """Formats of graphics hardware to show in the scene beside the packs, e.g. bc7 astc-8x8 (needs the extra `lab`)."""
+    filters: tuple[TexelFilter, ...] = ("exact",)
+    """Filters of the scene's paths: exact, stochastic (one sample is timed, the mean of 16 compared), or both; cached has its own."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """JSON file of cameras. None: the scene's own, or the whole of it."""
     repeats: int = 5
@@ -99,7 +101,7 @@ class FilteringStudyOptions:
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
-    """Grouping of the pack to look at. None: clustered, else the first pack."""
+    """Grouping of the pack to look at. None: all that --pack names; without it clustered, else the first pack."""
     size: Size = (128, 96)
     """Pixels of the pictures; the truth has 16 samples in each."""
     frames: int = 10

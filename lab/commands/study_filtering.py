@@ -1,8 +1,8 @@
 """`ntc-viewer study filtering`: how well each path filters, against the supersampled originals."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict
-from typing import get_args
 
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
@@ -11,13 +11,27 @@ from lab.bench.filtering_plot import filtering_figure, filtering_table
 from lab.bench.filtering_sweeps import FilteringConfig, floor_scene, floor_sweeps, motion_sweep, ways
 from lab.commands.options import FilteringStudyOptions
 from lab.commands.study_output import check_output, write_study
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene
-from viewer.state.view_state import DecodePath, is_image_source
+from viewer.state.view_state import is_image_source
+
+
+def _sources(packs: Mapping[str, Pack], options: FilteringStudyOptions, scene: str) -> tuple[str, ...]:
+    """Names of the packs to study: the one of --grouping, all of --pack, or the scene's own. Raises InputError where it has none."""
+    named = tuple(name for name, pack in packs.items() if pack.path in options.pack)
+    if options.grouping is None and len(named) > 1:
+        return named
+    source = choose_source(packs, options.grouping, options.pack)
+    if is_image_source(source):
+        raise InputError(
+            f"{scene}: {source} is no pack; name one with --pack and its --grouping, or make one with encode"
+        )
+    return (source,)
 
 
 def study_filtering(options: FilteringStudyOptions) -> int:
@@ -27,17 +41,18 @@ def study_filtering(options: FilteringStudyOptions) -> int:
         raise InputError(f"--frames {options.frames}: must be at least 2, for flicker is a change")
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
-    source = choose_source(packs, options.grouping, options.pack)
-    if is_image_source(source):
-        raise InputError(
-            f"{scene.name}: {source} is no pack; name one with --pack and its --grouping, or make one with encode"
-        )
-    pack = packs[source]
-    encoded = [index for index, found in enumerate(match_scene(pack, scene).texture_index) if found >= 0]
+    sources = _sources(packs, options, scene.name)
+    studied = {source: packs[source] for source in sources}
+    matches = [match_scene(pack, scene).texture_index for pack in studied.values()]
+    encoded = [index for index, found in enumerate(zip(*matches, strict=True)) if min(found) >= 0]
+    if not encoded:
+        raise InputError(f"{scene.name}: no texture is in all of these packs; name packs of the same textures")
     config = FilteringConfig(size=options.size, frames=options.frames)
     step = max(1, len(encoded) // config.textures)
     textures = encoded[::step][: config.textures]
-    all_ways = ways(source, get_args(DecodePath))
+    kinds = [f"codec {pack.config.kind}" for pack in studied.values()]
+    labels = dict(zip(studied, kinds if len(set(kinds)) > 1 else sources, strict=True))
+    all_ways = ways(labels)
     context = create_headless_context()
     console = Console(stderr=True, soft_wrap=True)
     progress = Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True)
@@ -49,22 +64,22 @@ def study_filtering(options: FilteringStudyOptions) -> int:
             bar.advance(task)
 
         floor = Renderer(context, floor_scene(scene, textures))
-        floor.set_packs({source: pack})
+        floor.set_packs(studied)
         rows = floor_sweeps(floor, scene, textures, all_ways, config, advance)
         floor.release()
         renderer = Renderer(context, scene)
-        renderer.set_packs({source: pack})
+        renderer.set_packs(studied)
         camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds)
         rows += motion_sweep(renderer, camera, all_ways, config, advance)
         renderer.release()
     table = filtering_table(rows)
-    title = (
-        f"{scene.name}, {source}: {len(textures)} textures, {config.size[0]}x{config.size[1]}, {context.info.renderer}"
-    )
+    width, height = config.size
+    drawn = f"{len(textures)} textures, {width}x{height}, {context.info.renderer}"
+    title = f"{scene.name}, {' and '.join(labels.values())}: {drawn}"
     record = {
         "study": "filtering",
         "scene": scene.name,
-        "pack": source,
+        "packs": dict(zip(sources, kinds, strict=True)),
         "textures": [scene.textures[index].name for index in textures],
         "camera": camera.name,
         "settings": asdict(config),

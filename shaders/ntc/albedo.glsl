@@ -2,7 +2,7 @@
 #include "common/color.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
-#include "ntc/decode.glsl"
+#include "ntc/lookup.glsl"
 
 struct WantedTexel {
     vec3 factor;       // linear, multiplies the texture's colour; the albedo where there is no texture
@@ -51,10 +51,13 @@ vec3 shown_albedo(WantedTexel wanted, vec4 decoded) {
     return wanted.factor * (textures[wanted.texture_id].srgb != 0 ? srgb_to_linear(rgb) : rgb);
 }
 
-vec3 decoded_albedo(Surface surface) {
+vec3 decoded_albedo(Surface surface, ivec2 pixel) {
     WantedTexel wanted = wanted_texel(surface);
     vec4 decoded = vec4(0.0);
-    if (wanted.texture_id >= 0)
-        decoded = decode_texture(textures[wanted.texture_id], wanted.uv, wanted.lod, wanted.wrap, true);
+    if (wanted.texture_id >= 0) {
+        TextureRecord record = textures[wanted.texture_id];
+        Lookup lookup = lookup_of(record, wanted.uv, wanted.lod, wanted.wrap, pixel);
+        decoded = decode_at(record, lookup.at, lookup.lod, wanted.wrap, true);
+    }
     return shown_albedo(wanted, decoded);
 }

@@ -15,27 +15,6 @@ uvec4 table_block(int block) {
 }
 #endif
 
-// The 2 x 2 texels of a bilinear lookup in one mip.
-struct Footprint {
-    ivec2 first;     // texel on the left and top
-    ivec2 second;    // texel on the right and bottom, by the wrap mode
-    vec2 share;      // of the second one along u and v
-};
-
-// `uv` is wrapped and in units of 2^-32.
-Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
-    Place x = place_along(uv.x, level.texel_width);
-    Place y = place_along(uv.y, level.texel_height);
-    ivec2 corner = ivec2(x.part, y.part) - ivec2(x.within < HALF_A_PART, y.within < HALF_A_PART);
-    Footprint footprint;
-    footprint.first.x = neighbour(corner.x, level.texel_width, wrap.x);
-    footprint.first.y = neighbour(corner.y, level.texel_height, wrap.y);
-    footprint.second.x = neighbour(corner.x + 1, level.texel_width, wrap.x);
-    footprint.second.y = neighbour(corner.y + 1, level.texel_height, wrap.y);
-    footprint.share = vec2(as_fraction(x.within - HALF_A_PART), as_fraction(y.within - HALF_A_PART));
-    return footprint;
-}
-
 // Where the code of a block lies, and which tables it is read with.
 struct Code {
     int first_word;
@@ -228,10 +207,18 @@ vec4 block_value(TextureRecord record, CHANNELS_T channels) {
     return limit_output(value + record.axes[2] * sum.z + record.axes[3] * sum.w);
 }
 
-// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
-// Where `wanted` is false nothing is decoded and the result is undefined.
-vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
-    uvec2 at = fixed_coordinates(uv, wrap);
+#if FILTER_STOCHASTIC
+// At the centre of a texel of a mip that is there, as `lookup_of` gives it: that texel.
+vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
+    LevelRecord level = levels[record.first_level + int(lod)];
+    ivec2 texel = ivec2(place_along(at.x, level.texel_width).part, place_along(at.y, level.texel_height).part);
+    ivec2 block = texel / BLOCK_SIDE;
+    ivec2 within = texel - block * BLOCK_SIDE;
+    return block_value(record, block_texel(code_of(record.decoder, level, block), within.y * BLOCK_SIDE + within.x));
+}
+#else
+// The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.
+vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
     lod = present_lod(record, lod);
     int lower = int(floor(lod));
     float share = lod - float(lower);
@@ -260,3 +247,4 @@ vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool w
     }
     return block_value(record, sum);
 }
+#endif

@@ -29,6 +29,27 @@ int neighbour(int part, int parts, int mode) {
 
 const uint HALF_A_PART = 0x80000000u;
 
+// The 2 x 2 texels of a bilinear lookup in one mip.
+struct Footprint {
+    ivec2 first;     // texel on the left and top
+    ivec2 second;    // texel on the right and bottom, by the wrap mode
+    vec2 share;      // of the second one along u and v
+};
+
+// `uv` is wrapped and in units of 2^-32.
+Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
+    Place x = place_along(uv.x, level.texel_width);
+    Place y = place_along(uv.y, level.texel_height);
+    ivec2 corner = ivec2(x.part, y.part) - ivec2(x.within < HALF_A_PART, y.within < HALF_A_PART);
+    Footprint footprint;
+    footprint.first.x = neighbour(corner.x, level.texel_width, wrap.x);
+    footprint.first.y = neighbour(corner.y, level.texel_height, wrap.y);
+    footprint.second.x = neighbour(corner.x + 1, level.texel_width, wrap.x);
+    footprint.second.y = neighbour(corner.y + 1, level.texel_height, wrap.y);
+    footprint.share = vec2(as_fraction(x.within - HALF_A_PART), as_fraction(y.within - HALF_A_PART));
+    return footprint;
+}
+
 // Clamped to the mips that are on the GPU; not finite counts as 0.
 float present_lod(TextureRecord record, float lod) {
     if (isnan(lod) || isinf(lod)) lod = 0.0;
@@ -40,8 +61,19 @@ vec4 limit_output(vec4 result) {
     return mix(clamp(result, 0.0, 1.0), vec4(0.0), isnan(result));
 }
 
+// 1: of the texels of a trilinear footprint one is decoded, chosen at random (ntc/lookup.glsl).
+#ifndef FILTER_STOCHASTIC
+#define FILTER_STOCHASTIC 0
+#endif
+
 #if CODEC_BLOCK
 #include "ntc/block.glsl"
 #else
 #include "ntc/grid.glsl"
 #endif
+
+// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
+// Where `wanted` is false nothing is decoded and the result is undefined.
+vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
+    return decode_at(record, fixed_coordinates(uv, wrap), lod, wrap, wanted);
+}

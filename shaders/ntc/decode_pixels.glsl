@@ -17,7 +17,7 @@ void decode_pixels() {
         ivec2 pixel = own_pixel(p, inside);
         if (!inside) continue;
         Surface surface = read_surface(pixel);
-        imageStore(albedo, pixel, vec4(decoded_albedo(surface), surface.material >= 0 ? 1.0 : 0.0));
+        imageStore(albedo, pixel, vec4(decoded_albedo(surface, pixel), surface.material >= 0 ? 1.0 : 0.0));
     }
 }
 #else
@@ -32,13 +32,15 @@ void decode_pixels() {
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         bool inside;
-        WantedTexel wanted = wanted_texel(read_surface(own_pixel(p, inside)));
+        ivec2 pixel = own_pixel(p, inside);
+        WantedTexel wanted = wanted_texel(read_surface(pixel));
         int id = max(wanted.texture_id, 0);
         float inputs[DECODER_INPUTS];
         for (int i = 0; i < DECODER_INPUTS; ++i) inputs[i] = 0.0;
         if (wanted.texture_id >= 0 && inside) {
             any_wanted = true;
-            decoder_input(textures[id], fixed_coordinates(wanted.uv, wanted.wrap), wanted.lod, wanted.wrap, inputs);
+            Lookup lookup = lookup_of(textures[id], wanted.uv, wanted.lod, wanted.wrap, pixel);
+            decoder_input(textures[id], lookup.at, lookup.lod, wanted.wrap, inputs);
         }
         int adapter = textures[id].adapter;
         for (int q = 0; q < PIXELS; ++q) {

@@ -92,10 +92,9 @@ void decoder_input(TextureRecord record, uvec2 uv, float lod, ivec2 wrap, out fl
     for (int input_number = 0; input_number < DECODER_INPUTS; ++input_number) x[input_number] = to_half(x[input_number]);
 }
 
-// Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
-// Where `wanted` is false nothing is decoded and the result is undefined.
-vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
+// The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.
+vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
     float x[DECODER_INPUTS];
-    decoder_input(record, fixed_coordinates(uv, wrap), lod, wrap, x);
+    decoder_input(record, at, lod, wrap, x);
     return limit_output(run_decoder(record.decoder, record.adapter, x, wanted ? network_blocks : 0));
 }

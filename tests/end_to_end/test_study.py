@@ -235,5 +235,12 @@ def test_filtering(encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFi
     flickers = [row["flicker"] for row in record["rows"] if row["sweep"] == "moving" and row["value"] == 1.0]
     assert all(flicker >= 0.0 for flicker in flickers)
     assert read_image(tmp_path / "f" / "filtering.png").shape[2] >= 3
+    ways = {row["way"] for row in record["rows"]}
+    assert {"deferred, 1 sample", "deferred, 16 samples"} <= ways
+    by_samples = [
+        np.mean([row["psnr_db"] for row in record["rows"] if row["way"] == f"deferred, {number}"])
+        for number in ("1 sample", "16 samples")
+    ]
+    assert by_samples[0] < by_samples[1]
     assert cli.main([*arguments, "--frames", "1"]) == 2
     assert "--frames 1: must be at least 2" in capsys.readouterr().err

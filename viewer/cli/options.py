@@ -10,7 +10,7 @@ import tyro
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
-from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision
+from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision, TexelFilter
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -89,6 +89,8 @@ class ViewOptions:
     """Decode path of slot A; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
     """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
+    filter: TexelFilter | None = None
+    """Filter of slot A, but for path cached: exact, or stochastic, one texel at random, accumulated at rest. None: as it was last."""
     script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Play the commands of this file (docs/scripts.md); then the window stays open."""
     exec: Lines = ()
@@ -118,6 +120,8 @@ class RenderOptions:
     """Decode path; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
     """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
+    filter: TexelFilter = "exact"
+    """Filter of all paths but cached: exact, or stochastic, one texel at random, the mean of 16 samples."""
     size: Size = (1280, 720)
     """Picture size in pixels."""
     cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None

@@ -58,7 +58,7 @@ class Picture:
 def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture:
     """Draw slot A of `view` and its reference. Raises ContextLostError."""
     pack = packs.get(view.slot_a.source)
-    frame = renderer.render(view)
+    frame = renderer.render(view, whole=True)
     # Read first: the calls below check whether the context was lost.
     shown = read_picture(frame.image)
     color = linear_to_srgb8(renderer.albedo(view.slot_a))
@@ -110,6 +110,8 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "grouping": view.slot_a.source,
         "path": None if is_image else picture.frame.paths[view.slot_a],
         "precision": None if is_image else view.slot_a.precision,
+        "filter": None if is_image else "stochastic" if view.slot_a in picture.frame.samples else "exact",
+        "samples": picture.frame.samples.get(view.slot_a, 1),
         "camera": view.camera.name,
         "timer": picture.frame.timer,
         "timings_ms": picture.frame.timings_ms,
@@ -176,7 +178,7 @@ def render(options: RenderOptions) -> int:
             renderer.images.set_compressed({compressed.block_format: compressed})
         renderer.set_packs(chosen)
         precision = resolve_precision(options.precision, chosen.get(source), context)
-        slot = Slot(source, options.path, precision)
+        slot = Slot(source, options.path, precision, options.filter)
         overlay = Overlay(
             "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
         )

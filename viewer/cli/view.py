@@ -22,7 +22,8 @@ WITHOUT_SCRIPT = "wait settled; screenshot window.png"
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
     """Write the decoded picture with its divergence, and the original picture, into `folder`."""
     common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE}
-    decoded = {"grouping": options.grouping, "path": options.path, "precision": options.precision}
+    slot = {"path": options.path, "precision": options.precision, "filter": options.filter or "exact"}
+    decoded = {"grouping": options.grouping, **slot}
     render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
     render(RenderOptions(out=folder / "original", grouping=REFERENCE, **common))  # type: ignore[arg-type]
 
@@ -46,7 +47,8 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
-    initial = InitialView(source, options.path, resolve_precision(options.precision, packs.get(source), None))
+    precision = resolve_precision(options.precision, packs.get(source), None)
+    initial = InitialView(source, options.path, precision, options.filter)
     app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial)
     try:
         app.play(script)
@@ -66,7 +68,7 @@ def view(options: ViewOptions) -> int:
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        initial = InitialView(source, options.path, options.precision)
+        initial = InitialView(source, options.path, options.precision, options.filter)
         return run_window(WindowContent(scene, packs, initial, script, options.size, options.out))
     if script:
         raise InputError("no display (DISPLAY and WAYLAND_DISPLAY are unset) to play a script on; add --headless")

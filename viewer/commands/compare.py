@@ -10,7 +10,15 @@ from viewer.commands.command import Arg, command, gesture
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
-from viewer.state.view_state import REFERENCE, CompareMode, DifferenceKind, PathChoice, Side, is_image_source
+from viewer.state.view_state import (
+    REFERENCE,
+    CompareMode,
+    DifferenceKind,
+    PathChoice,
+    Side,
+    TexelFilter,
+    is_image_source,
+)
 
 MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 NEXT_PATH: dict[PathChoice, PathChoice] = {
@@ -136,6 +144,14 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
         session.requests.precision |= {side}
 
 
+TEXELS = "exact: all texels of a footprint; stochastic: one at random, accumulated at rest"
+
+
+@command("slot.filter", "Filter of a slot", "filter a slot's texels exactly, or by one at random", "Compare")
+def set_filter(session: Session, side: SlotSide, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
+    _change_slot(session, side, filter=texels)
+
+
 @command("slot.next-source", "Next source in A", "show the next source in slot A that is there", "Compare", "N")
 def next_source(session: Session) -> None:
     sources, present = session.open_sources, session.view.slot_a.source
@@ -162,6 +178,12 @@ def next_path(session: Session) -> None:
 @command("filter.anisotropy", "Anisotropy", "filter images and path cached", "View")
 def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], Arg("1 is trilinear")]) -> None:
     session.view = replace(session.view, anisotropy=value)
+
+
+@command("filter.texels", "Texel filter", "filter the texels of both slots exactly, or by one at random", "View")
+def set_filters(session: Session, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
+    for side in get_args(Side):
+        _change_slot(session, side, filter=texels)
 
 
 @gesture("compare.show-other")

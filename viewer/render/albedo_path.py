@@ -9,6 +9,9 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileCounts
 
+SAMPLES = 16
+"""Of a picture at rest with the stochastic filter; then nothing is drawn any more."""
+
 
 class AlbedoPath(Protocol):
     """Draws the albedo of one pack, in one frame or over several."""
@@ -23,6 +26,10 @@ class AlbedoPath(Protocol):
     @property
     def tiles(self) -> TileCounts | None:
         """The state of the path's tile cache; None where it has none."""
+
+    @property
+    def samples(self) -> int:
+        """Samples in the last picture; 0 where the filter is exact."""
 
     @property
     def is_waiting(self) -> bool:
@@ -53,6 +60,7 @@ class DirectPath:
 
     memory_part = "tables"
     tiles = None
+    samples = 0
     is_waiting = is_partial = False
 
     def __init__(

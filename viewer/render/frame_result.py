@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
+from viewer.render.albedo_path import SAMPLES
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.tile_cache.budget import TileCounts
@@ -48,6 +49,8 @@ class FrameResult:
     """The tile caches of the shown slots that have one."""
     paths: Mapping[Slot, PathChoice]
     """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
+    samples: Mapping[Slot, int]
+    """Samples in the picture of each slot that the stochastic filter draws."""
     short_latents: bool = False
     """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
 
@@ -60,8 +63,9 @@ class FrameResult:
 
     @property
     def waiting(self) -> int:
-        """Tiles and pack updates that are still to come: the same view drawn again shows more."""
-        return sum(counts.waiting for counts in self.tiles.values()) + self.upload.is_pending
+        """Tiles, samples and pack updates that are still to come: the same view drawn again shows more."""
+        tiles = sum(counts.waiting for counts in self.tiles.values())
+        return tiles + sum(SAMPLES - drawn for drawn in self.samples.values()) + self.upload.is_pending
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,13 @@ from viewer.render.resources.latent_update import LatentUpdate
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.sampled_path import SampledPath
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tile_table import TileTable
 from viewer.scene.model import Scene
-from viewer.state.view_state import PathChoice, Precision
+from viewer.state.view_state import PathChoice, Precision, TexelFilter
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ class GpuPack:
         self._precision = precision
         self._ranges: DecoderRanges | None = None
         self._needed_levels: NeededLevelsPass | None = None
-        self._paths: dict[PathChoice, AlbedoPath] = {}
+        self._paths: dict[tuple[PathChoice, TexelFilter], AlbedoPath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
         self._update: tuple[PackVersion, Pack, LatentUpdate] | None = None
@@ -116,11 +117,12 @@ class GpuPack:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision)
         return self._ranges
 
-    def path(self, name: PathChoice) -> AlbedoPath:
-        """A decode path of this pack, not `auto`. Raises GpuMemoryError, ShaderError."""
-        if name not in self._paths:
-            self._paths[name] = DECODE_PATHS[name](self)
-        return self._paths[name]
+    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact") -> AlbedoPath:
+        """A decode path of this pack, not `auto`, with a filter that it has. Raises GpuMemoryError, ShaderError."""
+        key = (name, texel_filter)
+        if key not in self._paths:
+            self._paths[key] = DECODE_PATHS[name](self, texel_filter)
+        return self._paths[key]
 
     def upload_latents(self, inputs: VisibilityInputs) -> None:
         """Upload the mips that the pixels of this view read, where the textures in sight are not there whole."""
@@ -222,28 +224,40 @@ class GpuPack:
         self._paths.clear()
 
 
-def _forward(pack: GpuPack) -> DecodePass:
-    return DecodeForwardPass(pack.context.graphics, pack.programs, pack.buffers, pack.context.scene_buffers)
+def _forward(pack: GpuPack, texel_filter: TexelFilter) -> DecodePass:
+    graphics, scene_buffers = pack.context.graphics, pack.context.scene_buffers
+    return DecodeForwardPass(graphics, pack.programs, pack.buffers, scene_buffers, texel_filter)
 
 
-def deferred_pass(pack: GpuPack, may_share: bool = True) -> DecodePass:
+def deferred_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", may_share: bool = True) -> DecodePass:
     """Decode path `deferred`. Without `may_share` every pixel has a decoder index, even where all have one: for benchmarks."""
     used = {decoder for decoder in pack.match.decoders(pack.pack) if decoder >= 0}
     shared = used.pop() if may_share and len(used) == 1 else None
     ranges = pack.ranges if shared is not None else None
-    return DecodeDeferredPass(pack.context.graphics, pack.programs, pack.buffers, ranges, pack.colors, shared)
+    return DecodeDeferredPass(
+        pack.context.graphics, pack.programs, pack.buffers, ranges, pack.colors, shared, texel_filter
+    )
 
 
-def binned_pass(pack: GpuPack) -> DecodePass:
+def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact") -> DecodePass:
     """Decode path `binned`."""
-    return DecodeBinnedPass(pack.context.graphics, pack.programs, pack.buffers, pack.ranges, pack.colors)
+    return DecodeBinnedPass(pack.context.graphics, pack.programs, pack.buffers, pack.ranges, pack.colors, texel_filter)
 
 
-def _direct(name: PathChoice, make_pass: Callable[[GpuPack], DecodePass]) -> Callable[[GpuPack], AlbedoPath]:
-    return lambda pack: DirectPath(name, partial(make_pass, pack), pack.upload_latents, pack.context.timer)
+MakePath = Callable[[GpuPack, TexelFilter], AlbedoPath]
 
 
-def _cached(pack: GpuPack) -> AlbedoPath:
+def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelFilter], DecodePass]) -> MakePath:
+    def make(pack: GpuPack, texel_filter: TexelFilter) -> AlbedoPath:
+        context, own_pass = pack.context, partial(make_pass, pack, texel_filter)
+        if texel_filter == "exact":
+            return DirectPath(name, own_pass, pack.upload_latents, context.timer)
+        return SampledPath(name, own_pass, pack.upload_latents, context.timer, context.graphics, pack.programs)
+
+    return make
+
+
+def _cached(pack: GpuPack, _filter: TexelFilter) -> AlbedoPath:
     context = pack.context
     cache = DecodeCachedPass(
         context.graphics,
@@ -258,10 +272,10 @@ def _cached(pack: GpuPack) -> AlbedoPath:
     return CachedPath(cache, context.timer, context.tile_budget)
 
 
-DECODE_PATHS: Mapping[PathChoice, Callable[[GpuPack], AlbedoPath]] = {
-    "forward": _direct("forward", _forward),
-    "deferred": _direct("deferred", deferred_pass),
-    "binned": _direct("binned", binned_pass),
+DECODE_PATHS: Mapping[PathChoice, MakePath] = {
+    "forward": _decoding_every_pixel("forward", _forward),
+    "deferred": _decoding_every_pixel("deferred", deferred_pass),
+    "binned": _decoding_every_pixel("binned", binned_pass),
     "cached": _cached,
 }
 """How each decode path is made for a pack."""

@@ -13,7 +13,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.navigation import turned
-from viewer.state.view_state import DecodePath, Precision, Slot, ViewState, is_image_source
+from viewer.state.view_state import DecodePath, Precision, Slot, TexelFilter, ViewState, is_image_source
 
 SHARE = 4
 """Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
@@ -54,6 +54,11 @@ def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slo
     return PathTimes(times)
 
 
+def _with_effective_fields(slot: Slot) -> Slot:
+    """`slot` without the filter where its path has none: tiles are filtered by the hardware."""
+    return replace(slot, filter="exact") if slot.path == "cached" else slot
+
+
 class PathChooser:
     """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
 
@@ -61,11 +66,11 @@ class PathChooser:
         self, context: GraphicsContext, drawer: SceneDrawer, packs: GpuPacks, scheduler: PassScheduler
     ) -> None:
         self._context, self._drawer, self._packs, self._scheduler = context, drawer, packs, scheduler
-        self._times: dict[tuple[str, Precision], PathTimes] = {}
+        self._times: dict[tuple[str, Precision, TexelFilter], PathTimes] = {}
 
     def times(self, slot: Slot) -> PathTimes | None:
-        """What was found for the slot's pack and precision; None before `chosen` has timed them."""
-        return self._times.get((slot.source, slot.precision))
+        """What was found for the slot's pack, precision and filter; None before `chosen` has timed them."""
+        return self._times.get((slot.source, slot.precision, slot.filter))
 
     def chosen(self, slot: Slot, view: ViewState) -> Slot:
         """`slot` with a path in place of `auto`, and without fields that are of no effect: equal pictures have equal slots.
@@ -75,7 +80,7 @@ class PathChooser:
         if is_image_source(slot.source):
             return Slot(slot.source)
         if slot.path != "auto":
-            return slot
+            return _with_effective_fields(slot)
         times = self.times(slot)
         if times is None:
             times = time_paths(self._slot_ms, view, slot)
@@ -84,12 +89,12 @@ class PathChooser:
             if not times.milliseconds:
                 # None can be drawn: the error of one of them says why.
                 return replace(slot, path="deferred")
-            self._times[slot.source, slot.precision] = times
-        return replace(slot, path=times.fastest)
+            self._times[slot.source, slot.precision, slot.filter] = times
+        return _with_effective_fields(replace(slot, path=times.fastest))
 
     def _slot_ms(self, view: ViewState) -> float:
         """Draw slot A of `view`; the time in ms."""
-        slot, context = view.slot_a, self._context
+        slot, context = _with_effective_fields(view.slot_a), self._context
         pack = self._packs.on_gpu(slot)
         anisotropy = view.anisotropy if slot.path == "cached" else 1
         with context.memory.transaction():
@@ -97,7 +102,8 @@ class PathChooser:
             albedo = AlbedoTarget(context, view.size)
         try:
             inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)
-            return pack.path(slot.path).draw(inputs, albedo, whole=True)
+            # With the stochastic filter a moving camera is shown one sample.
+            return pack.path(slot.path, slot.filter).draw(inputs, albedo, whole=slot.filter == "exact")
         finally:
             visibility.release()
             albedo.release()

@@ -184,11 +184,10 @@ class Renderer:
         skipped["images_not_uploaded"] = self.images.reference.images_not_uploaded
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
-        tiles = {}
-        short_latents = False
+        tiles, short_latents = {}, False
         for slot in dict.fromkeys(slot for slot in shown_slots(view) if not is_image_source(slot.source)):
             on_gpu = self._packs.on_gpu(slot)
-            counts, latents = on_gpu.path(slot.path).tiles, on_gpu.buffers.latent_store.counts
+            counts, latents = on_gpu.path(slot.path, slot.filter).tiles, on_gpu.buffers.latent_store.counts
             if counts is not None:
                 tiles[slot] = counts
             coarse = counts is not None and counts.coarse_latents
@@ -212,6 +211,7 @@ class Renderer:
             {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)},
             tiles,
             {slot: own.path for slot, own in chosen.items()},
+            self._slots.samples(chosen),
             short_latents,
             upload,
         )

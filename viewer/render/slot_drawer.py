@@ -1,5 +1,7 @@
 """Draws the albedos of slots: as images, or by a decode path of a pack."""
 
+from collections.abc import Mapping
+
 from viewer.gl.context import GraphicsContext
 from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
@@ -43,7 +45,7 @@ class SlotDrawer:
         """Whether drawing the slot's albedo again would not change it."""
         if not self.is_drawn(slot, targets):
             return False
-        return is_image_source(slot.source) or not self._packs.on_gpu(slot).path(slot.path).is_waiting
+        return is_image_source(slot.source) or not self._packs.on_gpu(slot).path(slot.path, slot.filter).is_waiting
 
     def update(self, slot: Slot, targets: PictureTargets, whole: bool) -> None:
         """Draw the slot's albedo, or a part of it, unless it is complete. Raises GpuMemoryError that names the pack, ShaderError."""
@@ -53,7 +55,7 @@ class SlotDrawer:
         is_image, timer, inputs = is_image_source(slot.source), self._scheduler.timer, targets.inputs_of(slot)
         drawn = targets.drawn.get(slot)
         same_view = drawn is not None and drawn.inputs == inputs and not whole
-        path = None if is_image else self._packs.on_gpu(slot).path(slot.path)
+        path = None if is_image else self._packs.on_gpu(slot).path(slot.path, slot.filter)
         if path is not None and same_view and path.decode_ahead():
             self._scheduler.skipped["passes"] += 1
             return
@@ -82,6 +84,13 @@ class SlotDrawer:
         self._draws += 1
         targets.drawn[slot] = DrawnAlbedo(inputs, self._version(slot), self._draws)
 
+    def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
+        """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
+        sampled = {
+            slot: own for slot, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"
+        }
+        return {slot: self._packs.on_gpu(own).path(own.path, own.filter).samples for slot, own in sampled.items()}
+
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before."""
         if slot in self.prepared or slot.source not in self._packs or slot.path == "auto":
@@ -91,7 +100,7 @@ class SlotDrawer:
             visibility = VisibilityTarget(self._context, PREPARED_SIZE, targets.visibility.content)
             target = AlbedoTarget(self._context, PREPARED_SIZE)
         try:
-            self._packs.on_gpu(slot).path(slot.path).draw(drawer.redraw(visibility), target, whole=False)
+            self._packs.on_gpu(slot).path(slot.path, slot.filter).draw(drawer.redraw(visibility), target, whole=False)
         finally:
             self._scheduler.timer.take()
             visibility.release()

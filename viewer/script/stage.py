@@ -46,6 +46,8 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "path-b": lambda stage: stage.session.view.slot_b.path,
     "precision": lambda stage: stage.session.view.slot_a.precision,
     "precision-b": lambda stage: stage.session.view.slot_b.precision,
+    "filter": lambda stage: stage.session.view.slot_a.filter,
+    "filter-b": lambda stage: stage.session.view.slot_b.filter,
     "mode": lambda stage: stage.session.view.compare,
     "divider": lambda stage: f"{stage.session.view.wipe_position:.2f}",
     "overlay": lambda stage: stage.session.view.overlay.kind,

@@ -26,7 +26,7 @@ from viewer.state.pack_files import (
 )
 from viewer.state.session import InspectionState, Requests, Session, WindowState
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, PathChoice, Slot, ViewState
+from viewer.state.view_state import REFERENCE, PathChoice, Slot, TexelFilter, ViewState
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class InitialView:
     path: PathChoice = "deferred"
     precision: PrecisionChoice = "fp32"
     """`auto`: fp32 until the cheapest that does not show has been found."""
+    filter: TexelFilter | None = None
+    """None: as the settings say."""
 
 
 def new_session(
@@ -70,10 +72,11 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
     wanted = initial.grouping
     found = source_of_grouping(packs, wanted) if wanted is not None else None
     source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs)
+    precision = "fp32" if initial.precision == "auto" else initial.precision
     return ViewState(
         camera=scene.cameras[0] if scene.cameras else frame_all(scene.bounds, settings.fov_degrees),
         size=settings.window_size,
-        slot_a=Slot(source, initial.path, "fp32" if initial.precision == "auto" else initial.precision),
+        slot_a=Slot(source, initial.path, precision, initial.filter or settings.texel_filter),
         slot_b=Slot(REFERENCE),
         compare="a" if source == REFERENCE else "wipe",
         wipe_position=settings.wipe_position,

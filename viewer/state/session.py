@@ -246,6 +246,7 @@ class Session:
             self.settings,
             show_panels=self.window.show_panels,
             anisotropy=self.view.anisotropy,
+            texel_filter=self.view.slot_a.filter,
             wipe_position=self.view.wipe_position,
         )
 

@@ -19,6 +19,8 @@ SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
 Anisotropy = Literal[1, 2, 4, 8, 16]
+TexelFilter = Literal["exact", "stochastic"]
+"""Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
 ANISOTROPIES = get_args(Anisotropy)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
@@ -46,6 +48,8 @@ class ViewerSettings:
     """Vertical field of view of the free camera, degrees."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
+    texel_filter: TexelFilter = "exact"
+    """Filter of slot A, of the paths that decode every pixel."""
     wipe_position: Share = 0.5
     """Divider of the wipe as a share of the picture's width."""
     window_size: tuple[

@@ -11,6 +11,7 @@ from viewer.scene.json_text import Share
 from viewer.scene.model import Camera
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import GAIN_RANGE
+from viewer.state.settings import TexelFilter as TexelFilter
 from viewer.state.zoom import WHOLE, Zoom
 
 Side = Literal["a", "b"]
@@ -46,6 +47,8 @@ class Slot:
     """Decode path, or `auto` for the one that is measured to be fastest here; of no effect for images."""
     precision: Precision = "fp32"
     """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for images."""
+    filter: TexelFilter = "exact"
+    """Of the paths that decode every pixel; of no effect for path `cached` and images."""
 
 
 @dataclass(frozen=True)

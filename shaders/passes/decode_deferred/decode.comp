@@ -10,5 +10,5 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, imageSize(albedo)))) return;
     Surface surface = read_surface(pixel);
-    imageStore(albedo, pixel, vec4(decoded_albedo(surface), surface.material >= 0 ? 1.0 : 0.0));
+    imageStore(albedo, pixel, vec4(decoded_albedo(surface, pixel), surface.material >= 0 ? 1.0 : 0.0));
 }

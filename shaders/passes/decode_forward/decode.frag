@@ -23,5 +23,6 @@ void main() {
 #else
     vec3 rounded = vec3(1.0);
 #endif
-    albedo = vec4(decoded_albedo(unpack_surface(pack_surface(ids, place.xy, footprint), rounded)), 1.0);
+    Surface surface = unpack_surface(pack_surface(ids, place.xy, footprint), rounded);
+    albedo = vec4(decoded_albedo(surface, ivec2(gl_FragCoord.xy)), 1.0);
 }

@@ -10,12 +10,13 @@ import numpy as np
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.passes.decode_pass import DecodePass, filter_defines
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.state.view_state import TexelFilter
 
 FOLDER = "passes/decode_binned"
 PIXEL_BYTES = 4
@@ -31,6 +32,7 @@ class DecodeBinnedPass(DecodePass):
         buffers: PackBuffers,
         ranges: DecoderRanges,
         colors: bool,
+        texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
@@ -38,7 +40,7 @@ class DecodeBinnedPass(DecodePass):
         self._count = programs.compute(f"{FOLDER}/count.comp", defines)
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
         self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)
-        self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", {**defines, **filter_defines(texel_filter)})
         what = "path binned"
         with self._memory.transaction():
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
@@ -61,7 +63,7 @@ class DecodeBinnedPass(DecodePass):
         self._gl.memory_barrier()
         self._scatter.run(*blocks)
         self._gl.memory_barrier()
-        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
+        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
         decoders = np.unique(self._buffers.decoder_of_texture[list(inputs.textures)])
         for decoder in decoders[decoders >= 0].tolist():
             self._ranges.bind(decoder)

@@ -2,12 +2,13 @@
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.passes.decode_pass import DecodePass, filter_defines
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.state.view_state import TexelFilter
 
 
 class DecodeDeferredPass(DecodePass):
@@ -24,11 +25,12 @@ class DecodeDeferredPass(DecodePass):
         ranges: DecoderRanges | None,
         colors: bool,
         shared_decoder: int | None,
+        texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl = context.gl
         self._buffers, self._shared_decoder = buffers, shared_decoder
         self._ranges = ranges if shared_decoder is not None else None
-        defines = {"VERTEX_COLORS": int(colors), **buffers.defines}
+        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, **filter_defines(texel_filter)}
         if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
@@ -40,7 +42,7 @@ class DecodeDeferredPass(DecodePass):
         inputs.bind()
         self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
-        set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks})
+        set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)

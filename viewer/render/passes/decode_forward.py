@@ -4,21 +4,28 @@ import moderngl
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.passes.decode_pass import DecodePass, filter_defines
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.state.view_state import TexelFilter
 
 
 class DecodeForwardPass(DecodePass):
     """Draws the draw list of the visibility buffer again, with its matrix."""
 
     def __init__(
-        self, context: GraphicsContext, programs: ProgramFactory, buffers: PackBuffers, scene_buffers: SceneBuffers
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        scene_buffers: SceneBuffers,
+        texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl, self._buffers, self._scene_buffers = context.gl, buffers, scene_buffers
-        defines = {"VERTEX_COLORS": int(scene_buffers.has_colors), **buffers.defines}
+        colors = {"VERTEX_COLORS": int(scene_buffers.has_colors)}
+        defines = {**colors, **buffers.defines, **filter_defines(texel_filter)}
         self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", defines)
 
     def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
@@ -36,7 +43,9 @@ class DecodeForwardPass(DecodePass):
             inputs.bind()
             self._buffers.bind()
             matrix = inputs.matrix.T.astype("<f4").tobytes()
-            set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "view_projection": matrix})
+            blocks = self._buffers.network_blocks
+            values = {"network_blocks": blocks, "view_projection": matrix, "sample_number": inputs.sample}
+            set_uniforms(self._program, values)
             self._scene_buffers.draw(self._program, self._program)
         finally:
             gl.depth_func = "<"

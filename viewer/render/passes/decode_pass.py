@@ -7,6 +7,12 @@ import moderngl
 
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.state.view_state import TexelFilter
+
+
+def filter_defines(texel_filter: TexelFilter) -> dict[str, int]:
+    """Defines of the decoding shaders for a filter; with the stochastic one they read `VisibilityInputs.sample`."""
+    return {"FILTER_STOCHASTIC": int(texel_filter == "stochastic")}
 
 
 class DecodePass(ABC):

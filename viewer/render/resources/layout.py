@@ -60,6 +60,7 @@ class ImageUnit(IntEnum):
     DIVERGENCE = 1
     WEIGHTS = 2
     ATLAS = 3
+    SAMPLE = 4
 
 
 class WrapCode(IntEnum):

@@ -1,7 +1,7 @@
 """The visibility buffer: the surface of each pixel, as integer words and depth (docs/decode-paths.md)."""
 
 import ctypes
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
@@ -133,12 +133,18 @@ class VisibilityInputs:
     """None for a visibility buffer that no camera drew."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
+    sample: int = 0
+    """Number of the sample that the stochastic filter takes; of no effect without it."""
     textures: tuple[int, ...] = field(default=(), compare=False)
     """Ids of the textures that may be visible, ascending."""
     visible_materials: tuple[int, ...] = field(default=(), compare=False)
     """Materials that may be visible, ascending."""
     matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), compare=False)
     """[4, 4] float64, world to clip."""
+
+    def of_sample(self, number: int) -> "VisibilityInputs":
+        """The same for another sample of the stochastic filter."""
+        return replace(self, sample=number)
 
     def bind(self) -> None:
         """Bind visibility buffer and materials for reading."""

@@ -22,6 +22,7 @@ class CachedPath:
     """Draws one pack from its tile cache. A view is complete once no tile is waiting and no band is left."""
 
     memory_part = "tile cache"
+    samples = 0
 
     def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
         self._cache, self._timer, self._budget = cache, timer, budget

@@ -87,6 +87,8 @@ def test_usage_shows_what_may_be_left_out() -> None:
         ("slot.source a missing", "slot.source", ("a", "missing")),
         ("compare.divider nan", "compare.divider", (float("nan"),)),
         ("filter.anisotropy 3", "filter.anisotropy", (3,)),
+        ("slot.filter a box", "slot.filter", ("a", "box")),
+        ("filter.texels box", "filter.texels", ("box",)),
         ("window.ui-scale 9", "window.ui-scale", (9.0,)),
     ],
 )
@@ -98,6 +100,15 @@ def test_values_of_widgets_are_checked_as_texts_are(
     with pytest.raises(InputError) as given:
         run(context, command_id, *values)
     assert str(typed.value).replace("'", "") == str(given.value).replace("'", "")
+
+
+def test_a_filter_is_of_one_slot_or_both_and_is_remembered(context: Context) -> None:
+    run_line(context, "slot.filter b stochastic")
+    assert [slot.filter for slot in context.session.view.slots.values()] == ["exact", "stochastic"]
+    assert context.session.present_settings.texel_filter == "exact"
+    run_line(context, "filter.texels stochastic")
+    assert [slot.filter for slot in context.session.view.slots.values()] == ["stochastic", "stochastic"]
+    assert context.session.present_settings.texel_filter == "stochastic"
 
 
 def test_a_divider_beyond_the_edge_stays_at_the_edge(context: Context) -> None:

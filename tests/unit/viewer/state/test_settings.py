@@ -13,6 +13,7 @@ README = Path(__file__).resolve().parents[4] / "README.md"
 
 def test_round_trip(tmp_path: Path) -> None:
     settings = replace(ViewerSettings(), camera_mode="fly", anisotropy=8, wipe_position=0.25, window_size=(900, 500))
+    settings = replace(settings, texel_filter="stochastic")
     save_settings(tmp_path / "new", settings)
     assert load_settings(tmp_path / "new") == (settings, None)
 
@@ -51,6 +52,7 @@ def test_a_broken_file_gives_the_defaults_and_one_line(tmp_path: Path, content: 
         ('{"fov_degrees": 200}', "fov_degrees: Expected number <= 120"),
         ('{"theme": "pink"}', "theme: Invalid enum value 'pink', must be one of dark, light"),
         ('{"anisotropy": 3}', "anisotropy: must be one of 1, 2, 4, 8, 16"),
+        ('{"texel_filter": "box"}', "texel_filter: Invalid enum value 'box', must be one of exact, stochastic"),
         ('{"window_size": [900, 100]}', "window_size[1]: Expected whole number >= 200"),
         ('{"hidden_panels": [5]}', "hidden_panels[0]: Expected text"),
     ],

@@ -20,7 +20,7 @@ RICH = SavedView(
         PLAIN.view,
         camera=CAMERA,
         slot_a=Slot("clustered", "cached", "fp16"),
-        slot_b=Slot("single", "auto"),
+        slot_b=Slot("single", "auto", filter="stochastic"),
         compare="wipe",
         wipe_position=0.3,
         overlay=Overlay("divergence", 0.25, "viridis", "16x4"),

@@ -1,0 +1,180 @@
+"""The stochastic filter: each sample is a texel of the footprint, their mean is what is filtered, and a view at rest stops drawing."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lab.bench.filtering import filter_decoded, wrapped
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec import reference
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
+from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
+from tests.gl.small_scenes import FRONT, objects
+from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
+from viewer.gl.context import GraphicsContext
+from viewer.render.albedo_path import SAMPLES
+from viewer.render.frame_result import FrameResult
+from viewer.render.renderer import Renderer
+from viewer.scene.model import Material
+from viewer.state.navigation import turned
+from viewer.state.view_state import DecodePath, Slot, ViewState
+
+CONFIG = BlockCodecConfig(block_words=(2, 3, 6), mean_words=3, modes=8, coefficients=60)
+TRILINEAR = [name for name in CASES if not name.startswith("n")]
+DEFERRED = Slot("p", "deferred", filter="stochastic")
+WHOLE = (0, 0, *SIZE)
+
+
+def pack_of(codec: str, sizes: tuple[tuple[int, int], ...], hashes: list[str], seed: int = 0) -> Pack:
+    groups = tuple(number % 2 for number in range(len(sizes)))
+    if codec == "block":
+        return random_block_pack(sizes, groups, CONFIG, hashes, seed=seed)
+    return random_pack(sizes, groups, hashes=hashes, seed=seed)
+
+
+@pytest.fixture(scope="module", params=["grid", "block"])
+def pack(request: pytest.FixtureRequest) -> Pack:
+    """Latents for all textures, in either codec."""
+    return pack_of(request.param, SIZES, [texture(2 * w, 2 * h, w).pixel_hash for w, h in SIZES])
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
+    """All cases, one quad behind the other."""
+    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
+    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
+    made = Renderer(graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]))
+    made.set_packs({"p": pack})
+    yield made
+    made.release()
+
+
+def texels_of(pack: Pack, name: str) -> NDArray[np.float64]:
+    """[8, H * W, 3] float64: the texels of every pixel's footprint."""
+    case = CASES[name]
+    levels = latent_levels(*SIZES[case.texture], pack.config)
+    lod = float(np.clip(case.map.lod(SIZES[case.texture]), 0.0, len(levels) - 1.0))
+    uv = case.map.uv(SIZE)
+    found = []
+    for number in (int(lod), min(int(lod) + 1, len(levels) - 1)):
+        size = np.array([levels[number].texel_width, levels[number].texel_height])
+        corner = np.floor(uv * size - 0.5).astype(np.int64)
+        for step in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            texel = [wrapped(corner[:, axis] + step[axis], size[axis], case.wrap[axis]) for axis in (0, 1)]
+            centres = (np.stack(texel, axis=-1) + 0.5) / size
+            at = np.full(len(uv), float(number))
+            found.append(reference.decode_texels(pack, case.texture, centres, at, case.wrap))
+    return np.stack(found)
+
+
+def draw(renderer: Renderer, name: str, slot: Slot, whole: bool) -> NDArray[np.float64]:
+    """[H * W, 3] linear: a case, as one sample or `whole`. What was drawn before does not count."""
+    view = ViewState(straight_camera(list(CASES).index(name)), SIZE, slot)
+    renderer.render(replace(view, slot_a=Slot()))
+    renderer.render(view, whole)
+    found = renderer.albedo_in(slot, WHOLE)
+    assert found is not None
+    return found.reshape(-1, 3).astype(np.float64)
+
+
+@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
+@pytest.mark.parametrize("name", TRILINEAR)
+def test_a_sample_is_a_texel_of_the_footprint(renderer: Renderer, pack: Pack, name: str, path: DecodePath) -> None:
+    shown = linear_to_srgb(draw(renderer, name, Slot("p", path, filter="stochastic"), whole=False))
+    distances = np.abs(texels_of(pack, name) - shown).max(-1)
+    assert distances.min(0).max() <= 2 * TOLERANCE
+    if name == "magnified":
+        # Each of the four is taken somewhere.
+        assert set(distances.argmin(0)) >= {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("name", TRILINEAR)
+def test_samples_approach_the_filtered_texels(renderer: Renderer, pack: Pack, name: str) -> None:
+    case = CASES[name]
+    lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]))
+    sampler = replace(case.sampler, wrap=case.wrap)
+    expected = srgb_to_linear(filter_decoded(pack, case.texture, case.map.uv(SIZE), lod, sampler))
+    one = draw(renderer, name, DEFERRED, whole=False) - expected
+    mean = draw(renderer, name, DEFERRED, whole=True) - expected
+    assert np.abs(mean.mean(0)).max() <= 0.01
+    assert np.sqrt(np.mean(mean**2)) <= np.sqrt(np.mean(one**2)) / 4.0 + 1e-4
+
+
+def opened(graphics: GraphicsContext, codec: str = "block") -> Renderer:
+    """The scene of objects with its pack."""
+    made = Renderer(graphics, objects())
+    made.set_packs({"p": pack_of_objects(codec)})
+    return made
+
+
+def pack_of_objects(codec: str, seed: int = 0) -> Pack:
+    textures = objects().textures
+    sizes = tuple((t.pixels.shape[1], t.pixels.shape[0]) for t in textures)
+    return pack_of(codec, sizes, [t.pixel_hash for t in textures], seed)
+
+
+def frame(renderer: Renderer, slot: Slot = DEFERRED, degrees: float = 0.0) -> FrameResult:
+    """A view, turned by so much."""
+    return renderer.render(ViewState(turned(FRONT, degrees), (120, 72), slot))
+
+
+def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    for number in range(1, SAMPLES + 1):
+        drawn = frame(renderer)
+        assert drawn.samples == {DEFERRED: number}
+        assert drawn.waiting == SAMPLES - number
+        assert "decode_deferred" in drawn.timings_ms
+    rest = frame(renderer)
+    assert "decode_deferred" not in rest.timings_ms
+    assert "composite" not in rest.timings_ms
+    gathered = renderer.albedo(DEFERRED)
+    # Another view begins anew, and all samples at once are the same picture.
+    assert frame(renderer, degrees=1.0).samples == {DEFERRED: 1}
+    renderer.render(ViewState(FRONT, (120, 72), DEFERRED), whole=True)
+    np.testing.assert_array_equal(renderer.albedo(DEFERRED), gathered)
+    renderer.release()
+
+
+@pytest.mark.parametrize("codec", ["grid", "block"])
+def test_all_paths_take_the_same_samples(graphics: GraphicsContext, codec: str) -> None:
+    renderer = opened(graphics, codec)
+    pictures = []
+    for path in ("deferred", "forward", "binned"):
+        slot = Slot("p", path, filter="stochastic")
+        renderer.render(ViewState(FRONT, (120, 72), slot), whole=True)
+        pictures.append(renderer.albedo(slot))
+    for other in pictures[1:]:
+        # Where two surfaces meet, coordinates are rounded elsewhere, and another texel may be taken.
+        assert (np.abs(other - pictures[0]).max(-1) <= 2e-4).mean() > 0.99
+    renderer.release()
+
+
+def test_tiles_and_the_reference_are_filtered_as_ever(graphics: GraphicsContext) -> None:
+    renderer = opened(graphics)
+    for slot in (Slot("p", "cached"), Slot()):
+        frame(renderer, slot)
+        expected = renderer.albedo(slot)
+        other = replace(slot, filter="stochastic")
+        assert frame(renderer, other).samples == {}
+        np.testing.assert_array_equal(renderer.albedo(other), expected)
+    renderer.release()
+
+
+def test_another_version_of_a_pack_begins_anew(graphics: GraphicsContext) -> None:
+    renderer, fresh = opened(graphics), Renderer(graphics, objects())
+    renderer.render(ViewState(FRONT, (120, 72), DEFERRED), whole=True)
+    other = pack_of_objects("block", seed=3)
+    renderer.update_pack("p", other)
+    assert frame(renderer).samples == {DEFERRED: 1}
+    fresh.set_packs({"p": other})
+    frame(fresh)
+    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh.albedo(DEFERRED))
+    for made in (renderer, fresh):
+        made.release()
