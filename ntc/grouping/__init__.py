@@ -16,7 +16,7 @@ from ntc.features import FeatureOptions, feature_matrix
 __all__ = ["GroupingInputs", "make_grouping"]
 
 LARGEST_SEED = 2**32 - 1
-"""Largest seed that numpy and scikit-learn both take."""
+"""Largest seed that all of numpy's generators take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,6 @@ def make_grouping(
     if config.name == "covisible":
         return _covisible(config, clusters, textures, inputs)
     features = feature_matrix(config.features, textures, inputs.features)
-    # scikit-learn takes a second to import; the groupings above do not need it.
     from ntc.grouping.clustered import clustered_grouping, random_grouping
 
     clustered = clustered_grouping(features, config.features, clusters, config.seed)

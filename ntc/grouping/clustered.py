@@ -2,10 +2,10 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 
 from ntc.codec.config import FeatureName
 from ntc.codec.model import Grouping
+from ntc.grouping.kmeans import kmeans_labels
 
 RESTARTS = 20
 
@@ -17,7 +17,7 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
     Textures with equal features cannot be told apart, so there are no more groups than distinct features.
     """
     clusters = min(clusters, len(np.unique(features, axis=0)))
-    labels = KMeans(n_clusters=clusters, n_init=RESTARTS, random_state=seed).fit(features).labels_
+    labels = kmeans_labels(features, clusters, RESTARTS, seed)
     parameters = {"clusters": clusters, "features": name, "seed": seed}
     return Grouping.of_labels("clustered", labels.tolist(), parameters)
 

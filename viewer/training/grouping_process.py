@@ -1,8 +1,7 @@
-"""Grouping in a process of its own: scikit-learn takes a second to import, and covisible needs OpenGL; a window must not wait.
+"""Grouping in a process of its own: features keep Python's lock, and covisible needs OpenGL; a window must not wait.
 
 The process ends with its one answer, and with the program that started it."""
 
-import importlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +18,6 @@ from viewer.locations import features_cache
 
 NICENESS = 10
 SECONDS_BETWEEN_CHECKS = 0.05
-WITH_CLUSTERING = ("clustered", "random")
-"""Groupings that need scikit-learn."""
 WITHOUT_FEATURES = ("baseline", "single", "category")
 """Groupings that are found at once, without another process."""
 
@@ -56,10 +53,9 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
 
 
 def group_textures(request: tuple[GroupingJob, str] | None) -> Grouping | None:
-    """In the grouping process: the grouping of a job whose pixels lie in the shared block of that name; without a job only what
-    groupings import. Raises InputError."""
+    """In the grouping process: the grouping of a job whose pixels lie in the shared block of that name; None for none, by which
+    the process is started. Raises InputError."""
     if request is None:
-        importlib.import_module("ntc.grouping.clustered")
         return None
     places, block_name = request
     block = SharedBlock.open(block_name)
@@ -69,7 +65,7 @@ def group_textures(request: tuple[GroupingJob, str] | None) -> Grouping | None:
 
 
 class GroupingProcess:
-    """A process that imports what a grouping needs while its textures are still being made. Use in a `with` block."""
+    """A process that starts while the textures to group are still being made. Use in a `with` block."""
 
     def __init__(self, config: GroupingConfig) -> None:
         self._config = config
@@ -77,7 +73,7 @@ class GroupingProcess:
         self._call: Job[Grouping | None] | None = None
 
     def __enter__(self) -> "GroupingProcess":
-        if self._config.name in WITH_CLUSTERING:
+        if self._config.name not in WITHOUT_FEATURES:
             self._call = self._process.call(None)
         return self
 
