@@ -18,7 +18,8 @@ Labels = NDArray[np.int64]
 def _squared_distances(rows: Floats, points: Floats, norms: Floats) -> Floats:
     """[rows, points] squared distances of `rows` [rows, F] from `points` [points, F], whose squared norms are `norms` [points]."""
     own = np.einsum("ij,ij->i", rows, rows)[:, None]
-    return np.maximum(-2.0 * (rows @ points.T) + own + norms, 0.0)
+    distances: Floats = np.maximum(-2.0 * (rows @ points.T) + own + norms, 0.0)
+    return distances
 
 
 def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.RandomState) -> Floats:
