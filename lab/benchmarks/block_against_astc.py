@@ -6,7 +6,7 @@ python -m lab.benchmarks.block_against_astc SCENE|FOLDER ... --most 100 --json l
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,7 @@ DIFFERENCES = (
     Column("ssim", "SSIM, more", 4),
     Column("flip", "FLIP, more", 4),
     Column("largest_loss_db", "most a texture loses, dB"),
+    Column("largest_loss_texture", "which"),
     Column("worse_by_over_1_db", "textures worse by over 1 dB"),
 )
 
@@ -74,6 +75,7 @@ class Comparison:
 
 def _difference(
     grouping: str,
+    names: Sequence[str],
     own: tuple[Sequence[PictureQuality], RatePoint],
     other: tuple[Sequence[PictureQuality], RatePoint],
 ) -> dict[str, Cell]:
@@ -85,30 +87,46 @@ def _difference(
         "format": other[1].setting,
         **{key: float(mine[key] or 0.0) - float(theirs[key] or 0.0) for key in keys},
         "largest_loss_db": float(max(0.0, losses.max())),
+        "largest_loss_texture": names[int(losses.argmax())] if losses.max() > 0.0 else None,
         "worse_by_over_1_db": int((losses > 1.0).sum()),
     }
 
 
 def compare(
-    name: str, textures: Sequence[SourceTexture], clusters: int, groupings: Sequence[GroupingName], cache: Path
+    name: str,
+    textures: Sequence[SourceTexture],
+    clusters: int,
+    groupings: Sequence[GroupingName],
+    cache: Path,
+    flip_every: int,
 ) -> Comparison:
-    """Every format of ASTC, and codec `block` in every grouping at its bits. Raises InputError."""
+    """Every format of ASTC, and codec `block` in every grouping at its bits; FLIP of every so many textures. Raises InputError."""
     study, inputs = FormatStudy(cache), GroupingInputs(features=FeatureOptions(cache=features_cache()))
     astc = {}
     for block_format in FORMATS:
-        pictures, quality = study.measure_all(textures, block_format)
+        pictures, quality = study.measure_all(textures, block_format, flip_every=flip_every)
         astc[block_format] = (pictures, RatePoint(ASTC, block_format, quality))
         print(f"{name}: {json.dumps(astc[block_format][1].row())}", flush=True)
     points, rows = [point for _, point in astc.values()], []
     for grouping_name in groupings:
         grouping = make_grouping(GroupingConfig(grouping_name, min(clusters, len(textures))), textures, inputs)
         for block_format, other in astc.items():
-            pictures, quality = measured_block_codec(textures, grouping, other[1].quality.bits_per_texel)
+            pictures, quality = measured_block_codec(textures, grouping, other[1].quality.bits_per_texel, flip_every)
             point = RatePoint(f"block, {grouping_name}", f"as {block_format}", quality)
             points.append(point)
-            rows.append(_difference(grouping_name, (pictures, point), other))
+            rows.append(_difference(grouping_name, [t.name for t in textures], (pictures, point), other))
             print(f"{name}: {json.dumps(rows[-1])}", flush=True)
     return Comparison(name, len(textures), tuple(points), Table(DIFFERENCES, rows))
+
+
+def _write(path: Path, settings: Mapping[str, int], compared: Sequence[Comparison]) -> None:
+    """Write the record, and table and plot beside it, of the sets that are done."""
+    record = {**settings, "sets": [each.record() for each in compared]}
+    write_text(path, json.dumps(record, indent=1) + "\n")
+    text = "\n".join(each.text() for each in compared)
+    write_text(path.with_suffix(".md"), f"# Codec block beside ASTC\n\n{text}")
+    panels = {f"{each.name}: {each.textures} textures": each.points for each in compared}
+    write_figure(path.with_suffix(".png"), rate_figure(panels))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -117,24 +135,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("sources", type=Path, nargs="+", help="scenes, or folders of images without alpha")
     parser.add_argument("--texture-size", type=int, default=512)
     parser.add_argument("--most", type=int, default=1000, help="textures of each source")
+    parser.add_argument(
+        "--flip-every", type=int, default=1, help="measure FLIP, which takes longest, of every so many textures"
+    )
     parser.add_argument("--clusters", type=int, default=4)
     parser.add_argument("--groupings", nargs="*", default=GROUPINGS, help="none: ASTC alone, to be kept for later runs")
     parser.add_argument("--cache", type=Path, default=blocks_cache(), help="folder that keeps ASTC's figures")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
+    settings = {"texture_size": options.texture_size, "clusters": options.clusters, "flip_every": options.flip_every}
     try:
-        compared = []
+        compared: list[Comparison] = []
         for source in options.sources:
             textures = read_textures(source, options.texture_size, options.most)
-            compared.append(compare(source.stem, textures, options.clusters, options.groupings, options.cache))
-        if options.json:
-            settings = {"texture_size": options.texture_size, "clusters": options.clusters}
-            record = {**settings, "sets": [each.record() for each in compared]}
-            write_text(options.json, json.dumps(record, indent=1) + "\n")
-            text = "\n".join(each.text() for each in compared)
-            write_text(options.json.with_suffix(".md"), f"# Codec block beside ASTC\n\n{text}")
-            panels = {f"{each.name}: {each.textures} textures": each.points for each in compared}
-            write_figure(options.json.with_suffix(".png"), rate_figure(panels))
+            compared.append(
+                compare(source.stem, textures, options.clusters, options.groupings, options.cache, options.flip_every)
+            )
+            if options.json:
+                _write(options.json, settings, compared)
     except InputError as error:
         sys.stderr.write(f"error: {error}\n")
         return 2

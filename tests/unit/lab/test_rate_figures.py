@@ -91,7 +91,18 @@ def test_block_beside_astc_writes_record_table_and_plot(
             assert picture.write(str(tmp_path / name / f"{seed}.png"))
     record = tmp_path / "record.json"
     sources = [str(tmp_path / "one"), str(tmp_path / "two")]
-    options = ["--most", "2", "--groupings", "single", "--cache", str(tmp_path / "kept"), "--json", str(record)]
+    options = [
+        "--most",
+        "2",
+        "--groupings",
+        "single",
+        "--flip-every",
+        "2",
+        "--cache",
+        str(tmp_path / "kept"),
+        "--json",
+        str(record),
+    ]
     assert block_against_astc.main([*sources, *options]) == 0
     content = json.loads(record.read_text())
     assert [(each["source"], each["textures"]) for each in content["sets"]] == [("one", 2), ("two", 2)]
