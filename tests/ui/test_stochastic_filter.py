@@ -1,0 +1,44 @@
+"""The stochastic filter in the window: switched by a command, gathered while the view rests, and then nothing is drawn."""
+
+from dataclasses import replace
+
+from tests.support.driven_app import DrivenApp
+from viewer.commands import run
+from viewer.render.albedo_path import SAMPLES
+from viewer.state.navigation import turned
+
+FRAMES = 400
+
+
+def settle(app: DrivenApp) -> None:
+    """Frames until nothing more is to come."""
+    for _ in range(FRAMES):
+        app.frame()
+        if app.frontend.is_settled(app.size):
+            return
+    raise AssertionError("it never settles")
+
+
+def samples(app: DrivenApp) -> list[int]:
+    """Of the slots of the last picture."""
+    last = app.frontend.picture.last
+    assert last is not None
+    return list(last.samples.values())
+
+
+def test_a_view_at_rest_gathers_samples_and_rests(app: DrivenApp) -> None:
+    settle(app)
+    assert samples(app) == []
+    run(app.context, "filter.texels", "stochastic")
+    settle(app)
+    assert samples(app) == [SAMPLES]
+    drawn = app.frontend.picture.frames_drawn
+    for _ in range(5):
+        app.frame()
+    assert app.frontend.picture.frames_drawn == drawn
+    # A moved camera begins anew.
+    app.session.view = replace(app.session.view, camera=turned(app.session.view.camera, 3.0))
+    app.frame()
+    assert samples(app)[0] < SAMPLES
+    settle(app)
+    assert samples(app) == [SAMPLES]
