@@ -4,6 +4,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ntc.metrics.metrics import PsnrSummary, psnr_db
 from ntc.training.progress import CancelQuestion
 from ntc.training.request import check_textures
 from ntc.training.snapshot import group_members
+from ntc.training.threads import PacedThreads
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,18 +128,26 @@ def _shared(fitted: Sequence[FittedGroup], config: BlockCodecConfig) -> list[_Gr
 
 
 def _encoding_stages(
-    textures: Sequence[SourceTexture], plans: Iterable[_GroupPlan], config: BlockCodecConfig, total: int
+    textures: Sequence[SourceTexture],
+    plans: Iterable[_GroupPlan],
+    config: BlockCodecConfig,
+    total: int,
+    threads: int | None = None,
 ) -> Iterator[BlockStage]:
     quantizer, psnr_db_of = TrellisQuantizer(), dict[int, float]()
-    for plan in plans:
-        group, members, decoder = plan.fitted.group, plan.fitted.members, plan.fitted.decoder
-        encoded: list[EncodedTexture] = []
-        for index, words in zip(members, plan.words, strict=True):
-            encoded.append(_encoded(textures[index], group, decoder, config, quantizer, words))
-            psnr_db_of[index] = encoded[-1].psnr_db or 0.0
-            whole = len(encoded) == len(members)
-            changed = BlockGroup(group, members, tuple(encoded), decoder, final=True) if whole else None
-            yield BlockStage(len(psnr_db_of), total, dict(psnr_db_of), changed)
+    with PacedThreads(threads) as paced:
+        for plan in plans:
+            group, members, decoder = plan.fitted.group, plan.fitted.members, plan.fitted.decoder
+            encode = partial(_encoded, group=group, decoder=decoder, config=config, quantizer=quantizer)
+            parts = [(textures[index], words) for index, words in zip(members, plan.words, strict=True)]
+            sizes = [source.pixels.size for source, _ in parts]
+            encoded: list[EncodedTexture] = []
+            for index, found in zip(members, paced.map(encode, parts, sizes), strict=True):
+                encoded.append(found)
+                psnr_db_of[index] = found.psnr_db or 0.0
+                whole = len(encoded) == len(members)
+                changed = BlockGroup(group, members, tuple(encoded), decoder, final=True) if whole else None
+                yield BlockStage(len(psnr_db_of), total, dict(psnr_db_of), changed)
 
 
 def encoding_record(config: BlockCodecConfig, seed: int) -> dict[str, Any]:
@@ -159,9 +169,10 @@ def encode_blocks(
     seed: int = 0,
     report: BlockProgressListener | None = None,
     cancelled: CancelQuestion | None = None,
+    threads: int | None = None,
 ) -> Pack:
     """A pack of codec `block` of `textures` in the groups of `grouping`, which all share its words. The same seed gives the same
-    pack.
+    pack, with any number of threads; `threads` is the most, None as many as pay.
 
     Raises InputError for textures and groups that cannot be encoded, TrainingCancelledError when `cancelled` says so.
     """
@@ -171,7 +182,7 @@ def encode_blocks(
         if cancelled is not None and cancelled():
             raise TrainingCancelledError
         fitted.append(fitted_group(textures, grouping, group, config, seed))
-    stages = _encoding_stages(textures, _shared(fitted, config), config, len(textures))
+    stages = _encoding_stages(textures, _shared(fitted, config), config, len(textures), threads)
 
     def reported() -> Iterator[BlockStage]:
         for stage in stages:
@@ -202,13 +213,13 @@ def encoded_pack(stages: Iterable[BlockStage], grouping: Grouping, config: Block
 
 
 def _encoded(
-    source: SourceTexture,
+    part: tuple[SourceTexture, float],
     group: int,
     decoder: BlockDecoder,
     config: BlockCodecConfig,
     quantizer: TrellisQuantizer,
-    words: float,
 ) -> EncodedTexture:
+    source, words = part
     blocks = encode_texture(source, decoder, config, quantizer, words)
     found = encoded_block_texture(source, group, blocks)
     decoded = decode_image(blocks, decoder, config)[..., : found.channels]

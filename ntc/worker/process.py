@@ -23,6 +23,7 @@ from ntc.pack.validate import check_pack
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot
+from ntc.training.threads import usable_cores, wait_passively
 from ntc.worker.pipe import WorkerEnd
 from ntc.worker.protocol import (
     Cancel,
@@ -193,7 +194,7 @@ def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> Worker
         # Importing torch takes seconds, in which commands are already listened to.
         import torch
 
-        torch.set_num_threads(max(1, _cores() - 1))
+        torch.set_num_threads(max(1, usable_cores() - 1))
         _yield_to_others()
         try:
             host.interruption()
@@ -218,12 +219,6 @@ def _yield_to_others() -> None:
     """Lower this process's priority, once."""
     if hasattr(os, "nice"):
         os.nice(max(0, NICENESS - os.nice(0)))
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _one_line(error: BaseException) -> str:
@@ -258,6 +253,7 @@ def serve(end: socket.socket) -> None:
     """The main function of the process: runs trainings, one after the other, until the other end of the pipe closes."""
     # Ctrl-C in a terminal reaches this process too; the window decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    wait_passively()
     pipe, state = WorkerEnd(end), WorkerState()
     threading.Thread(target=_listen, args=(pipe, state), daemon=True).start()
     with suppress(BrokenPipeError, ConnectionResetError):

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from ntc.errors import InputError
+from ntc.training.threads import wait_passively
 from viewer.cli.arguments import parse_arguments
 from viewer.gl.context_loss import ContextLostError
 
@@ -14,6 +15,7 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `ntc-viewer` with `arguments` (None: those of the process) and return its exit status."""
+    wait_passively()
     try:
         command, options = parse_arguments(sys.argv[1:] if arguments is None else arguments)
         status: int = getattr(importlib.import_module(command.module), command.function)(options)

@@ -83,6 +83,18 @@ def test_progress_names_every_texture_and_threads_are_given_back() -> None:
     assert torch.get_num_threads() == before
 
 
+def test_the_number_of_threads_changes_no_byte() -> None:
+    sources = [waves(40 + 8 * seed, 40, seed=seed) for seed in range(12)]
+    grouping = Grouping("any", (0,) * 9 + (1,) * 3)
+    one, two = (encode_blocks(sources, grouping, SMALL, threads=count) for count in (1, 2))
+    for a, b in zip(one.textures, two.textures, strict=True):
+        assert a.latents.tobytes() == b.latents.tobytes()
+        assert (a.scale.tobytes(), a.offset.tobytes(), a.psnr_db) == (b.scale.tobytes(), b.offset.tobytes(), b.psnr_db)
+    assert all(
+        x.scales.tobytes() == y.scales.tobytes() for x, y in zip(one.block_decoders, two.block_decoders, strict=True)
+    )
+
+
 def test_cancelling_ends_it_before_the_next_texture() -> None:
     reports: list[BlockProgress] = []
     sources = [waves(16, 16, seed=seed) for seed in range(3)]
