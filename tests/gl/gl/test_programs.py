@@ -74,6 +74,11 @@ COMPUTED += [
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 0}),
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
     ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),
+    ("passes/accumulate/accumulate.comp", {}),
+]
+COMPUTED += [
+    (f"passes/decode_{name}.comp", {"PRECISION_FP16": 0, "FILTER_STOCHASTIC": 1})
+    for name in ("deferred/decode", "deferred/decode_shared", "binned/decode")
 ]
 COMPUTED += [("passes/divergence/divergence.comp", {"BLOCK_WIDTH": 8, "BLOCK_HEIGHT": 8})]
 ALL_GLSL = sorted(
@@ -120,8 +125,8 @@ def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     factory = ProgramFactory(graphics.gl, library)
     shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockCodecConfig(modes=1)))
-    for in_image in (0, 1):
-        defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image}
+    for in_image, stochastic in ((0, 0), (1, 0), (1, 1)):
+        defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image, "FILTER_STOCHASTIC": stochastic}
         for name in ("deferred/decode", "deferred/decode_shared", "binned/decode", "cached/decode", "texels/decode"):
             assert shaped.compute(f"passes/decode_{name}.comp", defines).glo > 0
         assert shaped.program("common/scene.vert", "passes/decode_forward/decode.frag", defines).glo > 0
