@@ -6,7 +6,7 @@ become better.
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse
 from ntc.training.encode_blocks import BlockGroup, BlockStage, encoding_record, encoding_stages
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget, TrainingRequest
-from ntc.training.snapshot import GroupSnapshot, unchanged_groups
+from ntc.training.snapshot import GroupSnapshot, group_members, unchanged_groups
 
 SECONDS_BETWEEN_REPORTS = 0.1
 HIGHEST_PSNR_DB = 120.0
@@ -48,7 +48,9 @@ class BlockTrainer:
         """Encode to the end; the host gets a final snapshot of each group. Raises what the host's `interruption` raises."""
         request = self._request
         self._began = self._host.seconds()
-        stages = encoding_stages(request.textures, request.grouping, self._codec, request.training.seed, self._dirty)
+        # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
+        order = sorted(self._dirty, key=lambda group: self._texels(group_members(request.grouping, group)))
+        stages = encoding_stages(request.textures, request.grouping, self._codec, request.training.seed, order)
         for stage in stages:
             self._host.interruption()
             if stage.changed is not None:
@@ -119,7 +121,6 @@ class BlockTrainer:
         by_group: dict[int, list[float]] = {}
         for index, decibels in stage.psnr_db.items():
             by_group.setdefault(request.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
-        texels = sum(request.textures[index].size[0] * request.textures[index].size[1] for index in stage.psnr_db)
         self._host.progress(
             TrainingProgress(
                 step=stage.done,
@@ -129,9 +130,13 @@ class BlockTrainer:
                 losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},
                 psnr_db={index: min(decibels, HIGHEST_PSNR_DB) for index, decibels in stage.psnr_db.items()},
                 freezing_scale=1.0,
-                ktexels_per_second=texels / elapsed / 1e3,
+                ktexels_per_second=self._texels(stage.psnr_db) / elapsed / 1e3,
             )
         )
+
+    def _texels(self, indices: Iterable[int]) -> int:
+        sizes = [self._request.textures[index].size for index in indices]
+        return sum(width * height for width, height in sizes)
 
     def _reason(self, outcomes: Sequence[GroupOutcome]) -> EndReason:
         budget = self._request.budget

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
 from ntc.metrics.metrics import psnr_db
 from ntc.training.progress import TrainingProgress
@@ -59,6 +60,13 @@ def test_a_group_is_shown_as_soon_as_it_is_encoded_and_the_whole_is_the_pack(sha
             for index in snapshot.members:
                 assert psnr_db(decode_image(shown, index), TEXTURES[index].pixels) > 25.0
     assert same(shown, pack_of(end))
+
+
+def test_the_smallest_groups_come_first(shared: TrainingWorker) -> None:
+    request = replace(BLOCKS_FROM_NOTHING, grouping=Grouping("baseline", (0, 1, 2, 3)))
+    end, reports = finished(shared, request)
+    assert [report.group for report in reports if isinstance(report, GroupSnapshot)] == [3, 1, 0, 2]
+    assert [outcome.group for outcome in end.outcomes] == [0, 1, 2, 3]
 
 
 def test_encoded_again_only_the_dirty_group_changes_and_never_gets_worse(shared: TrainingWorker) -> None:
