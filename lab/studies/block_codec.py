@@ -31,7 +31,7 @@ def measured_block_codec(
 
     Raises InputError for bits that cannot be had.
     """
-    config = config_for_bits(bits, texture_set(textures, grouping.group_count), side)
+    config = config_for_bits(bits, texture_set(textures, grouping.stored_decoders), side)
     began = time.process_time()
     pack = encode_blocks(textures, grouping, config)
     return measured_pack(pack, textures, time.process_time() - began, flip_every)

@@ -7,7 +7,7 @@ WrapMode = Literal["repeat", "mirror", "clamp"]
 ColorSpace = Literal["srgb", "linear"]
 RecipeName = Literal["paper", "best"]
 CodecKind = Literal["grid", "block"]
-GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible"]
+GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible", "universal"]
 FeatureName = Literal["low_level", "spectral", "efficientnet", "clip"]
 Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
 """What is rounded to half precision: nothing; stored weights; products as well; sums as well."""

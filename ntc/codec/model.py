@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
 from ntc.errors import InputError
 
@@ -111,6 +112,11 @@ class Grouping:
     def group_count(self) -> int:
         """Number of groups, and so of decoders."""
         return max(self.groups, default=-1) + 1
+
+    @property
+    def stored_decoders(self) -> int:
+        """Decoders that a pack holds: none where the one that ships with the program serves all textures."""
+        return 0 if self.name == UNIVERSAL else self.group_count
 
 
 @dataclass(frozen=True, eq=False)

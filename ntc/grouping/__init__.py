@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.universal import universal_parameters
 from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -65,6 +66,8 @@ def make_grouping(
         return Grouping("baseline", tuple(range(len(textures))))
     if config.name == "single":
         return Grouping("single", (0,) * len(textures))
+    if config.name == "universal":
+        return Grouping("universal", (0,) * len(textures), universal_parameters())
     if config.name == "category":
         from ntc.grouping.category import category_grouping
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.universal import UNIVERSAL, universal_decoder
 from ntc.codec.model import EncodedTexture, Pack
+from ntc.errors import InputError
 from ntc.pack.schema import PackMetadata
 from ntc.pack.validate import check_block_decoder, check_block_texture
 
@@ -31,6 +33,26 @@ def expected_block_tensors(textures: int, decoders: int, config: BlockCodecConfi
     return expected
 
 
+def stored_decoders(metadata: PackMetadata) -> int:
+    """Decoders of codec `block` that a file with `metadata` holds."""
+    return 0 if metadata.grouping.name == UNIVERSAL else metadata.decoders
+
+
+def _shipped_decoder(metadata: PackMetadata, config: BlockCodecConfig) -> BlockDecoder:
+    """The decoder that the textures were encoded for. Raises ValueError where the metadata does not fit one that ships."""
+    version = metadata.grouping.parameters.get("version")
+    if metadata.decoders != 1 or not isinstance(version, int):
+        raise ValueError(
+            f"grouping {UNIVERSAL}: names {metadata.decoders} decoders of version {version!r}, not one that ships"
+        )
+    try:
+        decoder = universal_decoder(config.output_channels, version)
+    except InputError as error:
+        raise ValueError(str(error)) from error
+    check_block_decoder(decoder, config)
+    return decoder
+
+
 def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
     """The tensors of `pack`, contiguous."""
     channels = pack.block_config.output_channels
@@ -39,7 +61,7 @@ def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
         tensors[f"latents.{index}"] = texture.latents
         tensors[f"latents.{index}.mean"] = texture.offset
         tensors[f"latents.{index}.axes"] = texture.scale.reshape(channels, channels)
-    for index, decoder in enumerate(pack.block_decoders):
+    for index, decoder in enumerate(pack.block_decoders[: pack.grouping.stored_decoders]):
         for part in ("basis", "basis_scale", "scales"):
             tensors[f"decoder.{index}.{part}"] = getattr(decoder, part)
     return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
@@ -63,7 +85,9 @@ def read_block_parts(
         )
         _named(f"latents.{index}", check_block_texture, encoded, config)
         textures.append(encoded)
-    for index in range(metadata.decoders):
+    if metadata.grouping.name == UNIVERSAL:
+        decoders.append(_shipped_decoder(metadata, config))
+    for index in range(stored_decoders(metadata)):
         parts = ("basis", "basis_scale", "scales")
         decoder = BlockDecoder(*(tensor(f"decoder.{index}.{part}") for part in parts))
         _named(f"decoder.{index}", check_block_decoder, decoder, config)

@@ -21,7 +21,7 @@ from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Groupi
 from ntc.codec.quantize import packed_cells, unpacked_cells
 from ntc.errors import InputError, MetadataError
 from ntc.io import read_file, write_bytes
-from ntc.pack.block_tensors import TensorShape, block_tensors, expected_block_tensors, read_block_parts
+from ntc.pack.block_tensors import TensorShape, block_tensors, expected_block_tensors, read_block_parts, stored_decoders
 from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2
@@ -65,7 +65,7 @@ def _decoder_tensors(index: int, config: CodecConfig) -> Iterator[tuple[str, tup
 def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
     """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
     if isinstance(metadata.codec, BlockCodecConfig):
-        return expected_block_tensors(len(metadata.textures), metadata.decoders, metadata.codec)
+        return expected_block_tensors(len(metadata.textures), stored_decoders(metadata), metadata.codec)
     expected: dict[str, TensorShape] = {}
     for index, texture in enumerate(metadata.textures):
         cells = latent_cell_count(texture.width, texture.height, metadata.codec)

@@ -18,6 +18,7 @@ from ntc.codec.block.quantizer import TrellisQuantizer
 from ntc.codec.block.reference import decode_image
 from ntc.codec.block.sharing import RateCurve, share_words
 from ntc.codec.block.tables import fit_decoder, rate_curve
+from ntc.codec.block.universal import UNIVERSAL, universal_decoder
 from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.model import EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -113,10 +114,11 @@ class _GroupPlan:
 def fitted_group(
     textures: Sequence[SourceTexture], grouping: Grouping, group: int, config: BlockCodecConfig, seed: int
 ) -> FittedGroup:
-    """The tables of a group, fitted to samples of its textures. `seed` decides which blocks are sampled."""
+    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled."""
     members = group_members(grouping, group)
     samples = sample_textures([textures[index] for index in members], config, seed)
-    decoder = fit_decoder(samples, config, seed)
+    ships = grouping.name == UNIVERSAL
+    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed)
     return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
 
 

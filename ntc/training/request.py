@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -80,6 +81,8 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
         check_grouping(grouping, len(textures))
     except ValueError as error:
         raise InputError(str(error)) from error
+    if grouping.name == UNIVERSAL and isinstance(codec, CodecConfig):
+        raise InputError(f"grouping {UNIVERSAL}: no decoder of codec grid ships with the program; use codec block")
     for texture in textures:
         if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:
             raise InputError(

@@ -8,6 +8,7 @@ import numpy as np
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import BlockCodes, stored_words
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
@@ -188,6 +189,8 @@ def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
         raise InputError(
             f"texture {texture} to group {group}: there are {len(grouping.groups)} textures and {grouping.group_count} groups"
         )
+    if grouping.name == UNIVERSAL:
+        raise InputError(f"grouping {UNIVERSAL} has one decoder for all textures; group the textures anew instead")
     groups = list(grouping.groups)
     groups[texture] = group
     numbers = {old: number for number, old in enumerate(sorted(set(groups)))}

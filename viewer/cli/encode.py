@@ -260,7 +260,7 @@ def encode_in_blocks(
 ) -> int:
     """Encode in codec `block`, and write the pack. Raises InputError for bits that cannot be had."""
     asked = DEFAULT_BITS if options.bits is None else options.bits
-    codec = config_for_bits(asked, texture_set(textures, grouping.group_count, options.levels))
+    codec = config_for_bits(asked, texture_set(textures, grouping.stored_decoders, options.levels))
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block: "
         f"codes of {' or '.join(map(str, codec.block_words))} words, {codec.coefficients} coefficients, {codec.modes} modes",

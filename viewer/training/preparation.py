@@ -116,7 +116,7 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
         grouping = process.find(textures, scene.path, report)
     codec: AnyCodec
     if settings.codec_kind == "block":
-        codec = config_for_bits(settings.bits, texture_set(textures, grouping.group_count))
+        codec = config_for_bits(settings.bits, texture_set(textures, grouping.stored_decoders))
     else:
         channels = max(texture.pixels.shape[2] for texture in textures)
         codec = recipe_codec(settings.recipe, channels, None)

@@ -95,10 +95,12 @@ class Sample:
     """Blocks of all levels of the texture."""
 
 
-def sample_textures(sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0) -> tuple[Sample, ...]:
-    """Blocks of each texture of a group, chosen at random; each texture has the same weight, whatever its size."""
+def sample_textures(
+    sources: Sequence[SourceTexture], config: BlockCodecConfig, seed: int = 0, most: int = SAMPLED_BLOCKS
+) -> tuple[Sample, ...]:
+    """At most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size."""
     random = np.random.default_rng(seed)
-    each = max(1, SAMPLED_BLOCKS // max(1, len(sources)))
+    each = max(1, most // max(1, len(sources)))
     samples = []
     for source in sources:
         texture = prepare_texture(source, config)

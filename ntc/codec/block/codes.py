@@ -31,7 +31,7 @@ def packed_codes(
     words[:, 0] = modes.astype(np.uint64)
     offsets = bit_offsets(depths, config)[sizes, modes]
     rows = np.arange(len(modes))
-    for k in range(indices.shape[1]):
+    for k in np.nonzero(indices.any(axis=0))[0]:
         word, shift = offsets[:, k] >> 5, (offsets[:, k] & 31).astype(np.uint64)
         word = np.minimum(word, largest)
         value = indices[:, k].astype(np.uint64) << shift

@@ -33,12 +33,9 @@ def encode_texture(
         parts = torch.split(values, BLOCKS_AT_ONCE)
         expected = torch.cat([expected_errors(part, tables.depths, tables.scales).amin(2) for part in parts])
         sizes = torch.from_numpy(sizes_within(expected.numpy(), config.block_words, words))
-        codes = [
-            _codes(part, own, tables, allocations, config, quantizer)
-            for part, own in zip(parts, torch.split(sizes, BLOCKS_AT_ONCE), strict=True)
-        ]
+        codes = _codes(values, sizes, tables, allocations, config, quantizer)
     width, height = source.size
-    stored = BlockCodes(np.concatenate(codes), sizes.numpy())
+    stored = BlockCodes(codes, sizes.numpy())
     words_stored = stored_words(stored, latent_levels(width, height, config), config)
     return BlockTexture(width, height, words_stored, texture.mean, texture.axes)
 
@@ -52,17 +49,31 @@ def _codes(
     quantizer: TrellisQuantizer,
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 for coefficients `values` [blocks, coefficients] and size classes `sizes`."""
-    modes = torch.zeros(len(values), dtype=torch.int64)
+    found = np.zeros((len(values), config.block_words[-1]), np.uint32)
+    # Small codes have bits for few coefficients: the search takes as many steps as the largest code among its blocks has.
     for size in range(len(config.block_words)):
         own = torch.nonzero(sizes == size)[:, 0]
-        if len(own):
-            allocation = tables.depths[size : size + 1]
-            expected = expected_errors(values[own], allocation, tables.scales)[:, 0]
-            modes[own] = best_modes(values[own], expected, allocation, tables.scales)
-    chosen = tables.depths[sizes, modes]
+        for rows in torch.split(own, BLOCKS_AT_ONCE):
+            if len(rows):
+                found[rows.numpy()] = _codes_of_size(values[rows], size, tables, allocations, config, quantizer)
+    return found
+
+
+def _codes_of_size(
+    values: torch.Tensor,
+    size: int,
+    tables: Tables,
+    allocations: NDArray[np.uint8],
+    config: BlockCodecConfig,
+    quantizer: TrellisQuantizer,
+) -> NDArray[np.uint32]:
+    allocation = tables.depths[size : size + 1]
+    expected = expected_errors(values, allocation, tables.scales)[:, 0]
+    modes = best_modes(values, expected, allocation, tables.scales)
+    chosen = tables.depths[size, modes]
     numbers, _ = quantizer.quantize(values, chosen, tables.scales[modes])
     indices = indices_of(numbers.numpy(), chosen.numpy())
-    return packed_codes(modes.numpy(), sizes.numpy(), indices, allocations, config)
+    return packed_codes(modes.numpy(), np.full(len(values), size), indices, allocations, config)
 
 
 def encode_group(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_WORDS, BlockCodecConfig
+from ntc.codec.block.universal import UNIVERSAL_CONFIG, universal_channels
 from ntc.codec.latents import latent_levels
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -33,7 +34,7 @@ class TextureSet:
     sizes: Sizes
     """(width, height) of mip 0 in texels."""
     groups: int
-    """Decoders that are stored with them."""
+    """Decoders that are stored with them; 0: the one that ships with the program serves them."""
     channels: int
     """Of the texture that has most of them."""
     levels: int | None = None
@@ -82,9 +83,12 @@ def _code_sizes(words: float, side: int) -> tuple[int, ...]:
 
 def _config_for_words(words: float, textures: TextureSet, side: Literal[4, 8]) -> BlockCodecConfig:
     """Codes of about so many words, and tables that are in proportion."""
-    block_words = _code_sizes(words, side)
+    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side)
     if block_words[-1] < LARGEST_WORDS and words > 0.5 * LARGEST_WORDS:
         block_words = (*block_words[:3], LARGEST_WORDS)
+    if not textures.groups:
+        channels = universal_channels(textures.channels)
+        return replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
     plain = BlockCodecConfig(
         block_side=side,
         block_words=block_words,

@@ -66,6 +66,8 @@ def indices_of(numbers: NDArray[np.int64], depths: NDArray[np.int64]) -> NDArray
     following, subsets = branch_tables()
     for k in range(numbers.shape[1]):
         subset, active = numbers[:, k] & 3, depths[:, k] > 0
+        if not active.any():
+            continue
         branch = (subsets[state, 1] == subset).astype(np.int64)
         if (active & (subsets[state, branch] != subset)).any():
             raise ValueError("level numbers that no path through the trellis has")

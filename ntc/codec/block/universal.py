@@ -1,0 +1,58 @@
+"""The decoder that ships with the program: tables of codec `block` that were fitted once, to textures of no scene in particular.
+
+What it was fitted to, and how it is made anew: assets/README.md.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import load_file
+
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.model import BlockDecoder
+from ntc.errors import InputError
+
+UNIVERSAL = "universal"
+"""The grouping whose packs hold no decoder."""
+VERSION = 1
+"""Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
+UNIVERSAL_CONFIG = BlockCodecConfig(coefficients=192, modes=64)
+"""What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
+MOST_CHANNELS = 4
+
+
+def universal_parameters() -> dict[str, int]:
+    """What a pack's grouping records."""
+    return {"version": VERSION}
+
+
+def tables_path(version: int, channels: int) -> Path:
+    """Where the tables for textures of up to `channels` channels lie."""
+    return Path(__file__).with_name(f"universal_{version}_{channels}.safetensors")
+
+
+def universal_channels(channels: int) -> int:
+    """Channels of the tables that serve textures of `channels` channels: one set without alpha, one with it."""
+    return 3 if channels <= 3 else MOST_CHANNELS
+
+
+@lru_cache(maxsize=2)
+def universal_decoder(channels: int, version: int = VERSION) -> BlockDecoder:
+    """The shipped tables for packs of `channels` output channels. Raises InputError for tables that this program does not have."""
+    path = tables_path(version, channels)
+    if not path.is_file():
+        raise InputError(
+            f"grouping {UNIVERSAL}: this program has no tables of version {version} for {channels} channels; "
+            "install a newer one, or encode again"
+        )
+    tensors = load_file(path)
+    decoder = BlockDecoder(tensors["basis"], tensors["basis_scale"], tensors["scales"])
+    for array in (decoder.basis, decoder.basis_scale, decoder.scales):
+        array.setflags(write=False)
+    return decoder
+
+
+def universal_tensors(decoder: BlockDecoder) -> dict[str, np.ndarray]:
+    """What the file of `tables_path` holds."""
+    return {"basis": decoder.basis, "basis_scale": decoder.basis_scale, "scales": decoder.scales}
