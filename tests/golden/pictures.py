@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
 from ntc.io import write_text
+from ntc.pack.file import read_pack
 from viewer.cli.sources import builtin_scene_path
 from viewer.gl.context import create_headless_context
 from viewer.render.frame_result import read_picture
@@ -30,16 +31,21 @@ SIZE = (320, 180)
 SMALL_SIZE = (160, 90)
 SMALL_CAMERAS = ("entrance", "grazing")
 
+GRID = "grid"
+"""What the pack of codec `grid` is called; the packs that ship are of codec `block`."""
+GRID_PACK = Path(__file__).parent / "courtyard.grid.ntc"
+
 SLOTS = (
     Slot(REFERENCE),
     Slot("clustered", "deferred"),
-    Slot("clustered", "forward"),
-    Slot("clustered", "binned"),
-    Slot("baseline", "deferred"),
+    Slot(GRID, "deferred"),
+    Slot(GRID, "forward"),
+    Slot(GRID, "binned"),
 )
 """Drawn from every camera of the scene."""
 
-CACHED_SLOTS = (Slot("clustered", "cached"), Slot("baseline", "cached"))
+SMALL_SLOTS = (Slot("clustered", "forward"), Slot("clustered", "binned"), Slot("baseline", "deferred"))
+CACHED_SLOTS = (Slot("clustered", "cached"), Slot("baseline", "cached"), Slot(GRID, "cached"))
 HALF_PATHS: dict[Precision, tuple[DecodePath, ...]] = {
     "fp16": ("deferred", "forward", "binned", "cached"),
     "fp16-arithmetic": ("deferred", "forward", "binned", "cached"),
@@ -107,7 +113,7 @@ class Studio:
         self.scene = load_scene(path)
         self.context = create_headless_context()
         self.renderer = Renderer(self.context, self.scene, emulate_half=True)
-        self.renderer.set_packs(open_packs(packs_beside(path)))
+        self.renderer.set_packs({**open_packs(packs_beside(path)), GRID: read_pack(GRID_PACK)})
 
     def release(self) -> None:
         """Free everything on the GPU."""
@@ -125,21 +131,28 @@ class Studio:
     def maps(self) -> tuple[GoldenPicture, ...]:
         """Divergence maps, clustered against baseline, of two cameras."""
         names = [camera.name for camera in self.scene.cameras][:2]
-        return tuple(GoldenPicture(name, SLOTS[1], overlay) for name in names for overlay in OVERLAYS)
+        return tuple(
+            GoldenPicture(name, Slot("clustered", "deferred"), overlay) for name in names for overlay in OVERLAYS
+        )
 
     def cached(self) -> tuple[GoldenPicture, ...]:
         """Path `cached` at a small size, with and without anisotropic filtering."""
-        filtered = (GoldenPicture("grazing", slot, PLAIN, SMALL_SIZE, 8) for slot in (SLOTS[0], CACHED_SLOTS[0]))
+        slots = (Slot(REFERENCE), Slot(GRID, "cached"))
+        filtered = (GoldenPicture("grazing", slot, PLAIN, SMALL_SIZE, 8) for slot in slots)
         return (*small(CACHED_SLOTS), *filtered)
+
+    def blocks(self) -> tuple[GoldenPicture, ...]:
+        """Other paths and groupings of codec `block`, at a small size."""
+        return small(SMALL_SLOTS)
 
     def halves(self, precision: Precision) -> tuple[GoldenPicture, ...]:
         """Decode paths in a precision of halves, at a small size."""
-        return small(Slot("clustered", path, precision) for path in HALF_PATHS[precision])
+        return small(Slot(GRID, path, precision) for path in HALF_PATHS[precision])
 
     def all_pictures(self) -> tuple[GoldenPicture, ...]:
         """All of them."""
         halves = (picture for precision in HALF_PATHS for picture in self.halves(precision))
-        return (*self.pictures(), *self.maps(), *self.cached(), *halves)
+        return (*self.pictures(), *self.maps(), *self.cached(), *self.blocks(), *halves)
 
     def draw(self, picture: GoldenPicture) -> NDArray[np.uint8]:
         """[H, W, 3] uint8 sRGB."""
@@ -152,7 +165,7 @@ class Studio:
             anisotropy=picture.anisotropy,
         )
         if picture.overlay.kind != "none":
-            frame = self.renderer.render(replace(view, slot_b=SLOTS[3], compare="wipe"))
+            frame = self.renderer.render(replace(view, slot_b=Slot("baseline", "deferred"), compare="wipe"))
             return read_picture(frame.image)
         self.renderer.render(view, whole=True)
         return linear_to_srgb8(self.renderer.albedo(picture.slot))
@@ -166,10 +179,15 @@ def small(slots: Iterable[Slot]) -> tuple[GoldenPicture, ...]:
 def main() -> None:
     """Replace the accepted pictures by new ones."""
     studio = Studio()
+    wanted = {picture.path: picture for picture in studio.all_pictures()}
     for old in FOLDER.glob("*.png"):
-        old.unlink()
-    for picture in studio.all_pictures():
-        write_png(picture.path, studio.draw(picture))
+        if old not in wanted:
+            old.unlink()
+    for picture in wanted.values():
+        image = studio.draw(picture)
+        # What looks as before keeps its file.
+        if not picture.path.is_file() or picture.share_beyond(image, 0) > 0.0:
+            write_png(picture.path, image)
     write_text(FOLDER / "renderer.json", json.dumps(studio.renderer_description(), indent=2) + "\n")
 
 

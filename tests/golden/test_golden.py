@@ -39,6 +39,10 @@ def test_pictures_of_path_cached_are_as_accepted(studio: Studio) -> None:
     compare(studio, studio.cached())
 
 
+def test_other_paths_and_groupings_of_codec_block_are_as_accepted(studio: Studio) -> None:
+    compare(studio, studio.blocks())
+
+
 @pytest.mark.parametrize("precision", HALF_PATHS)
 def test_pictures_in_halves_are_as_accepted(studio: Studio, precision: Precision) -> None:
     compare(studio, studio.halves(precision))

@@ -22,7 +22,7 @@ PLAIN = CodecConfig(hidden_width=16, output_channels=4)
 ADAPTED = CodecConfig(
     hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16
 )
-COURTYARD = Path(__file__).parents[3] / "assets" / "courtyard.clustered.ntc"
+COURTYARD = Path(__file__).parents[2] / "golden" / "courtyard.grid.ntc"
 MODES: tuple[Precision, ...] = ("fp16-arithmetic", "fp16-accumulate")
 
 
