@@ -14,6 +14,7 @@ from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
 from ntc.accuracy.rescale import stored_pack
 from ntc.accuracy.running_error import running_bounds
+from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import Precision
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
@@ -57,7 +58,7 @@ class StabilityRow:
     not_finite: int
     """Number of values that are NaN or infinite; must be 0."""
     bound: float | None = None
-    """Largest bound of the texels' own; None for paths that filter or convert what they decoded."""
+    """Largest bound of the texels' own; None for paths that filter or convert what they decoded, and for codec `block`."""
     holds: bool | None = None
     """Whether every texel's error is within its own bound."""
 
@@ -65,7 +66,8 @@ class StabilityRow:
 @dataclass(frozen=True, eq=False)
 class _Expected:
     exact: Array
-    bound: Array
+    bound: Array | None
+    """None for codec `block`, which has no certified bounds."""
 
 
 def _row(case: str, path: str, precision: Precision, found: NDArray[np.float32], expected: _Expected) -> StabilityRow:
@@ -83,8 +85,8 @@ def _row(case: str, path: str, precision: Precision, found: NDArray[np.float32],
         psnr_db=finite_or_none(-10.0 * math.log10(square) if square > 0.0 else math.inf),
         ulps=float((error / units)[finite].max(initial=0.0)) if precision == "fp32" else None,
         not_finite=int((~np.isfinite(found)).sum()),
-        bound=float(expected.bound.max(initial=0.0)),
-        holds=bool((error <= expected.bound).all()),
+        bound=None if expected.bound is None else float(expected.bound.max(initial=0.0)),
+        holds=None if expected.bound is None else bool((error <= expected.bound).all()),
     )
 
 
@@ -93,11 +95,14 @@ def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0)
     exact, bound = [], []
     for part in case.requests:
         values = decode_texels(case.pack, part.texture, part.uv, part.lod)
+        if isinstance(case.pack.config, BlockCodecConfig):
+            exact.append(_padded(values))
+            continue
         own = running_bounds(stored, part.texture, part.uv, part.lod, precision, lod_error)
         # Textures of fewer channels than the widest: what is missing is exact.
         exact.append(_padded(values))
         bound.append(_padded(own))
-    return _Expected(np.concatenate(exact), np.concatenate(bound))
+    return _Expected(np.concatenate(exact), np.concatenate(bound) if bound else None)
 
 
 def _padded(values: NDArray[np.floating]) -> Array:
@@ -209,6 +214,11 @@ def _words(seen: StabilityCase) -> NDArray[np.uint32]:
 Progress = Callable[[str], None]
 
 
+def own_precisions(pack: Pack, precisions: Sequence[Precision]) -> Sequence[Precision]:
+    """Those of `precisions` in which `pack` is decoded differently: codec `block` is decoded in fp32 at each."""
+    return ("fp32",) if isinstance(pack.config, BlockCodecConfig) else precisions
+
+
 def stability_rows(
     bench: StabilityBench, cases: Sequence[StabilityCase], precisions: Sequence[Precision], progress: Progress
 ) -> list[StabilityRow]:
@@ -216,7 +226,7 @@ def stability_rows(
     rows = []
     for case in cases:
         progress(case.name)
-        for precision in precisions:
+        for precision in own_precisions(case.pack, precisions):
             rows.append(bench.texels(case, precision))
             rows += bench.pictures(case, precision, fixture_paths(case))
     return rows
@@ -246,7 +256,7 @@ def scene_rows(
         renderer.set_packs(packs)
         for source in packs:
             for path in get_args(DecodePath):
-                for precision in precisions:
+                for precision in own_precisions(packs[source], precisions):
                     case = f"{name}: {source}"
                     progress(f"{case}, {path}, {precision}")
                     rows.append(

@@ -53,7 +53,7 @@ def as_single(values: NDArray[np.floating]) -> Array:
         return values.astype(np.float32).astype(np.float64)
 
 
-def _anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Requests]:
+def anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Requests]:
     """Requests of `texels` random texels, divided between the textures; uv and lod also a little out of range."""
     found = []
     for index, texture in enumerate(pack.textures):
@@ -134,7 +134,8 @@ def _at(pack: Pack, uv: Array, lod: Array) -> list[Requests]:
     return [Requests(index, as_single(uv), as_single(lod)) for index in range(len(pack.textures))]
 
 
-def _place_cases(pack: Pack, texels: int, random: np.random.Generator) -> list[StabilityCase]:
+def place_cases(pack: Pack, long: Pack, texels: int, random: np.random.Generator) -> list[StabilityCase]:
+    """Places beside edges, far away and that are no numbers: on `pack`, and on `long`, a texture of the largest side."""
     wrapped = wrapped_pack(pack)
     width, height = wrapped.textures[0].width, wrapped.textures[0].height
     count = max(16, texels // len(wrapped.textures))
@@ -145,7 +146,7 @@ def _place_cases(pack: Pack, texels: int, random: np.random.Generator) -> list[S
         [random.uniform(-100.0, 0.0, count // 2), random.uniform(levels - 1, 100.0, count - count // 2)]
     )
     numbers = np.array(list(product(HOSTILE_NUMBERS, repeat=3)))
-    strip = wrapped_pack(random_pack(((LARGEST_PACK_SIDE, 2),), (0,), pack.grid_config))
+    strip = wrapped_pack(long)
     beside = random.integers(-2, 3, (count, 2)) + random.choice(BESIDE_AN_EDGE, (count, 2))
     uv = random.uniform(-2.0, 2.0, (count, 2))
     return [
@@ -160,7 +161,7 @@ def _place_cases(pack: Pack, texels: int, random: np.random.Generator) -> list[S
 
 
 def stability_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
-    """All cases but those of trained packs, with about `texels` texels each."""
+    """All cases of codec `grid` but those of trained packs, with about `texels` texels each."""
     random = np.random.default_rng(seed)
     plain = random_pack(SIZES, (0, 1), SMALL_CODEC)
     adapted = random_pack(
@@ -190,13 +191,14 @@ def stability_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
         "1x1, 1x16384, 16384x1, 1000x3": tall,
         f"{MANY_DECODERS} decoders": many,
     }
-    cases = [StabilityCase(name, pack, _anywhere(pack, texels, random)) for name, pack in packs.items()]
+    cases = [StabilityCase(name, pack, anywhere(pack, texels, random)) for name, pack in packs.items()]
     without = StabilityCase(
-        "hidden values beyond 65504, not rescaled", overflow, _anywhere(overflow, texels, random), rescale=False
+        "hidden values beyond 65504, not rescaled", overflow, anywhere(overflow, texels, random), rescale=False
     )
-    return [*cases, without, *_place_cases(plain, texels, random)]
+    long = random_pack(((LARGEST_PACK_SIDE, 2),), (0,), SMALL_CODEC)
+    return [*cases, without, *place_cases(plain, long, texels, random)]
 
 
 def trained_case(name: str, pack: Pack, texels: int, seed: int = 0) -> StabilityCase:
     """Texels of all textures of a trained pack."""
-    return StabilityCase(f"trained: {name}", pack, _anywhere(pack, texels, np.random.default_rng(seed)))
+    return StabilityCase(f"trained: {name}", pack, anywhere(pack, texels, np.random.default_rng(seed)))

@@ -10,12 +10,14 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from lab.bench.stability import StabilityBench, StabilityRow, scene_rows, stability_rows
+from lab.bench.stability import StabilityBench, StabilityRow, own_precisions, scene_rows, stability_rows
+from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import stability_cases, trained_case
 from lab.bench.trained_loss import TrainedLoss, trained_loss
 from lab.commands.options import StabilityStudyOptions
 from lab.commands.study_output import check_output, write_study
 from lab.studies.bound_check import BoundCheck, check_bounds
+from ntc.codec.config import CodecConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import open_scene, packs_for
@@ -116,6 +118,7 @@ def stability_figure(rows: Sequence[StabilityRow], title: str) -> Figure:
 
 
 def _checks(options: StabilityStudyOptions, packs: dict[str, Pack], console: Console) -> list[BoundCheck]:
+    packs = {name: pack for name, pack in packs.items() if isinstance(pack.config, CodecConfig)}
     cases = {
         case.name: case.pack
         for case in stability_cases(1, options.seed)
@@ -123,7 +126,9 @@ def _checks(options: StabilityStudyOptions, packs: dict[str, Pack], console: Con
     }
     cheap = options.bound_texels - options.bound_texels // TRAINED_SHARE
     shares = [(name, pack, cheap // len(cases)) for name, pack in cases.items()]
-    shares += [(f"trained: {name}", pack, (options.bound_texels - cheap) // len(packs)) for name, pack in packs.items()]
+    shares += [
+        (f"trained: {name}", pack, (options.bound_texels - cheap) // max(1, len(packs))) for name, pack in packs.items()
+    ]
     found = []
     for name, pack, texels in shares:
         for precision in options.precisions:
@@ -170,14 +175,14 @@ def study_stability(options: StabilityStudyOptions) -> int:
     context = create_headless_context()
     with context.reset.watched():
         bench = StabilityBench(context)
-        cases = [*stability_cases(options.texels, options.seed)]
+        cases = [*stability_cases(options.texels, options.seed), *block_cases(options.texels, options.seed)]
         cases += [trained_case(name, pack, options.texels, options.seed) for name, pack in packs.items()]
         rows = stability_rows(bench, cases, options.precisions, console.print)
         images = source_textures(scene, None)
         losses = [
             loss
             for name, pack in packs.items()
-            for precision in options.precisions
+            for precision in own_precisions(pack, options.precisions)
             if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
         ]
         bench.release()

@@ -6,12 +6,14 @@ from dataclasses import replace
 import pytest
 
 from lab.bench.stability import StabilityBench, StabilityRow, fixture_paths
+from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import StabilityCase, stability_cases
 from ntc.accuracy.rescale import exponents
 from ntc.codec.config import Precision
 from viewer.gl.context import GraphicsContext
 
 CASES = {case.name: case for case in stability_cases(300)}
+BLOCK_CASES = {case.name: case for case in block_cases(300)}
 FP32_TOLERANCE = 1e-4
 FP16_TOLERANCE = 4e-3
 ORDINARY = (
@@ -42,6 +44,15 @@ def fewer(case: StabilityCase, texels: int) -> StabilityCase:
     """`case` with at most so many texels of each texture."""
     parts = [replace(part, uv=part.uv[:texels], lod=part.lod[:texels]) for part in case.requests]
     return replace(case, requests=parts)
+
+
+@pytest.mark.parametrize("name", BLOCK_CASES)
+def test_codec_block_is_exact_to_what_is_promised(bench: StabilityBench, name: str) -> None:
+    case = fewer(BLOCK_CASES[name], 200)
+    for row in (bench.texels(case, "fp32"), *bench.pictures(case, "fp32", fixture_paths(case))):
+        assert row.not_finite == 0, row
+        assert row.largest is not None
+        assert row.largest <= FP32_TOLERANCE, row
 
 
 def require_bounds(row: StabilityRow) -> None:
