@@ -5,6 +5,7 @@ The process ends with its one answer, and with the program that started it."""
 from dataclasses import dataclass
 from pathlib import Path
 
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import GroupingConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -18,7 +19,7 @@ from viewer.locations import features_cache
 
 NICENESS = 10
 SECONDS_BETWEEN_CHECKS = 0.05
-WITHOUT_FEATURES = ("baseline", "single", "category")
+WITHOUT_FEATURES = ("baseline", "single", "category", UNIVERSAL)
 """Groupings that are found at once, without another process."""
 
 

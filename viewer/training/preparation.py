@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import GroupingConfig
 from ntc.codec.model import AnyCodec, Pack
 from ntc.codec.textures import SourceTexture
@@ -86,6 +87,10 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         return _encode(job.settings, scene, report)
     if base is None:
         raise InputError("no pack is shown; encode the scene first")
+    if isinstance(job, Regroup) and job.settings.strategy == UNIVERSAL:
+        raise InputError(
+            f"regroup {UNIVERSAL}: the decoder that ships has a shape of its own; encode the scene in grouping {UNIVERSAL} instead"
+        )
     grouping = base.grouping
     if isinstance(job, MoveTexture):
         grouping = moved_texture(base.grouping, job.texture, job.group)
