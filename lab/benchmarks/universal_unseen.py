@@ -1,0 +1,95 @@
+"""Grouping `universal` on textures that its tables never saw, beside ASTC: fitted to every other texture, measured on the rest.
+
+python -m lab.benchmarks.universal_unseen FOLDER --with FOLDER --json lab/benchmarks/results/studies/universal_unseen.json
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from assets.build.universal import fitted_tables, permissive_textures
+from lab.benchmarks.block_against_astc import FORMATS
+from lab.studies.hardware_formats import FormatStudy
+from lab.studies.set_quality import PictureQuality, picture_quality
+from ntc.codec.block.blocks import sample_textures
+from ntc.codec.block.encoder import encode_texture
+from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.quantizer import TrellisQuantizer
+from ntc.codec.block.rate import TextureSet, config_for_bits
+from ntc.codec.block.reference import decode_image
+from ntc.codec.block.sharing import share_words
+from ntc.codec.block.tables import rate_curve
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.io import write_text
+from ntc.metrics.metrics import PsnrSummary
+from viewer.locations import blocks_cache
+
+
+def _encoded(textures: Sequence[SourceTexture], tables: BlockDecoder, bits: float) -> list[PictureQuality]:
+    """Quality of each texture at `bits` a texel under tables that no pack holds."""
+    config = config_for_bits(bits, TextureSet([texture.size for texture in textures], 0, 3))
+    curves = [rate_curve(sample, tables, config) for sample in sample_textures(textures, config)]
+    words = share_words(curves, config.mean_words * sum(curve.block_count for curve in curves))
+    quantizer, found = TrellisQuantizer(), []
+    for texture, own in zip(textures, words, strict=True):
+        encoded = encode_texture(texture, tables, config, quantizer, own)
+        found.append(picture_quality(texture.pixels, decode_image(encoded, tables, config), with_flip=False))
+    return found
+
+
+def _decibels(pictures: Sequence[PictureQuality]) -> dict[str, float]:
+    summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
+    if summary is None:
+        raise InputError("no texture to measure; name a folder of more images")
+    return {"mean_db": round(summary.mean_db, 2), "of_mean_mse_db": round(summary.of_mean_mse_db, 2)}
+
+
+def halves(folder: Path, others: Sequence[Path], cache: Path) -> list[dict[str, Any]]:
+    """A row for each half that was not seen and each rate. Raises InputError."""
+    own = [texture for texture in permissive_textures([folder]) if texture.pixels.shape[2] == 3]
+    more = [texture for texture in permissive_textures(others) if texture.pixels.shape[2] == 3]
+    study, rows = FormatStudy(cache), []
+    for half in (0, 1):
+        tables, unseen = fitted_tables([*own[half::2], *more], 3), own[1 - half :: 2]
+        for block_format in FORMATS:
+            astc, quality = study.measure_all(unseen, block_format, flip_every=1000)
+            pictures = _encoded(unseen, tables, quality.bits_per_texel)
+            losses = [b.psnr_db - a.psnr_db for a, b in zip(pictures, astc, strict=True)]
+            rows.append(
+                {
+                    "unseen": len(unseen),
+                    "fitted_to": len(own[half::2]) + len(more),
+                    "bits_per_texel": round(quality.bits_per_texel, 3),
+                    "universal": _decibels(pictures),
+                    block_format: _decibels(astc),
+                    "worse_by_over_1_db": sum(loss > 1.0 for loss in losses),
+                }
+            )
+            print(json.dumps(rows[-1]), flush=True)
+    return rows
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="images, half of which are left out of the fit in turn")
+    parser.add_argument("--with", dest="others", type=Path, nargs="*", default=[], help="more to fit to")
+    parser.add_argument("--cache", type=Path, default=blocks_cache(), help="folder that keeps ASTC's figures")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    try:
+        rows = halves(options.folder, options.others, options.cache)
+    except InputError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 2
+    if options.json:
+        write_text(options.json, json.dumps({"halves_of": options.folder.name, "rows": rows}, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
