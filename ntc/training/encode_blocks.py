@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from ntc.codec.block.encoder import encode_texture
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.quantizer import TrellisQuantizer
 from ntc.codec.block.reference import decode_image
-from ntc.codec.block.sharing import RateCurve, share_words
+from ntc.codec.block.sharing import DEFAULT_SHARING, RateCurve, Sharing, share_words
 from ntc.codec.block.tables import fit_decoder, rate_curve
 from ntc.codec.block.universal import UNIVERSAL, universal_decoder
 from ntc.codec.block_pack import encoded_block_texture
@@ -58,6 +58,9 @@ class BlockStage:
     """A group all of whose textures have now been encoded, or that is better than it was before."""
 
 
+BlockWork = Literal["encoding", "correcting"]
+
+
 @dataclass(frozen=True)
 class BlockProgress:
     """One report of an encoding under way: after each texture."""
@@ -69,6 +72,8 @@ class BlockProgress:
     mean_psnr_db: float
     """PSNR in dB of the mean square error of those that are done; infinity where they are exact."""
     seconds_left: float
+    work: BlockWork = "encoding"
+    """What of textures is counted: correcting comes after all are encoded, where a quality was asked for."""
 
 
 BlockProgressListener = Callable[[BlockProgress], None]
@@ -122,10 +127,31 @@ def fitted_group(
     return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
 
 
-def _shared(fitted: Sequence[FittedGroup], config: BlockCodecConfig) -> list[_GroupPlan]:
+def fitted_groups(
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    config: BlockCodecConfig,
+    seed: int,
+    cancelled: CancelQuestion | None = None,
+) -> list[FittedGroup]:
+    """All groups of `grouping`. Raises TrainingCancelledError when `cancelled` says so."""
+    fitted = []
+    for group in range(grouping.group_count):
+        if cancelled is not None and cancelled():
+            raise TrainingCancelledError
+        fitted.append(fitted_group(textures, grouping, group, config, seed))
+    return fitted
+
+
+def _shared(
+    fitted: Sequence[FittedGroup], config: BlockCodecConfig, sharing: Sharing = DEFAULT_SHARING
+) -> list[_GroupPlan]:
     """What each texture of these groups may take, where they share the words of all their blocks."""
     curves = [curve for each in fitted for curve in each.curves]
-    words = iter(share_words(curves, config.mean_words * sum(curve.block_count for curve in curves)))
+    if sharing.worth is not None:
+        sharing = replace(sharing, worth=tuple(sharing.worth[index] for each in fitted for index in each.members))
+    given = share_words(curves, config.mean_words * sum(curve.block_count for curve in curves), sharing)
+    words = iter(given)
     return [_GroupPlan(each, tuple(next(words) for _ in each.members)) for each in fitted]
 
 
@@ -140,7 +166,7 @@ def _encoding_stages(
     with PacedThreads(threads) as paced:
         for plan in plans:
             group, members, decoder = plan.fitted.group, plan.fitted.members, plan.fitted.decoder
-            encode = partial(_encoded, group=group, decoder=decoder, config=config, quantizer=quantizer)
+            encode = partial(encode_member, group=group, decoder=decoder, config=config, quantizer=quantizer)
             parts = [(textures[index], words) for index, words in zip(members, plan.words, strict=True)]
             sizes = [source.pixels.size for source, _ in parts]
             encoded: list[EncodedTexture] = []
@@ -172,19 +198,17 @@ def encode_blocks(
     report: BlockProgressListener | None = None,
     cancelled: CancelQuestion | None = None,
     threads: int | None = None,
+    sharing: Sharing = DEFAULT_SHARING,
 ) -> Pack:
     """A pack of codec `block` of `textures` in the groups of `grouping`, which all share its words. The same seed gives the same
-    pack, with any number of threads; `threads` is the most, None as many as pay.
+    pack, with any number of threads; `threads` is the most, None as many as pay. `sharing` is by texture of `textures`.
 
     Raises InputError for textures and groups that cannot be encoded, TrainingCancelledError when `cancelled` says so.
     """
     check_textures(textures, grouping, config)
-    began, fitted = time.monotonic(), []
-    for group in range(grouping.group_count):
-        if cancelled is not None and cancelled():
-            raise TrainingCancelledError
-        fitted.append(fitted_group(textures, grouping, group, config, seed))
-    stages = _encoding_stages(textures, _shared(fitted, config), config, len(textures), threads)
+    began = time.monotonic()
+    fitted = fitted_groups(textures, grouping, config, seed, cancelled)
+    stages = _encoding_stages(textures, _shared(fitted, config, sharing), config, len(textures), threads)
 
     def reported() -> Iterator[BlockStage]:
         for stage in stages:
@@ -214,13 +238,14 @@ def encoded_pack(stages: Iterable[BlockStage], grouping: Grouping, config: Block
     )
 
 
-def _encoded(
+def encode_member(
     part: tuple[SourceTexture, float],
     group: int,
     decoder: BlockDecoder,
     config: BlockCodecConfig,
     quantizer: TrellisQuantizer,
 ) -> EncodedTexture:
+    """A texture of a group as a pack stores it, with its PSNR. `part`: the texture, and its words a block on average at most."""
     source, words = part
     blocks = encode_texture(source, decoder, config, quantizer, words)
     found = encoded_block_texture(source, group, blocks)

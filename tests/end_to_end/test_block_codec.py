@@ -148,7 +148,9 @@ def test_info_says_what_the_codec_is(folder: Path, tmp_path: Path, capsys: pytes
     capsys.readouterr()
     assert cli.main(["info", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert f"codec block: blocks of 8x8 texels, {config.mean_words / 2:.2f} bits a texel" in printed
+    *others, last = map(str, config.block_words)
+    sizes = f"codes of {', '.join(others)} or {last} words of 32 bits"
+    assert f"codec block: blocks of 8x8 texels, {sizes}, {config.mean_words / 2:.2f} bits a texel" in printed
     assert f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds" in printed
     assert "for codec grid alone" in printed
     assert cli.main(["info", str(out), "--json"]) == 0

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.targets import BlockTarget, SizeTarget
 from ntc.codec.config import CodecKind
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -23,13 +25,16 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
-from ntc.metrics.metrics import bits_with_mips, psnr_table
+from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.config import DEFAULT_BITS, TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
+from ntc.training.config import TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
 from ntc.training.device import peak_memory_bytes
 from ntc.training.encode import train
-from ntc.training.encode_blocks import BlockProgress, encode_blocks
+from ntc.training.encode_blocks import BlockProgress, BlockWork
+from ntc.training.encode_targets import encode_to_target
 from ntc.training.progress import TrainingProgress
+from viewer.cli.encode_target import asked_target, given_targets, result_lines, worth_on_screen
+from viewer.cli.info import block_lines
 from viewer.cli.options import EncodeOptions
 from viewer.locations import features_cache
 from viewer.scene.images import folder_textures
@@ -52,8 +57,9 @@ def _check(options: EncodeOptions) -> None:
     for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
         if value is not None and value <= 0:
             raise InputError(f"--{name} {value}: must be positive")
+    if options.views is not None and options.grouping != "covisible" and options.size is None:
+        raise InputError(f"--views {options.views}: only --grouping covisible and --size take it")
     for option, given, grouping in (
-        ("views", options.views, "covisible"),
         ("sampled-views", options.sampled_views, "covisible"),
         ("labels", options.labels, "category"),
     ):
@@ -67,11 +73,10 @@ def _check(options: EncodeOptions) -> None:
 def _check_codec(options: EncodeOptions) -> None:
     """Raises InputError for options that the codec does not have."""
     if _codec_kind(options) == "grid":
-        if options.bits is not None:
-            raise InputError(f"--bits {options.bits:g}: only --codec block takes it")
+        for name, asked in given_targets(options).items():
+            raise InputError(f"--{name} {asked}: only --codec block takes it")
         return
-    if options.bits is not None and not options.bits > 0.0:
-        raise InputError(f"--bits {options.bits:g}: must be above 0")
+    asked_target(options)
     recipe = {} if options.recipe == EncodeOptions.recipe else {"recipe": options.recipe}
     for name, value in (_asked_of_training(options) | recipe).items():
         raise InputError(f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid")
@@ -121,15 +126,21 @@ def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
     features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
     if options.grouping != "covisible":
         return GroupingInputs(labels=labels, features=features)
+    return GroupingInputs(_views(source, options), labels, features)
+
+
+def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], ...]:
+    """Texture ids [H, W] of the views that are named. Raises InputError where there are none."""
     if source.scene is None:
-        raise InputError("--grouping covisible: a folder of images has no viewpoints; encode a scene")
-    # Only this grouping needs OpenGL.
+        option = f"--views {options.views}" if options.grouping != "covisible" else "--grouping covisible"
+        raise InputError(f"{option}: a folder of images has no viewpoints; encode a scene")
+    # Nothing else here needs OpenGL.
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    return GroupingInputs(views.all_then_release(), labels, features)
+    return views.all_then_release()
 
 
 def training_config(options: EncodeOptions) -> TrainingConfig:
@@ -148,6 +159,7 @@ class _ProgressReport:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._last_line = -1
+        self._work: BlockWork = "encoding"
         self._bar = Progress(
             TextColumn("encoding"),
             BarColumn(),
@@ -179,9 +191,11 @@ class _ProgressReport:
     def blocks(self, progress: BlockProgress) -> None:
         """A report of codec `block`."""
         status = (
-            f"texture {progress.done}/{progress.textures}  PSNR {progress.mean_psnr_db:.2f} dB  "
+            f"{progress.work} texture {progress.done}/{progress.textures}  PSNR {progress.mean_psnr_db:.2f} dB  "
             f"{progress.seconds_left:.0f} s left"
         )
+        if progress.work != self._work:
+            self._work, self._last_line = progress.work, -1
         self._show(progress.done / progress.textures, status)
 
     def _show(self, share: float, status: str) -> None:
@@ -221,10 +235,16 @@ def encode(options: EncodeOptions) -> int:
     _check(options)
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size)
-    grouping = make_grouping(options.grouping_config(), source.textures, grouping_inputs(source, options))
+    inputs = grouping_inputs(source, options)
+    grouping = make_grouping(options.grouping_config(), source.textures, inputs)
     kind = _codec_kind(options)
     if kind == "block":
-        return encode_in_blocks(options, source.textures, grouping, console)
+        target = asked_target(options)
+        if isinstance(target, SizeTarget) and options.views is not None:
+            texels = [width * height for width, height in (texture.size for texture in source.textures)]
+            views = inputs.views or _views(source, options)
+            target = replace(target, worth=worth_on_screen(views, texels))
+        return encode_in_blocks(options, source.textures, grouping, target, console)
     if options.codec is None and recipe_codec_kind(options.recipe) != kind:
         asked = ", ".join(f"--{name}" for name in _asked_of_training(options))
         console.print(f"note: {asked}: trains codec grid; without, codec block encodes in seconds", highlight=False)
@@ -256,28 +276,34 @@ def _train(options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping
 
 
 def encode_in_blocks(
-    options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console
+    options: EncodeOptions,
+    textures: tuple[SourceTexture, ...],
+    grouping: Grouping,
+    target: BlockTarget,
+    console: Console,
 ) -> int:
-    """Encode in codec `block`, and write the pack. Raises InputError for bits that cannot be had."""
-    asked = DEFAULT_BITS if options.bits is None else options.bits
-    codec = config_for_bits(asked, texture_set(textures, grouping.stored_decoders, options.levels))
+    """Encode in codec `block`, and write the pack. Raises InputError for what cannot be reached."""
     console.print(
-        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block: "
-        f"codes of {' or '.join(map(str, codec.block_words))} words, {codec.coefficients} coefficients, {codec.modes} modes",
-        highlight=False,
+        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block", highlight=False
     )
     with _ProgressReport(console) as report:
         began = time.monotonic()
         with deferred_interrupt() as interrupted:
             try:
-                pack = encode_blocks(textures, grouping, codec, options.seed, report.blocks, interrupted)
+                pack = encode_to_target(
+                    textures, grouping, target, options.levels, options.seed, report.blocks, interrupted
+                )
             except TrainingCancelledError:
                 raise KeyboardInterrupt from None
+            stopped = interrupted()
     seconds = time.monotonic() - began
     write_or_rescue(options.out, pack)
+    if stopped:
+        console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
     lines = [
         *psnr_table(pack).lines(),
-        f"bits: {bits_with_mips(pack):.2f} per texel of all mips, asked for {asked:g}",
+        *block_lines(pack.config),
+        *result_lines(target, pack, options.out),
         f"encoding: {seconds:.1f} s on cpu",
         f"wrote {options.out}",
     ]

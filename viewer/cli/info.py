@@ -98,8 +98,11 @@ def block_lines(config: AnyCodec) -> list[str]:
     if not isinstance(config, BlockCodecConfig):
         return []
     side = config.block_side
+    *others, last = map(str, config.block_words)
+    sizes = f"{', '.join(others)} or {last}" if others else last
     return [
-        f"codec block: blocks of {side}x{side} texels, {config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
+        f"codec block: blocks of {side}x{side} texels, codes of {sizes} words of 32 bits, "
+        f"{config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
         f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
     ]
 

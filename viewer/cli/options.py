@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
@@ -167,7 +168,8 @@ class EncodeOptions:
     labels: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
     """CSV with the columns texture and category, for category. None: labels of the file, else guessed from names."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras, e.g. a recorded path, for which covisible reduces divergence. None: the scene's own cameras."""
+    """JSON file of cameras, e.g. a recorded path, for which covisible reduces divergence and --size shares out bits. None: covisible
+    takes the scene's own cameras."""
     sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """Viewpoints sampled in the scene that covisible uses besides. None: 24 where there are no cameras."""
     spread_weight: float = GroupingConfig.spread_weight
@@ -178,7 +180,13 @@ class EncodeOptions:
     """block: blocks of 8x8 texels under a transform, in closed form, in seconds. grid: latents and a network, trained. None: block
     for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training."""
     bits: float | None = None
-    """Codec block: bits per texel to come nearest to, of codes of all mips and decoders together. None: 2."""
+    """Codec block: bits per texel to come nearest to, all mips and decoders counted. None, and none of the next three: 2."""
+    quality: Annotated[float | None, tyro.conf.arg(metavar="DB")] = None
+    """Codec block: PSNR in dB that each texture is to have at least, in as few bits as possible."""
+    size: Annotated[float | None, tyro.conf.arg(metavar="MB")] = None
+    """Codec block: megabytes of 10^6 bytes that the file may have at most. With --views, textures seen in more pixels get more."""
+    preset: PresetName | None = None
+    """Codec block: 1bit to 8bit stand for --bits; fast decodes in at most 100 multiply-adds a texel, at about 2 bits."""
     recipe: RecipeName = "best"
     """best: codec block, or with --codec grid the fastest training found to good quality. paper: codec grid with the learning rates,
     batch and freezing of the paper."""

@@ -81,14 +81,22 @@ def _code_sizes(words: float, side: int) -> tuple[int, ...]:
     return tuple(size for size in sizes if size < LARGEST_WORDS) or (LARGEST_WORDS,)
 
 
-def _config_for_words(words: float, textures: TextureSet, side: Literal[4, 8]) -> BlockCodecConfig:
-    """Codes of about so many words, and tables that are in proportion."""
+def config_for_words(
+    words: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockCodecConfig:
+    """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
     block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side)
     if block_words[-1] < LARGEST_WORDS and words > 0.5 * LARGEST_WORDS:
         block_words = (*block_words[:3], LARGEST_WORDS)
     if not textures.groups:
         channels = universal_channels(textures.channels)
-        return replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
+        found = replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
+        if multiply_adds is not None and found.multiply_adds > multiply_adds:
+            raise InputError(
+                f"the decoder that ships with the program takes {found.multiply_adds} multiply-adds a texel, not {multiply_adds} "
+                "at most; choose another grouping"
+            )
+        return found
     plain = BlockCodecConfig(
         block_side=side,
         block_words=block_words,
@@ -98,6 +106,8 @@ def _config_for_words(words: float, textures: TextureSet, side: Literal[4, 8]) -
         levels=textures.levels,
     )
     most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))
+    if multiply_adds is not None:
+        most = max(1, min(most, multiply_adds // textures.channels - textures.channels))
     found = replace(plain, coefficients=most)
     codes = 32.0 * words * block_count(textures.sizes, found)
     enough = max(FEWEST_COEFFICIENTS, -(-found.coefficient_bits[0] // LARGEST_DEPTH) * 2)
@@ -112,22 +122,58 @@ def _config_for_words(words: float, textures: TextureSet, side: Literal[4, 8]) -
     return found
 
 
-def config_for_bits(bits: float, textures: TextureSet, side: Literal[4, 8] = 8) -> BlockCodecConfig:
-    """Settings with blocks of `side` texels that come to `bits` stored bits a texel of all encoded mips.
+def _stored_bits(words: float, textures: TextureSet, config: BlockCodecConfig) -> float:
+    """All bits that are stored for codes of `words` words on average."""
+    return 32.0 * words * block_count(textures.sizes, config) + side_bits(textures, config)
+
+
+def _settled_config(
+    stored_bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockCodecConfig:
+    """Settings for so many bits in all; the least or the most that is possible where that is nearest."""
+    blocks = max(
+        1, block_count(textures.sizes, BlockCodecConfig(block_side=side, coefficients=1, levels=textures.levels))
+    )
+    words = max(stored_bits, 0.0) / (32.0 * blocks)
+    for _ in range(SETTLING_ROUNDS):
+        # Side information depends on the settings, and they on the words that it leaves.
+        config = config_for_words(words, textures, side, multiply_adds)
+        left = max((stored_bits - side_bits(textures, config)) / (32.0 * blocks), 0.0)
+        words = 0.5 * (words + left)
+    return replace(config, mean_words=float(min(max(left, config.block_words[0]), config.block_words[-1])))
+
+
+def config_for_bits(
+    bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockCodecConfig:
+    """Settings with blocks of `side` texels, of at most `multiply_adds` a texel, that come to `bits` stored bits a texel of all
+    encoded mips.
 
     The least that is possible where textures are so small or so few that this is more. Raises InputError for bits that are not above
     0, or beyond what the largest codes take.
     """
     if math.isnan(bits):
         raise InputError(f"--bits {bits}: is not a number")
-    words = max(bits, 0.0) * side * side / 32.0
-    for _ in range(SETTLING_ROUNDS):
-        # Side information depends on the settings, and they on the words that it leaves.
-        config = _config_for_words(words, textures, side)
-        blocks, texels = block_count(textures.sizes, config), texel_count(textures.sizes, config)
-        left = max((bits * texels - side_bits(textures, config)) / (32.0 * max(1, blocks)), 0.0)
-        words = 0.5 * (words + left)
-    most = (32.0 * LARGEST_WORDS * blocks + side_bits(textures, config)) / max(1, texels)
+    texels = max(
+        1, texel_count(textures.sizes, BlockCodecConfig(block_side=side, coefficients=1, levels=textures.levels))
+    )
+    # No more words are left than the largest codes have, whatever is asked for.
+    config = _settled_config(min(bits, 64.0) * texels, textures, side, multiply_adds)
+    most = _stored_bits(LARGEST_WORDS, textures, config) / texels
     if not 0.0 < bits <= most:
         raise InputError(f"--bits {bits:g}: set it above 0 and up to {most:.2f}, what the largest codes take here")
-    return replace(config, mean_words=float(min(max(left, config.block_words[0]), config.block_words[-1])))
+    return config
+
+
+def config_for_bytes(stored_bytes: float, textures: TextureSet) -> BlockCodecConfig:
+    """Settings that come to at most `stored_bytes` in all; the largest codes where even they take less.
+
+    Raises InputError for less than what the smallest codes take.
+    """
+    smallest = config_for_words(0.0, textures)
+    least = _stored_bits(smallest.block_words[0], textures, smallest) / 8.0
+    if not stored_bytes >= least:
+        raise InputError(f"at least {least / 1e6:.3f} MB are needed for codes and tables of these textures")
+    config = _settled_config(8.0 * stored_bytes, textures)
+    fits = _stored_bits(config.mean_words, textures, config) <= 8.0 * stored_bytes
+    return config if fits else replace(smallest, mean_words=float(smallest.block_words[0]))

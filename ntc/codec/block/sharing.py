@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,23 @@ BISECTIONS = 40
 BALANCE = 0.5
 """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
 BALANCE_ROUNDS = 6
+SIZING_BLOCKS = 4000
+"""Blocks that sizes of codes are chosen for, about."""
 LEAST_ERROR = (0.25 / 255.0) ** 2
 """Mean squared error below which a texture is as good as exact: it asks for no more words."""
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """By what textures share words."""
+
+    balance: float = BALANCE
+    """An error is worth more in a texture that has few of them, by this power."""
+    worth: tuple[float, ...] | None = None
+    """What an error is worth in each texture, positive, in proportion; None: the same in all."""
+
+
+DEFAULT_SHARING = Sharing()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +75,12 @@ def _prices(errors: Array) -> tuple[float, float]:
     return most * 1e-14, most
 
 
-def share_words(curves: Sequence[RateCurve], words: float, balance: float = BALANCE) -> tuple[float, ...]:
-    """Words a block for each texture, which come to `words` words in all where the sizes of codes allow that.
-
-    An error is worth more in a texture that has few of them, by the power `balance`.
-    """
+def share_words(curves: Sequence[RateCurve], words: float, sharing: Sharing = DEFAULT_SHARING) -> tuple[float, ...]:
+    """Words a block for each texture, which come to `words` words in all where the sizes of codes allow that."""
+    worth, balance = sharing.worth, sharing.balance
     blocks = np.array([curve.block_count for curve in curves], np.float64)
-    weights = np.ones(len(curves))
+    texels_worth = np.ones(len(curves)) if worth is None else np.array(worth, np.float64) / np.mean(worth)
+    weights, balances = texels_worth, np.ones(len(curves))
     found: tuple[float, ...] = ()
     for _ in range(BALANCE_ROUNDS if balance else 1):
         low, high = 1e-16, 16.0
@@ -78,5 +93,31 @@ def share_words(curves: Sequence[RateCurve], words: float, balance: float = BALA
         found = tuple(each for each, _ in given)
         errors = np.array([max(error, LEAST_ERROR) for _, error in given])
         # Half of the way, for weights and errors answer each other.
-        weights = np.sqrt(weights * errors**-balance)
+        balances = np.sqrt(balances * errors**-balance)
+        weights = texels_worth * balances
     return found
+
+
+def price_at_error(curve: RateCurve, error: float) -> float:
+    """The highest price of a word at which a texture's mean squared error is at most `error`; where even the largest codes have
+    more, the price at which all blocks take them."""
+    low, high = _prices(curve.errors)
+    for _ in range(BISECTIONS):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if curve.at(middle)[1] <= error else (low, middle)
+    return low
+
+
+def best_block_words(curves: Sequence[RateCurve], prices: Sequence[float], count: int) -> tuple[int, ...]:
+    """The at most `count` sizes among those of `curves`, which have the same, that take the least words for what textures gain at
+    their `prices` of a word."""
+    words = np.array(curves[0].block_words, np.float64)
+    each = max(1, SIZING_BLOCKS // len(curves))
+    parts = []
+    for curve, price in zip(curves, prices, strict=True):
+        step = -(-len(curve.errors) // each)
+        costs = words + curve.errors[::step].astype(np.float64) / price
+        parts.append(costs * (curve.block_count / len(costs)))
+    costs = np.concatenate(parts)
+    chosen = min(combinations(range(len(words)), count), key=lambda sizes: float(costs[:, sizes].min(1).sum()))
+    return tuple(curves[0].block_words[size] for size in chosen)

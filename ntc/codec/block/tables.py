@@ -130,7 +130,21 @@ def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockCodecConfig) 
     """What the words of a texture's blocks are worth under `decoder`."""
     with one_thread():
         tables = Tables.of(decoder, config)
-        expected = expected_errors(torch.from_numpy(sample.blocks) @ tables.projection, tables.depths, tables.scales)
+        blocks = torch.from_numpy(sample.blocks)
+        values = blocks @ tables.projection
+        expected = expected_errors(values, tables.depths, tables.scales).amin(2)
+        # The polynomials that errors come from may fall below 0.
+        expected = expected.clamp_(min=0.0)
+        # What the basis cannot show, whatever a code's size.
+        expected += (blocks.square().sum(1, keepdim=True) - values.square().sum(1, keepdim=True)).clamp_(min=0.0)
     # In units of the texture's own values, for textures are compared.
-    errors = expected.amin(2).numpy() * np.float32(sample.contrast**2 / config.block_values)
+    errors = expected.numpy() * np.float32(sample.contrast**2 / config.block_values)
     return RateCurve(errors, config.block_words, sample.block_count)
+
+
+def coefficient_energies(sample: Sample, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
+    """[coefficients] float32: mean squared error of a texture's values that each coefficient stands for."""
+    with one_thread():
+        values = torch.from_numpy(sample.blocks) @ _projection(decoder.basis, decoder.basis_scale)
+        energies: Array = values.square().mean(0).numpy() * np.float32(sample.contrast**2 / config.block_values)
+    return energies
