@@ -15,7 +15,7 @@ from ntc.codec.block.sharing import sizes_within
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.block.tables import Tables, fit_decoder, one_thread
 from ntc.codec.block.trellis import indices_of
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.textures import SourceTexture
 
 BLOCKS_AT_ONCE = 1 << 14
@@ -32,12 +32,27 @@ def encode_texture(
         values = torch.from_numpy(texture.blocks) @ tables.projection
         parts = torch.split(values, BLOCKS_AT_ONCE)
         expected = torch.cat([expected_errors(part, tables.depths, tables.scales).amin(2) for part in parts])
-        sizes = torch.from_numpy(sizes_within(expected.numpy(), config.block_words, words))
+        levels = latent_levels(*source.size, config)
+        sizes = torch.from_numpy(_sizes(expected.numpy(), levels, config, words))
         codes = _codes(values, sizes, tables, allocations, config, quantizer)
     width, height = source.size
     stored = BlockCodes(codes, sizes.numpy())
-    words_stored = stored_words(stored, latent_levels(width, height, config), config)
+    words_stored = stored_words(stored, levels, config)
     return BlockTexture(width, height, words_stored, texture.mean, texture.axes)
+
+
+def _sizes(
+    expected: NDArray[np.float32], levels: Sequence[LatentLevel], config: BlockCodecConfig, words: float
+) -> NDArray[np.int64]:
+    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one."""
+    lengths, left = np.array(config.block_words), 0.0
+    found: list[NDArray[np.int64]] = []
+    for level in reversed(levels):
+        own = expected[level.first_cell : level.first_cell + level.cells]
+        # What a level cannot share out goes to the next finer one.
+        found.append(sizes_within(own, config.block_words, words + left / level.cells))
+        left += words * level.cells - float(lengths[found[-1]].sum())
+    return np.concatenate(found[::-1])
 
 
 def _codes(

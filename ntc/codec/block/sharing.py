@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
 BISECTIONS = 40
-BALANCE = 0.5
+BALANCE = 1.0
 """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
 BALANCE_ROUNDS = 6
 SIZING_BLOCKS = 4000
