@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 
 from lab.commands.options import (
     AblationStudyOptions,
@@ -11,7 +12,8 @@ from lab.commands.options import (
     RecipeStudyOptions,
 )
 from lab.commands.study_output import StudyPage, check_output, describe, do_steps, training_steps, write_pages
-from lab.studies.ablation import ablation_runs, ablation_table
+from lab.studies.ablation import BEST, ablation_runs, ablation_table
+from lab.studies.block_ablation import block_variants, measured_variant
 from lab.studies.freezing import freezing_figure, freezing_runs
 from lab.studies.mips import mip_figure, mip_runs, mip_table
 from lab.studies.mlp_size import mlp_size_figure, mlp_size_runs
@@ -60,6 +62,28 @@ def _page(options: RecipeStudyOptions, results: list[RunResult], side: int, titl
             return StudyPage("mips", table, mip_figure(table, title))
 
 
+def _study_block(
+    options: AblationStudyOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, began: float
+) -> int:
+    """The ablation of codec `block`."""
+    variants = block_variants(textures, grouping, options.bits, options.levels, BEST)
+    steps = [
+        (name, partial(measured_variant, name, variant, textures, grouping, seed))
+        for seed in options.seeds
+        for name, variant in variants.items()
+    ]
+    results = do_steps(steps)
+    table = ablation_table(results)
+    mips = "mip 0 alone" if options.levels == 1 else "all mips"
+    title = (
+        f"{options.source.stem}: {len(textures)} textures of at most {options.side()} texels, {grouping.group_count} clusters, "
+        f"codec block at {options.bits:g} bits a texel, {mips}"
+    )
+    page = StudyPage("ablation-block", table, quality_figure(table, title))
+    write_pages(options.out, title, options.settings(), [page], results, began)
+    return 0
+
+
 def study_recipe(options: RecipeStudyOptions) -> int:
     """Run one of these studies. Raises InputError for bad input."""
     settings = options.settings()
@@ -69,6 +93,8 @@ def study_recipe(options: RecipeStudyOptions) -> int:
     inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
     clustered = make_grouping(GroupingConfig("clustered", options.clusters), textures, inputs)
     baseline = make_grouping(GroupingConfig("baseline"), textures, inputs)
+    if isinstance(options, AblationStudyOptions) and options.codec == "block":
+        return _study_block(options, textures, clustered, began)
     results = do_steps(training_steps(_runs(options, textures, clustered, baseline, settings), textures, options.out))
     shown = replace(settings, levels=None) if isinstance(options, MipStudyOptions) else settings
     title = describe(options.source, textures, shown, f"{clustered.group_count} clusters")

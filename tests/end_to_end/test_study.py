@@ -104,6 +104,15 @@ def record(out: Path, name: str) -> dict[str, Any]:
     return found
 
 
+def test_an_ablation_of_blocks_changes_every_setting_at_equal_bits(tmp_path: Path, images: Path) -> None:
+    out = tmp_path / "o"
+    assert cli.main([*study("ablation", images, out), "--codec", "block", "--bits", "3"]) == 0
+    rows = {row["variant"]: row for row in record(out, "ablation-block")["rows"]}
+    assert {"best", "blocks of 4x4 texels", "half the coefficients", "1 mode"} <= set(rows)
+    assert rows["best"]["mean_gain_db"] == 0.0
+    assert rows["mean words for 6 bits"]["mean_db"] > rows["best"]["mean_db"]
+
+
 def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
     tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
