@@ -19,7 +19,7 @@ texel there."""
 COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
 """Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
 MODES = 32
-TABLE_SHARE = 0.15
+TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
 SETTLING_ROUNDS = 12
@@ -112,11 +112,11 @@ def config_for_words(
     codes = 32.0 * words * block_count(textures.sizes, found)
     enough = max(FEWEST_COEFFICIENTS, -(-found.coefficient_bits[0] // LARGEST_DEPTH) * 2)
     while textures.groups and side_bits(replace(textures, sizes=()), found) > TABLE_SHARE * codes:
-        # Of each kind in turns, as long as a code's bits find coefficients that take them.
-        if found.coefficients * 3 // 4 >= enough:
-            found = replace(found, coefficients=found.coefficients * 3 // 4)
-        elif found.modes > FEWEST_MODES:
+        # Modes first: they are worth less than coefficients, as long as a code's bits find coefficients that take them.
+        if found.modes > FEWEST_MODES:
             found = replace(found, modes=found.modes // 2)
+        elif found.coefficients * 9 // 10 >= enough:
+            found = replace(found, coefficients=found.coefficients * 9 // 10)
         else:
             break
     return found
