@@ -110,9 +110,10 @@ def config_for_words(
         most = max(1, min(most, multiply_adds // textures.channels - textures.channels))
     found = replace(plain, coefficients=most)
     codes = 32.0 * words * block_count(textures.sizes, found)
-    enough = max(FEWEST_COEFFICIENTS, -(-found.coefficient_bits[0] // LARGEST_DEPTH) * 2)
+    # With fewer ones a code's bits find no coefficient that takes them.
+    enough = max(FEWEST_COEFFICIENTS, round(1.5 * 32.0 * words / LARGEST_DEPTH))
     while textures.groups and side_bits(replace(textures, sizes=()), found) > TABLE_SHARE * codes:
-        # Modes first: they are worth less than coefficients, as long as a code's bits find coefficients that take them.
+        # Modes first: they are worth less than coefficients.
         if found.modes > FEWEST_MODES:
             found = replace(found, modes=found.modes // 2)
         elif found.coefficients * 9 // 10 >= enough:
