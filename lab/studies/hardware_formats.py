@@ -9,7 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lab.studies.set_quality import PictureQuality, SetQuality, mip_sizes, picture_quality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texels_with_mips
+from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import write_text

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip, ssim
@@ -64,11 +65,6 @@ class SetQuality:
             float(np.mean(flips)) if flips else None,
             seconds,
         )
-
-
-def mip_sizes(width: int, height: int) -> list[Size]:
-    """(width, height) of all mips, down to 1x1 texel."""
-    return [(max(1, width >> level), max(1, height >> level)) for level in range(max(width, height).bit_length())]
 
 
 def texels_with_mips(sizes: Sequence[Size]) -> int:

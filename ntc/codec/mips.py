@@ -7,6 +7,11 @@ from ntc.codec.color import to_8bit, to_linear
 from ntc.codec.config import ColorSpace
 
 
+def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
+    """(width, height) in texels of all mips of a texture, down to 1x1 texel."""
+    return [(max(1, width >> level), max(1, height >> level)) for level in range(max(width, height).bit_length())]
+
+
 def _resample_axis(image: NDArray[np.float32], size: int) -> NDArray[np.float32]:
     """Area-weighted box filter of axis 0 down to `size` rows; each output row covers an equal share of the input."""
     rows = image.shape[0]

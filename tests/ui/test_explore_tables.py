@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.mips import mip_chain
+from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
@@ -15,7 +15,7 @@ from ntc.metrics.metrics import psnr_db, psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
-from viewer.inspect.memory_table import mip_sizes, pack_memory, scene_memory
+from viewer.inspect.memory_table import pack_memory, scene_memory
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.inspect.visible_part import visible_part

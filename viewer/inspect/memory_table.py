@@ -4,15 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
+from ntc.metrics.block_compression import compressed_bytes
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
 
-BLOCK_SIDE = 4
-BC7_BLOCK_BYTES = 16
-"""Of 4 x 4 texels."""
 RGBA_BYTES = 4
 
 
@@ -28,20 +27,12 @@ class MemoryRow:
     is_total: bool = False
 
 
-def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
-    """(width, height) of all mips down to one texel."""
-    sizes = [(width, height)]
-    while max(sizes[-1]) > 1:
-        sizes.append((max(1, sizes[-1][0] // 2), max(1, sizes[-1][1] // 2)))
-    return sizes
-
-
 @lru_cache(maxsize=4096)
 def _bytes_of_size(width: int, height: int) -> tuple[int, int]:
     """(as RGBA8, as BC7), with all mips."""
     sizes = mip_sizes(width, height)
     plain = sum(w * h * RGBA_BYTES for w, h in sizes)
-    blocks = sum(-(-w // BLOCK_SIDE) * -(-h // BLOCK_SIDE) * BC7_BLOCK_BYTES for w, h in sizes)
+    blocks = sum(compressed_bytes(w, h, "bc7") for w, h in sizes)
     return plain, blocks
 
 

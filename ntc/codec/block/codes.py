@@ -7,7 +7,7 @@ from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 
 
-def bit_offsets(depths: NDArray[np.uint8], config: BlockCodecConfig) -> NDArray[np.int64]:
+def bit_offsets(depths: NDArray[np.integer], config: BlockCodecConfig) -> NDArray[np.int64]:
     """int64 of the shape of `depths` [..., coefficients]: where each coefficient's bits begin in a code,
     after the bits of the mode."""
     wide = depths.astype(np.int64)
@@ -18,7 +18,7 @@ def packed_codes(
     modes: NDArray[np.int64],
     sizes: NDArray[np.int64],
     indices: NDArray[np.uint32],
-    depths: NDArray[np.uint8],
+    depths: NDArray[np.integer],
     config: BlockCodecConfig,
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 of modes [blocks], size classes [blocks] and stored indices [blocks, coefficients].

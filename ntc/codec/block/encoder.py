@@ -26,7 +26,6 @@ def encode_texture(
 ) -> BlockTexture:
     """The codes of a texture under a group's tables, of `words` words a block on average at most, where its sizes allow that."""
     texture = prepare_texture(source, config)
-    allocations = decoder.depths(config)
     with one_thread():
         tables = Tables.of(decoder, config)
         values = torch.from_numpy(texture.blocks) @ tables.projection
@@ -34,7 +33,7 @@ def encode_texture(
         expected = torch.cat([expected_errors(part, tables.depths, tables.scales).amin(2) for part in parts])
         levels = latent_levels(*source.size, config)
         sizes = torch.from_numpy(_sizes(expected.numpy(), levels, config, words))
-        codes = _codes(values, sizes, tables, allocations, config, quantizer)
+        codes = _codes(values, sizes, tables, config, quantizer)
     width, height = source.size
     stored = BlockCodes(codes, sizes.numpy())
     words_stored = stored_words(stored, levels, config)
@@ -59,7 +58,6 @@ def _codes(
     values: torch.Tensor,
     sizes: torch.Tensor,
     tables: Tables,
-    allocations: NDArray[np.uint8],
     config: BlockCodecConfig,
     quantizer: TrellisQuantizer,
 ) -> NDArray[np.uint32]:
@@ -70,7 +68,7 @@ def _codes(
         own = torch.nonzero(sizes == size)[:, 0]
         for rows in torch.split(own, BLOCKS_AT_ONCE):
             if len(rows):
-                found[rows.numpy()] = _codes_of_size(values[rows], size, tables, allocations, config, quantizer)
+                found[rows.numpy()] = _codes_of_size(values[rows], size, tables, config, quantizer)
     return found
 
 
@@ -78,7 +76,6 @@ def _codes_of_size(
     values: torch.Tensor,
     size: int,
     tables: Tables,
-    allocations: NDArray[np.uint8],
     config: BlockCodecConfig,
     quantizer: TrellisQuantizer,
 ) -> NDArray[np.uint32]:
@@ -88,7 +85,7 @@ def _codes_of_size(
     chosen = tables.depths[size, modes]
     numbers, _ = quantizer.quantize(values, chosen, tables.scales[modes])
     indices = indices_of(numbers.numpy(), chosen.numpy())
-    return packed_codes(modes.numpy(), np.full(len(values), size), indices, allocations, config)
+    return packed_codes(modes.numpy(), np.full(len(values), size), indices, tables.depths.numpy(), config)
 
 
 def encode_group(

@@ -11,7 +11,8 @@ from lab.benchmarks import block_against_astc
 from lab.studies import hardware_formats
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, rate_figure, rate_table
-from lab.studies.set_quality import PictureQuality, SetQuality, mip_sizes, picture_quality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texels_with_mips
+from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 
