@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from ntc.codec.maps import BASE_ALONE, MapName
+
 WrapMode = Literal["repeat", "mirror", "clamp"]
 ColorSpace = Literal["srgb", "linear"]
 RecipeName = Literal["paper", "best"]
@@ -39,7 +41,7 @@ class CodecConfig:
     leaky_slope: float = 0.01
     """Slope of LeakyReLU for negative inputs."""
     output_channels: int = 3
-    """Channels the decoders write, 1 to 4; a texture with fewer uses the first ones."""
+    """Channels the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
     latent_bits: Literal[4, 8] = 8
     """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
     weight_bits: Literal[16, 32] = 32
@@ -48,6 +50,8 @@ class CodecConfig:
     """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
     adapter_output: bool = False
     """Whether adapters hold an output layer too, in place of the decoder's."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Maps that the outputs stand for (`ntc.codec.maps`): all that any texture of the pack has."""
 
     def __post_init__(self) -> None:
         checks = {

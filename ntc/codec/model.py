@@ -12,6 +12,7 @@ from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.errors import InputError
 
 AnyCodec = CodecConfig | BlockCodecConfig
@@ -46,9 +47,9 @@ class EncodedTexture:
     height: int
     """Encoded height in texels."""
     channels: int
-    """Channels of the texture, 1 to 4; the decoder's further outputs are unused."""
+    """Channels of the texture, 1 to 12: those of `maps`. The decoder's further outputs are unused."""
     color_space: ColorSpace
-    """Space of the decoded numbers, in [0, 1]."""
+    """Space of the decoded numbers of the map `base`, in [0, 1]."""
     wrap: tuple[WrapMode, WrapMode]
     category: str | None
     group: int
@@ -57,14 +58,16 @@ class EncodedTexture:
     """The levels of `ntc.codec.latents.latent_levels`, one after the other. Codec `grid`: [cells, latent_channels] uint8, 0 to
     `CodecConfig.largest_stored`. Codec `block`: [words, 4] uint8, `BlockTexture.words`, little-endian."""
     scale: NDArray[np.float32]
-    """Codec `grid`: [latent_channels] float32; latent value = offset + scale * stored integer. Codec `block`: [output_channels *
-    output_channels] float32, the rows of `BlockTexture.axes` one after the other."""
+    """Codec `grid`: [latent_channels] float32; latent value = offset + scale * stored integer. Codec `block`: [sum of k * k]
+    float32, the parts of `BlockTexture.axes`: for each plane of the codec's maps the rows of its k x k matrix, one after the other."""
     offset: NDArray[np.float32]
     """Codec `grid`: [latent_channels] float32. Codec `block`: [output_channels] float32, `BlockTexture.mean`."""
     adapter: Adapter | None = None
     """Present exactly when the codec is `grid` and has adapters."""
     psnr_db: float | None = None
-    """PSNR in dB of mip 0 over 8-bit values in `color_space`, measured after quantisation by the encoder."""
+    """PSNR in dB of mip 0 over 8-bit values of all channels, measured after quantisation by the encoder."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Those of `AnyCodec.maps` that the texture has; more than `base` alone: a material set."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, WrapMode
+from ntc.codec.maps import BASE_ALONE, MapName
 
 
 def hash_pixels(pixels: NDArray[np.uint8]) -> str:
@@ -22,13 +23,16 @@ class SourceTexture:
 
     name: str
     pixels: NDArray[np.uint8]
-    """[H, W, C] uint8, C from 1 to 4, 0 to 255, in `color_space`."""
+    """[H, W, C] uint8, 0 to 255: the channels of `maps` (`ntc.codec.maps.map_slices`), C from 1 to 12."""
     pixel_hash: str
     """Identity (`hash_pixels`) of the image at its original size, also when `pixels` is a reduced copy."""
     color_space: ColorSpace = "srgb"
+    """Of the map `base`."""
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat")
     """Wrap modes along u and v."""
     category: str | None = None
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """More than `base` alone: a material set."""
 
     @property
     def size(self) -> tuple[int, int]:

@@ -11,12 +11,13 @@ from msgspec import Meta
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig, CodecKind, ColorSpace, WrapMode
+from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import AnyCodec, Pack
 from ntc.errors import MetadataError
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
-ADDED_FIELDS = {"adapters", "adapter_output", "weight_bits"}
+ADDED_FIELDS = {"adapters", "adapter_output", "weight_bits", "maps"}
 """Fields of codec `grid` that the first files of this version lack; they then have their defaults."""
 KIND = "kind"
 """Field of the codec that names it; files of codec `grid` lack it."""
@@ -84,8 +85,9 @@ class _Version(msgspec.Struct):
 
 
 def _codec_json(config: AnyCodec) -> dict[str, Any]:
-    # Files of codec `grid` are as they were before there was another one.
-    return asdict(config) if isinstance(config, CodecConfig) else {KIND: config.kind, **asdict(config)}
+    # Files of codec `grid` are as they were before there was another one, and those without material sets as before there were any.
+    found = {name: value for name, value in asdict(config).items() if (name, value) != ("maps", BASE_ALONE)}
+    return found if isinstance(config, CodecConfig) else {KIND: config.kind, **found}
 
 
 def metadata_json(pack: Pack) -> str:
@@ -134,7 +136,7 @@ def _codec(document: dict[str, Any]) -> AnyCodec:
     kind: type[AnyCodec] = CodecConfig
     missing_allowed = ADDED_FIELDS
     if _converted(document, _Kind, place).kind == BlockCodecConfig.kind:
-        kind, missing_allowed = BlockCodecConfig, set()
+        kind, missing_allowed = BlockCodecConfig, {"maps"}
     config = _converted(given, kind, place)
     known = {field.name for field in fields(kind)}
     if not known - missing_allowed <= set(given) <= known:

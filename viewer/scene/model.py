@@ -1,5 +1,6 @@
 """A loaded scene: plain, immutable numpy data. Axes and units are glTF's (Y up, right-handed, metres)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.maps import BASE_ALONE, PLANES, MapName, Plane
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 
@@ -25,19 +27,68 @@ class Sampler:
 
 @dataclass(frozen=True, eq=False)
 class SceneTexture:
-    """One distinct image of the scene; its index in `Scene.textures` is its texture id. Never a constant image."""
+    """One distinct image of the scene, or the maps of materials that share size, UV and sampler: a material set. Its index in
+    `Scene.textures` is its texture id. Never constant."""
 
     name: str
     pixels: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB. Row 0 is at v = 0, as glTF stores it."""
+    """[H, W, 3] uint8 sRGB: base colour. Of a set without one: a picture of its first map. Row 0 is at v = 0, as glTF stores it."""
     alpha: NDArray[np.uint8] | None
     """[H, W] uint8 coverage, None when the image is opaque or no material reads it. Stays a plain texture."""
     pixel_hash: str
-    """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None."""
+    """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None: identity of the base
+    colour."""
     origin: str
     """Where it came from, for reports: a file name, "image 3 (embedded)"."""
     category: str | None = None
     """From glTF extras ("category" of the image, texture or material), when given."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """In the order of `ntc.codec.maps.MAPS`."""
+    further_maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+    """[H, W, channels of the map] uint8: those of `maps` besides `base`."""
+    set_hash: str = ""
+    """`hash_pixels` of all channels, [H, W, C] in the order of `maps`; of a texture that is no set: `pixel_hash`, or empty."""
+
+
+@dataclass(frozen=True)
+class PlaneTexture:
+    """Where a material finds the maps of one plane (`ntc.codec.maps`)."""
+
+    texture_id: int
+    """Index into `Scene.textures`."""
+    sampler: Sampler = Sampler()
+    maps: tuple[MapName, ...] = ()
+    """Those of the texture's maps in the plane that the material reads; the others count as their neutral value."""
+    second_uvs: bool = False
+    """Whether `uv_transform` takes `Geometry.second_uvs` instead of `Geometry.uvs`."""
+    uv_transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    """From the vertex's (u, v) to the map's: rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
+
+
+@dataclass(frozen=True)
+class SurfaceFactors:
+    """How a material answers light, besides its base colour: what multiplies maps, or stands in their place (glTF 2.0, Sec. 3.9)."""
+
+    roughness: float = 1.0
+    metalness: float = 1.0
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Linear RGB, KHR_materials_emissive_strength multiplied in: may be above 1."""
+    ior: float = 1.5
+    """KHR_materials_ior."""
+    specular: float = 1.0
+    """KHR_materials_specular: strength of the reflection of dielectrics."""
+    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """KHR_materials_specular: linear RGB of that reflection at normal incidence; may be above 1."""
+    clearcoat: float = 0.0
+    """KHR_materials_clearcoat: its factor; its textures are not read."""
+    clearcoat_roughness: float = 0.0
+    transmission: float = 0.0
+    """KHR_materials_transmission: its factor; what is behind is not seen through the surface, light that would pass it is left out."""
+
+
+DEFAULT_FACTORS = SurfaceFactors()
 
 
 @dataclass(frozen=True)
@@ -46,7 +97,7 @@ class Material:
 
     name: str
     texture_id: int
-    """Index into `Scene.textures`, -1 when the base colour is the factor alone."""
+    """Index into `Scene.textures` of the base colour, -1 when it is the factor alone."""
     factor: tuple[float, float, float, float]
     """Linear RGBA that multiplies the texture. A constant image has been multiplied in."""
     sampler: Sampler = Sampler()
@@ -54,6 +105,40 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     unlit: bool = False
+    surface: PlaneTexture | None = None
+    """Normal, roughness and metalness; None when the factors alone tell them."""
+    emission: PlaneTexture | None = None
+    """Emission and occlusion."""
+    factors: SurfaceFactors = DEFAULT_FACTORS
+
+    def plane_texture(self, plane: Plane) -> int:
+        """Index into `Scene.textures` of a plane's maps, -1 for none."""
+        if plane == "base":
+            return self.texture_id
+        found = self.surface if plane == "surface" else self.emission
+        return found.texture_id if found is not None else -1
+
+    @property
+    def primary_texture(self) -> int:
+        """The texture that stands for the material where one must do (texture ids of pixels, divergence): that of its first plane."""
+        return next((found for plane in PLANES if (found := self.plane_texture(plane)) >= 0), -1)
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light of KHR_lights_punctual, in world space."""
+
+    kind: Literal["directional", "point", "spot"]
+    color: tuple[float, float, float]
+    """Linear RGB times intensity: lux for directional lights, candela for the others."""
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    """Unit vector that the light shines along."""
+    reach: float = 0.0
+    """Distance in metres beyond which it lights nothing; 0: it has no end."""
+    inner_cone: float = 0.0
+    outer_cone: float = 0.785398
+    """Radians from the axis of a spot: full light inside of the inner one, none outside of the outer one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +153,14 @@ class Geometry:
     """[V, 4] float32 linear RGBA that multiplies the base colour, None when no primitive has vertex colours."""
     indices: NDArray[np.uint32]
     """[3 T] uint32, relative to the primitive's `base_vertex`; always triangles, counter-clockwise in front."""
+    normals: NDArray[np.float32] | None = None
+    """[V, 3] float32 unit normals in the primitive's local space, zero where the file gives none (then the triangle's own is taken);
+    None when no primitive has any."""
+    tangents: NDArray[np.float32] | None = None
+    """[V, 4] float32: unit tangent, and the sign of the bitangent; zero where the file gives none (then they follow from the uvs on
+    screen); None when no primitive has any."""
+    second_uvs: NDArray[np.float32] | None = None
+    """[V, 2] float32: another UV set, of materials whose maps read two; None when there are none."""
 
 
 @dataclass(frozen=True)
@@ -143,3 +236,4 @@ class Scene:
     bounds: NDArray[np.float32]
     """[2, 3] float32 world-space minimum and maximum corner."""
     report: LoadReport
+    lights: tuple[Light, ...] = ()

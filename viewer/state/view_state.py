@@ -18,6 +18,10 @@ Side = Literal["a", "b"]
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
+MaterialView = Literal["lit", "base", "normal", "orm", "emissive"]
+"""What of the materials is shown: lit surfaces, or one of the maps as it is stored (`orm`: occlusion, roughness, metalness as RGB)."""
+ToneMap = Literal["neutral", "agx", "none"]
+"""Khronos PBR Neutral, AgX, or clipping alone."""
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
 BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
@@ -25,6 +29,8 @@ BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
 BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
 """(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
 
+SKY: Final = "sky"
+"""The environment that needs no file."""
 REFERENCE: Final = "reference"
 """The slot source that shows the original images instead of a pack."""
 
@@ -72,6 +78,25 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class Lighting:
+    """What lights the scene, and how light becomes a picture; of no effect for the views of maps."""
+
+    environment: str = SKY
+    """SKY, the sky that the sun makes, or a file of an equirectangular panorama (HDR or EXR)."""
+    environment_turn: float = 0.0
+    """Degrees that a panorama is turned by about the vertical axis; of no effect for SKY."""
+    sun_azimuth: float = 140.0
+    """Degrees from north (-Z) towards east (+X): where the sun stands."""
+    sun_elevation: float = 40.0
+    """Degrees above the horizon."""
+    sun_strength: float = 1.0
+    """Times the sun's own radiance; 0 leaves it out."""
+    exposure: float = 0.0
+    """In stops: radiance is multiplied by 2 to this power."""
+    tone_map: ToneMap = "neutral"
+
+
+@dataclass(frozen=True)
 class ViewState:
     """Everything that determines a picture, given the scene and the open packs."""
 
@@ -92,6 +117,8 @@ class ViewState:
     zoom: Zoom = WHOLE
     anisotropy: int = 1
     """Anisotropic filtering of images and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
+    material_view: MaterialView = "base"
+    lighting: Lighting = Lighting()
 
     @property
     def slots(self) -> dict[Side, Slot]:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from ntc.codec.maps import BASE_ALONE, MapName
+
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
 LARGEST_WORDS = 16
@@ -38,7 +40,9 @@ class BlockCodecConfig:
     modes: int = 32
     """Bit allocations of a group; each block names one of them. A power of two, at most 64."""
     output_channels: int = 3
-    """Channels that the decoders write, 1 to 4; a texture with fewer uses the first ones."""
+    """Channels that the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
     levels: int | None = None
     """Encoded mips. None: all whose longer side is larger than a block, and the next one. 1: mip 0 alone."""
 

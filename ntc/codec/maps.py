@@ -1,0 +1,71 @@
+"""The maps of a material, and where each lies among the channels of a material set and in the planes that it is decoded by.
+
+A material set is encoded as one texture whose channels are those of its maps, in the order of MAPS. Renderers decode it by
+planes of up to four channels, so that a view decodes only what it needs.
+"""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final, Literal
+
+MapName = Literal["base", "normal", "roughness", "metalness", "emissive", "occlusion"]
+"""`base` and `emissive` are sRGB colours, `normal` the xy of a tangent-space normal as (n + 1) / 2; all others are linear."""
+Plane = Literal["base", "surface", "emission"]
+
+MAPS: Final[tuple[MapName, ...]] = ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
+"""All maps, in the order of their channels in a material set."""
+MAP_CHANNELS: Final[Mapping[MapName, int]] = MappingProxyType(
+    {"base": 3, "normal": 2, "roughness": 1, "metalness": 1, "emissive": 3, "occlusion": 1}
+)
+"""Channels of each map. A texture that is no material set is a `base` of 1 to 4 channels, alpha last."""
+SRGB_MAPS: Final = frozenset[MapName](("base", "emissive"))
+"""Maps that hold colours in sRGB values."""
+BASE_ALONE: Final[tuple[MapName, ...]] = ("base",)
+"""The maps of a texture that is no material set."""
+PLANES: Final[tuple[Plane, ...]] = ("base", "surface", "emission")
+"""All planes, in their order on the GPU."""
+PLANE_COMPONENTS: Final[Mapping[Plane, Mapping[MapName, int]]] = MappingProxyType(
+    {
+        "base": MappingProxyType({"base": 0}),
+        "surface": MappingProxyType({"normal": 0, "roughness": 2, "metalness": 3}),
+        "emission": MappingProxyType({"emissive": 0, "occlusion": 3}),
+    }
+)
+"""By plane: its maps, and the first of the plane's four components that each takes."""
+PLANE_OF_MAP: Final[Mapping[MapName, Plane]] = MappingProxyType(
+    {name: plane for plane, places in PLANE_COMPONENTS.items() for name in places}
+)
+LARGEST_CHANNELS: Final = 12
+"""Channels of a material set at most: all maps, and alpha."""
+
+
+def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
+    """Where each of `maps` lies among the `channels` channels of a texture. What `base` has beyond the other maps is its own: 1 to 4.
+
+    Raises ValueError for maps that are not in the order of MAPS, and for channels that are too few or too many for them.
+    """
+    if not maps or list(maps) != [name for name in MAPS if name in maps]:
+        raise ValueError(f"maps {', '.join(maps) or 'of none'}: name each once, in the order {', '.join(MAPS)}")
+    counts = {name: MAP_CHANNELS[name] for name in maps}
+    left = channels - sum(count for name, count in counts.items() if name != "base")
+    if left != 0 and not ("base" in counts and 1 <= left <= 4):
+        raise ValueError(f"{channels} channels do not fit the maps {', '.join(maps)}")
+    if "base" in counts:
+        counts["base"] = left
+    slices: dict[MapName, slice] = {}
+    first = 0
+    for name, count in counts.items():
+        slices[name] = slice(first, first + count)
+        first += count
+    return slices
+
+
+def plane_channels(maps: Sequence[MapName], channels: int) -> dict[Plane, dict[int, int]]:
+    """By plane that has maps: its components (0 to 3), and the channel of the texture that each shows."""
+    found: dict[Plane, dict[int, int]] = {}
+    for name, place in map_slices(maps, channels).items():
+        plane = PLANE_OF_MAP[name]
+        first = PLANE_COMPONENTS[plane][name]
+        components = found.setdefault(plane, {})
+        components.update({first + number: channel for number, channel in enumerate(range(place.start, place.stop))})
+    return {plane: found[plane] for plane in PLANES if plane in found}
