@@ -10,6 +10,7 @@ from ntc.codec.block.model import BlockDecoder, stored_scales
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_cell_count, latent_levels
+from ntc.codec.maps import MapName, map_slices, plane_channels
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
 
 
@@ -104,6 +105,13 @@ def _random_words(width: int, height: int, config: BlockCodecConfig, random: np.
     return stored_words(BlockCodes(codes, random.integers(0, len(config.block_words), blocks)), levels, config)
 
 
+def _random_axes(config: BlockCodecConfig, random: np.random.Generator) -> NDArray[np.float32]:
+    """Orthogonal axes of each plane, as packs hold them."""
+    sides = [len(channels) for channels in plane_channels(config.maps, config.output_channels).values()]
+    parts = [np.linalg.qr(random.normal(size=(side, side)))[0] * 0.4 for side in sides]
+    return np.concatenate([part.astype(np.float32).reshape(-1) for part in parts])
+
+
 def random_block_pack(
     sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
     groups: Sequence[int] = (0, 1, 0),
@@ -111,25 +119,32 @@ def random_block_pack(
     hashes: Sequence[str] | None = None,
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     seed: int = 0,
+    maps: Sequence[tuple[MapName, ...]] | None = None,
 ) -> Pack:
-    """A pack of codec `block` of textures with these (width, height), whose texels lie across [0, 1] and beyond."""
+    """A pack of codec `block` of textures with these (width, height), whose texels lie across [0, 1] and beyond.
+
+    `maps` by texture; None: those of the codec, with all its channels.
+    """
     config = config or BlockCodecConfig()
     random = np.random.default_rng(seed)
     channels = config.output_channels
+    counts = {name: place.stop - place.start for name, place in map_slices(config.maps, channels).items()}
+    kinds = maps or [config.maps] * len(sizes)
     textures = tuple(
         EncodedTexture(
             name=f"texture {index}",
             pixel_hash=hashes[index] if hashes else f"{index:032x}",
             width=width,
             height=height,
-            channels=channels,
+            channels=sum(counts[name] for name in kinds[index]),
             color_space="srgb",
             wrap=wrap,
             category=None,
             group=groups[index],
             latents=_random_words(width, height, config, random).view(np.uint8).reshape(-1, 4),
-            scale=(np.linalg.qr(random.normal(size=(channels, channels)))[0] * 0.4).astype(np.float32).reshape(-1),
+            scale=_random_axes(config, random),
             offset=random.uniform(0.3, 0.7, channels).astype(np.float32),
+            maps=kinds[index],
         )
         for index, (width, height) in enumerate(sizes)
     )

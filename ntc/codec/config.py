@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from ntc.codec.maps import BASE_ALONE, MapName
+from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps
 
 WrapMode = Literal["repeat", "mirror", "clamp"]
 ColorSpace = Literal["srgb", "linear"]
@@ -61,7 +61,8 @@ class CodecConfig:
             "positional_octaves": 1 <= self.positional_octaves <= 8,
             "hidden_width": 4 <= self.hidden_width <= 256 and self.hidden_width % 4 == 0,
             "leaky_slope": 0.0 <= self.leaky_slope < 1.0,
-            "output_channels": 1 <= self.output_channels <= 4,
+            "maps": ordered_maps(self.maps),
+            "output_channels": maps_fit(self.maps, self.output_channels),
             "latent_bits": self.latent_bits in (4, 8),
             "weight_bits": self.weight_bits in (16, 32),
             "adapters": isinstance(self.adapters, bool),

@@ -4,7 +4,7 @@ A material set is encoded as one texture whose channels are those of its maps, i
 planes of up to four channels, so that a view decodes only what it needs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -39,16 +39,21 @@ LARGEST_CHANNELS: Final = 12
 """Channels of a material set at most: all maps, and alpha."""
 
 
+def ordered_maps(maps: Sequence[MapName]) -> bool:
+    """Whether `maps` are some of MAPS, each once, in their order."""
+    return bool(maps) and list(maps) == [name for name in MAPS if name in maps]
+
+
 def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
     """Where each of `maps` lies among the `channels` channels of a texture. What `base` has beyond the other maps is its own: 1 to 4.
 
     Raises ValueError for maps that are not in the order of MAPS, and for channels that are too few or too many for them.
     """
-    if not maps or list(maps) != [name for name in MAPS if name in maps]:
+    if not ordered_maps(maps):
         raise ValueError(f"maps {', '.join(maps) or 'of none'}: name each once, in the order {', '.join(MAPS)}")
     counts = {name: MAP_CHANNELS[name] for name in maps}
     left = channels - sum(count for name, count in counts.items() if name != "base")
-    if left != 0 and not ("base" in counts and 1 <= left <= 4):
+    if not (1 <= left <= 4 if "base" in counts else left == 0):
         raise ValueError(f"{channels} channels do not fit the maps {', '.join(maps)}")
     if "base" in counts:
         counts["base"] = left
@@ -69,3 +74,39 @@ def plane_channels(maps: Sequence[MapName], channels: int) -> dict[Plane, dict[i
         components = found.setdefault(plane, {})
         components.update({first + number: channel for number, channel in enumerate(range(place.start, place.stop))})
     return {plane: found[plane] for plane in PLANES if plane in found}
+
+
+def maps_fit(maps: Sequence[MapName], channels: int) -> bool:
+    """Whether a texture of `channels` channels can have `maps`."""
+    try:
+        map_slices(maps, channels)
+    except ValueError:
+        return False
+    return True
+
+
+def channel_places(
+    maps: Sequence[MapName], channels: int, codec_maps: Sequence[MapName], codec_channels: int
+) -> tuple[int, ...]:
+    """By channel of a texture of `maps`: which of the `codec_channels` channels of a codec of `codec_maps` stands for it, rising.
+
+    A base takes the first channels of the codec's. Raises ValueError for a map, or a channel of the base, that the codec lacks.
+    """
+    codec = map_slices(codec_maps, codec_channels)
+    places: list[int] = []
+    for name, own in map_slices(maps, channels).items():
+        place = codec.get(name)
+        count = own.stop - own.start
+        if place is None or count > place.stop - place.start:
+            raise ValueError(f"{count} channels of map {name}: the codec has none, or fewer")
+        places.extend(range(place.start, place.start + count))
+    return tuple(places)
+
+
+def joint_maps(kinds: Iterable[tuple[Sequence[MapName], int]]) -> tuple[tuple[MapName, ...], int]:
+    """(maps, channels) of a codec for textures of these maps and channels: all maps that any of them has, and the largest base."""
+    counts: dict[MapName, int] = {}
+    for maps, channels in kinds:
+        for name, place in map_slices(maps, channels).items():
+            counts[name] = max(counts.get(name, 0), place.stop - place.start)
+    return tuple(name for name in MAPS if name in counts), sum(counts.values())

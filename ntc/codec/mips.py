@@ -1,10 +1,19 @@
-"""The mip chain of a texture: box-filtered in linear light, the truth for every latent level and for the reference path."""
+"""The mip chain of a texture: the truth for every latent level and for the reference path.
+
+Colours are box-filtered in linear light, normals as vectors that are made unit vectors again, all other maps as they are.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import to_8bit, to_linear
 from ntc.codec.config import ColorSpace
+from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName, map_slices
+
+LEAST_LENGTH = 1e-6
+"""Of an averaged normal: a shorter one has no direction."""
 
 
 def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
@@ -41,20 +50,78 @@ def box_resize(linear: NDArray[np.float32], width: int, height: int) -> NDArray[
     return np.ascontiguousarray(_resample_axis(narrow, height))
 
 
-def mip_chain(pixels: NDArray[np.uint8], color_space: ColorSpace) -> tuple[NDArray[np.uint8], ...]:
-    """All mips of `pixels` [H, W, C] uint8, down to 1x1 texel: mip l is [max(1, H >> l), max(1, W >> l), C] uint8.
+def normal_vectors(coded: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """[H, W, 3] float32: tangent-space normals of their xy `coded` [H, W, 2] uint8 as (n + 1) / 2; z is what is left of a unit
+    vector, never below 0. They are longer than 1 where x and y already are."""
+    xy = coded.astype(np.float32) * np.float32(2.0 / 255.0) - np.float32(1.0)
+    z = np.sqrt(np.maximum(np.float32(1.0) - np.square(xy).sum(-1, keepdims=True), np.float32(0.0)))
+    return np.concatenate([xy, z], axis=-1)
 
-    Filtered in linear light from the unrounded mip above, then coded in `color_space` again.
+
+def coded_normals(vectors: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """[H, W, 2] uint8: xy of `vectors` [H, W, 3] made unit vectors, as (n + 1) / 2; straight up where they have no length."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    xy = np.where(lengths > LEAST_LENGTH, vectors[..., :2] / np.maximum(lengths, np.float32(LEAST_LENGTH)), 0.0)
+    return np.asarray(np.rint(np.clip(xy * 0.5 + 0.5, 0.0, 1.0) * 255.0), np.uint8)
+
+
+def filterable(
+    pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
+) -> NDArray[np.float32]:
+    """[H, W, C or C + 1] float32: what is averaged where `pixels` [H, W, C] of `maps` are filtered: linear light, normals as
+    vectors of three numbers, linear maps in [0, 1]. `color_space` is that of the base."""
+    if tuple(maps) == BASE_ALONE:
+        return to_linear(pixels, color_space)
+    parts = []
+    for name, place in map_slices(maps, pixels.shape[2]).items():
+        part = pixels[..., place]
+        parts.append(normal_vectors(part) if name == "normal" else to_linear(part, _space(name, color_space)))
+    return np.concatenate(parts, axis=-1)
+
+
+def coded(
+    filtered: NDArray[np.float32], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
+) -> NDArray[np.uint8]:
+    """[H, W, C] uint8: the inverse of `filterable`, rounded to nearest."""
+    if tuple(maps) == BASE_ALONE:
+        return to_8bit(filtered, color_space)
+    extra = "normal" in maps
+    parts, grown = [], False
+    for name, place in map_slices(maps, filtered.shape[2] - extra).items():
+        part = filtered[..., place.start + grown : place.stop + grown + (name == "normal")]
+        parts.append(coded_normals(part) if name == "normal" else to_8bit(part, _space(name, color_space)))
+        grown = grown or name == "normal"
+    return np.concatenate(parts, axis=-1)
+
+
+def _space(name: MapName, color_space: ColorSpace) -> ColorSpace:
+    if name == "base":
+        return color_space
+    return "srgb" if name in SRGB_MAPS else "linear"
+
+
+def mip_chain(
+    pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
+) -> tuple[NDArray[np.uint8], ...]:
+    """All mips of `pixels` [H, W, C] uint8 of `maps`, down to 1x1 texel: mip l is [max(1, H >> l), max(1, W >> l), C] uint8.
+
+    Filtered from the unrounded mip above (`filterable`), then coded again; `color_space` is that of the base.
     """
     height, width = pixels.shape[:2]
     chain = [pixels]
-    linear = to_linear(pixels, color_space)
+    values = filterable(pixels, color_space, maps)
     while width >> len(chain) or height >> len(chain):
-        linear = box_resize(linear, max(1, width >> len(chain)), max(1, height >> len(chain)))
-        chain.append(to_8bit(linear, color_space))
+        values = box_resize(values, max(1, width >> len(chain)), max(1, height >> len(chain)))
+        chain.append(coded(values, color_space, maps))
     return tuple(chain)
 
 
-def resize_to(pixels: NDArray[np.uint8], width: int, height: int, color_space: ColorSpace) -> NDArray[np.uint8]:
-    """[height, width, C] uint8: `pixels` reduced by an area-weighted box filter in linear light."""
-    return to_8bit(box_resize(to_linear(pixels, color_space), width, height), color_space)
+def resize_to(
+    pixels: NDArray[np.uint8],
+    width: int,
+    height: int,
+    color_space: ColorSpace,
+    maps: Sequence[MapName] = BASE_ALONE,
+) -> NDArray[np.uint8]:
+    """[height, width, C] uint8: `pixels` of `maps` reduced by an area-weighted box filter, as `mip_chain` filters."""
+    return coded(box_resize(filterable(pixels, color_space, maps), width, height), color_space, maps)

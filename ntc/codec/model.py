@@ -12,7 +12,7 @@ from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
-from ntc.codec.maps import BASE_ALONE, MapName
+from ntc.codec.maps import BASE_ALONE, MapName, channel_places
 from ntc.errors import InputError
 
 AnyCodec = CodecConfig | BlockCodecConfig
@@ -68,6 +68,10 @@ class EncodedTexture:
     """PSNR in dB of mip 0 over 8-bit values of all channels, measured after quantisation by the encoder."""
     maps: tuple[MapName, ...] = BASE_ALONE
     """Those of `AnyCodec.maps` that the texture has; more than `base` alone: a material set."""
+
+    def places(self, config: AnyCodec) -> list[int]:
+        """Which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
+        return list(channel_places(self.maps, self.channels, config.maps, config.output_channels))
 
 
 @dataclass(frozen=True, eq=False)

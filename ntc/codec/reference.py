@@ -171,7 +171,7 @@ def decode_texels(
             parts.append(run_decoder(decoder, inputs, pack.config.leaky_slope, texture.adapter))
         else:
             parts.append(_block_values(pack, texture, at, levels, modes))
-    return np.clip(np.concatenate(parts), 0.0, 1.0)[:, : texture.channels]
+    return np.clip(np.concatenate(parts), 0.0, 1.0)[:, texture.places(pack.config)]
 
 
 def texel_centres(width: int, height: int) -> Array:
@@ -196,4 +196,4 @@ def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.u
     texture = pack.textures[texture_index]
     decoder = pack.block_decoders[texture.group]
     image = decode_block_image(block_texture(texture, pack.config), decoder, pack.config, level)
-    return image[..., : texture.channels]
+    return image[..., texture.places(pack.config)]

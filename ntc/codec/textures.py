@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, WrapMode
+from ntc.codec.map_weights import SEEN_WEIGHTS, MapWeights
 from ntc.codec.maps import BASE_ALONE, MapName
 
 
@@ -33,6 +34,13 @@ class SourceTexture:
     category: str | None = None
     maps: tuple[MapName, ...] = BASE_ALONE
     """More than `base` alone: a material set."""
+    map_weights: MapWeights = SEEN_WEIGHTS
+    """What an error in each map is worth to the encoder; of no effect where there is one map."""
+
+    @property
+    def channels(self) -> int:
+        """Channels of all maps."""
+        return int(self.pixels.shape[2])
 
     @property
     def size(self) -> tuple[int, int]:

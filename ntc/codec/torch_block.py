@@ -124,7 +124,7 @@ class TorchBlockCodec:
         sizes = [[(level.texel_width, level.texel_height) for level in levels]]
         texels = PyramidTable.of(sizes, [(modes[0] == "repeat", modes[1] == "repeat")], self._device)
         stored, decoder = self._stored(texture), self._decoders[texture.group]
-        parts = []
+        parts, places = [], texture.places(self._config)
         for start in range(0, len(uv), TEXELS_AT_ONCE):
             self._interruption()
             part = slice(start, start + TEXELS_AT_ONCE)
@@ -135,7 +135,7 @@ class TorchBlockCodec:
             used, row = torch.unique(block, return_inverse=True)
             values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
             blended = (values * weights[..., None]).sum(1)
-            parts.append(blended.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
+            parts.append(blended.clamp(0.0, 1.0)[:, places].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
 
     def _blocks_of(self, texels: PyramidTable, texture: EncodedTexture, index: Tensor) -> tuple[Tensor, Tensor]:
@@ -156,7 +156,7 @@ class TorchBlockCodec:
         geometry = latent_levels(texture.width, texture.height, self._config)[level]
         self._interruption()
         values = self._decoders[texture.group].blocks(*self._stored(texture, slice(level, level + 1))).clamp(0.0, 1.0)
-        image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., : texture.channels]
+        image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., texture.places(self._config)]
         return np.asarray(np.rint(image * 255.0), np.uint8)
 
 

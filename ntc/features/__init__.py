@@ -11,6 +11,7 @@ from ntc.codec.config import FeatureName
 from ntc.codec.textures import SourceTexture
 from ntc.features.cache import cache_path, read_features, write_features
 from ntc.features.extractor import Extractor
+from ntc.features.pixels import first_map
 
 __all__ = ["FeatureOptions", "feature_matrix"]
 
@@ -83,7 +84,9 @@ def feature_matrix(
 
     "low_level" (F = 17) and "spectral" (31): columns of mean 0 and deviation 1, or 0 where constant.
     "efficientnet" (1280) and "clip" (512): directions of embeddings, centred, with mean squared length 1.
+    Of a material set the base colour is looked at, or its first map where it has none.
     Raises InputError where a package or weights that `name` needs are missing or do not fit.
     """
     extractor = _extractor(name, options)
+    textures = [first_map(texture) for texture in textures]
     return extractor.scale(_raw_features(extractor, textures, options))

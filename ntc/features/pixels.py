@@ -1,8 +1,11 @@
 """Pixels as the features want them: few enough to be quick, three channels."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -11,6 +14,16 @@ LARGEST_SIDE = 256
 """Texels: features are taken from the first mip that is no larger."""
 LUMA = np.array([0.299, 0.587, 0.114])
 """[3] weights of coded red, green and blue in luma (ITU-R BT.601)."""
+
+
+def first_map(texture: SourceTexture) -> SourceTexture:
+    """`texture` with the first of its maps alone."""
+    if texture.maps == BASE_ALONE:
+        return texture
+    name = texture.maps[0]
+    pixels = texture.pixels[..., map_slices(texture.maps, texture.channels)[name]]
+    space = texture.color_space if name == "base" else "srgb" if name in SRGB_MAPS else "linear"
+    return replace(texture, pixels=np.ascontiguousarray(pixels), maps=BASE_ALONE, color_space=space)
 
 
 def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

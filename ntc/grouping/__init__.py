@@ -2,17 +2,18 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.universal import universal_parameters
-from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig
+from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig, GroupingName
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
+from ntc.grouping.by_maps import grouping_by_kind, kinds_of
 
 __all__ = ["GroupingInputs", "make_grouping"]
 
@@ -75,6 +76,63 @@ def make_grouping(
     clusters = _cluster_count(config, len(textures))
     if not textures:
         return Grouping(config.name, ())
+    kinds = kinds_of(textures)
+    if not 1 < len(kinds) <= clusters:
+        return _found_grouping(config, clusters, textures, inputs)
+
+    def of_kind(members: Sequence[int], groups: int) -> Grouping:
+        own, views = [textures[index] for index in members], _views_of(inputs.views, members)
+        # Textures of a kind that are never seen together are told apart by features alone.
+        name: GroupingName = "clustered" if config.name == "covisible" and not _meet(views, len(own)) else config.name
+        return _found_grouping(replace(config, name=name), groups, own, replace(inputs, views=views))
+
+    if config.name == "covisible":
+        _check_views(inputs, len(textures))
+    return _measured(grouping_by_kind(config.name, kinds, clusters, of_kind), inputs)
+
+
+def _meet(views: Sequence[NDArray[np.int32]], textures: int) -> bool:
+    """Whether any block of the views shows two of so many textures."""
+    from ntc.grouping.seen_blocks import seen_blocks
+
+    return bool(len(seen_blocks(views, textures).weights))
+
+
+def _check_views(inputs: GroupingInputs, textures: int) -> None:
+    if not inputs.views:
+        raise InputError("--grouping covisible: needs views; encode a scene, or name a cameras file by --views")
+    if not _meet(inputs.views, textures):
+        raise InputError("--views: no block of any view shows two textures; there is nothing to group by")
+
+
+def _views_of(views: Sequence[NDArray[np.int32]], members: Sequence[int]) -> list[NDArray[np.int32]]:
+    """`views` with the textures `members` alone, which are numbered anew."""
+    if not views:
+        return []
+    numbers = np.full(max([*members, *(int(view.max(initial=-1)) for view in views)]) + 2, -1, np.int32)
+    numbers[list(members)] = np.arange(len(members))
+    # The last number stands for -1.
+    return [numbers[view] for view in views]
+
+
+def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
+    """`grouping` with what is recorded of all textures where it was found by kind."""
+    if grouping.name != "covisible":
+        return grouping
+    from ntc.grouping.seen_blocks import seen_blocks
+
+    seen = seen_blocks(inputs.views, len(grouping.groups))
+    excess = {
+        "excess": seen.excess(np.array(grouping.groups)),
+        "baseline_excess": seen.excess(np.arange(len(grouping.groups))),
+    }
+    return replace(grouping, parameters={**grouping.parameters, **excess})
+
+
+def _found_grouping(
+    config: GroupingConfig, clusters: int, textures: Sequence[SourceTexture], inputs: GroupingInputs
+) -> Grouping:
+    """Groups by features, and for covisible by views, of textures that may share one."""
     if config.name == "covisible":
         return _covisible(config, clusters, textures, inputs)
     features = feature_matrix(config.features, textures, inputs.features)
@@ -90,8 +148,7 @@ def _covisible(
     from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
     from ntc.grouping.seen_blocks import seen_blocks
 
-    if not inputs.views:
-        raise InputError("--grouping covisible: needs views; encode a scene, or name a cameras file by --views")
+    _check_views(inputs, len(textures))
     seen = seen_blocks(inputs.views, len(textures))
     features = feature_matrix(config.features, textures, inputs.features)
     search = CovisibleConfig(

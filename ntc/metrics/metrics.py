@@ -160,6 +160,7 @@ def psnr_table(pack: Pack) -> PsnrTable:
             "width": texture.width,
             "height": texture.height,
             "channels": texture.channels,
+            "maps": list(texture.maps),
             "category": texture.category,
             "group": texture.group,
             "psnr_db": texture.psnr_db,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.universal import UNIVERSAL, universal_decoder
+from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.errors import InputError
 from ntc.pack.schema import PackMetadata
@@ -19,13 +20,19 @@ TensorShape = tuple[str, tuple[int | None, ...]]
 """(type, shape); None: any number."""
 
 
+def axes_shape(config: BlockCodecConfig) -> tuple[int, ...]:
+    """Of a texture's axes in a file: one matrix, or of material sets the matrices of all planes, one after the other."""
+    channels = config.output_channels
+    return (channels, channels) if config.maps == BASE_ALONE else (config.axis_numbers,)
+
+
 def expected_block_tensors(textures: int, decoders: int, config: BlockCodecConfig) -> dict[str, TensorShape]:
     """Type and shape of every tensor of a pack of so many textures."""
     channels, expected = config.output_channels, dict[str, TensorShape]()
     for index in range(textures):
         expected[f"latents.{index}"] = ("U8", (None, config.cell_bytes))
         expected[f"latents.{index}.mean"] = ("F32", (channels,))
-        expected[f"latents.{index}.axes"] = ("F32", (channels, channels))
+        expected[f"latents.{index}.axes"] = ("F32", axes_shape(config))
     for index in range(decoders):
         expected[f"decoder.{index}.basis"] = ("I8", (config.coefficients, config.block_texels, channels))
         expected[f"decoder.{index}.basis_scale"] = ("F32", (config.coefficients,))
@@ -45,6 +52,8 @@ def _shipped_decoder(metadata: PackMetadata, config: BlockCodecConfig) -> BlockD
         raise ValueError(
             f"grouping {UNIVERSAL}: names {metadata.decoders} decoders of version {version!r}, not one that ships"
         )
+    if config.maps != BASE_ALONE:
+        raise ValueError(f"grouping {UNIVERSAL}: no decoder for maps {', '.join(config.maps)} ships")
     try:
         decoder = universal_decoder(config.output_channels, version)
     except InputError as error:
@@ -55,12 +64,12 @@ def _shipped_decoder(metadata: PackMetadata, config: BlockCodecConfig) -> BlockD
 
 def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
     """The tensors of `pack`, contiguous."""
-    channels = pack.block_config.output_channels
+    config = pack.block_config
     tensors: dict[str, NDArray[Any]] = {}
     for index, texture in enumerate(pack.textures):
         tensors[f"latents.{index}"] = texture.latents
         tensors[f"latents.{index}.mean"] = texture.offset
-        tensors[f"latents.{index}.axes"] = texture.scale.reshape(channels, channels)
+        tensors[f"latents.{index}.axes"] = texture.scale.reshape(axes_shape(config))
     for index, decoder in enumerate(pack.block_decoders[: pack.grouping.stored_decoders]):
         for part in ("basis", "basis_scale", "scales"):
             tensors[f"decoder.{index}.{part}"] = getattr(decoder, part)

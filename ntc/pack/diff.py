@@ -9,7 +9,7 @@ from ntc.codec.block.model import BlockDecoder
 from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack
 
 DECODED_PARTS = ("latents", "scale", "offset", "adapter")
-"""What of a texture changes how it decodes, besides its channels and colour space."""
+"""What of a texture changes how it decodes, besides its maps, channels and colour space."""
 
 
 def _same(first: Any, second: Any) -> bool:
@@ -26,13 +26,13 @@ def _same(first: Any, second: Any) -> bool:
 def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
     if first is second:
         return True
-    space = (first.channels, first.color_space) == (second.channels, second.color_space)
+    space = (first.maps, first.channels, first.color_space) == (second.maps, second.channels, second.color_space)
     return space and all(_same(getattr(first, part), getattr(second, part)) for part in DECODED_PARTS)
 
 
 def same_shape(old: Pack, new: Pack) -> bool:
-    """Whether both hold textures of the same sizes in the same order, in one codec."""
-    sizes = [[(t.pixel_hash, t.width, t.height) for t in pack.textures] for pack in (old, new)]
+    """Whether both hold textures of the same sizes and maps in the same order, in one codec."""
+    sizes = [[(t.pixel_hash, t.width, t.height, t.maps) for t in pack.textures] for pack in (old, new)]
     return old.config == new.config and sizes[0] == sizes[1]
 
 

@@ -17,7 +17,7 @@ def _listed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class PackMatch:
-    """How a pack and a scene fit together. Identity is the pixel hash; names only help to explain."""
+    """How a pack and a scene fit together. Identity is the pixel hash, of sets that of all maps; names only help to explain."""
 
     texture_index: tuple[int, ...]
     """For each texture of the scene the index in the pack, -1 when the pack does not hold it."""
@@ -46,11 +46,12 @@ class PackMatch:
         return line
 
 
-def match_pack(pack: Pack, hashes: Sequence[str], names: Sequence[str]) -> PackMatch:
-    """Find each scene texture, given by its pixel hash and name, in `pack`."""
+def match_pack(pack: Pack, identities: Sequence[Sequence[str]], names: Sequence[str]) -> PackMatch:
+    """Find each scene texture in `pack`, by its name and what it may be found by: of a material set the hash of all its maps, then
+    that of its base colour, by which a pack of base colours alone has it."""
     by_hash = {texture.pixel_hash: index for index, texture in enumerate(pack.textures)}
     pack_names = {texture.name for texture in pack.textures}
-    index = tuple(by_hash.get(pixel_hash, -1) for pixel_hash in hashes)
+    index = tuple(next((by_hash[own] for own in hashes if own in by_hash), -1) for hashes in identities)
     absent = tuple(name for name, found in zip(names, index, strict=True) if found < 0)
     return PackMatch(index, absent, tuple(name for name in absent if name in pack_names))
 

@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig, CodecKind, ColorSpace, WrapMode
-from ntc.codec.maps import BASE_ALONE
+from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
 from ntc.codec.model import AnyCodec, Pack
 from ntc.errors import MetadataError
 
@@ -40,11 +40,12 @@ class TextureMetadata(msgspec.Struct, frozen=True):
     pixel_hash: Text
     width: Side
     height: Side
-    channels: Annotated[int, Meta(ge=1, le=4)]
+    channels: Annotated[int, Meta(ge=1, le=LARGEST_CHANNELS)]
     color_space: ColorSpace
     wrap: tuple[WrapMode, WrapMode]
     category: Text | None
     psnr_db: Annotated[float, Meta(ge=-LARGEST_DECIBELS, le=LARGEST_DECIBELS)] | None
+    maps: tuple[MapName, ...] = BASE_ALONE
 
 
 class GroupingMetadata(msgspec.Struct, frozen=True):
@@ -84,9 +85,14 @@ class _Version(msgspec.Struct):
     format_version: int
 
 
+def _without_base_alone(found: dict[str, Any]) -> dict[str, Any]:
+    """Files without material sets are as they were before there were any."""
+    return {name: value for name, value in found.items() if (name, value) != ("maps", BASE_ALONE)}
+
+
 def _codec_json(config: AnyCodec) -> dict[str, Any]:
-    # Files of codec `grid` are as they were before there was another one, and those without material sets as before there were any.
-    found = {name: value for name, value in asdict(config).items() if (name, value) != ("maps", BASE_ALONE)}
+    # Files of codec `grid` are as they were before there was another one.
+    found = _without_base_alone(asdict(config))
     return found if isinstance(config, CodecConfig) else {KIND: config.kind, **found}
 
 
@@ -103,7 +109,7 @@ def metadata_json(pack: Pack) -> str:
         "codec": _codec_json(pack.config),
         "grouping": {**grouping, "parameters": dict(pack.grouping.parameters)},
         "decoders": len(pack.decoders),
-        "textures": textures,
+        "textures": list(map(_without_base_alone, textures)),
         "training": dict(pack.training),
     }
     return json.dumps(document, sort_keys=True, allow_nan=False)
@@ -157,11 +163,13 @@ def parse_metadata(text: str) -> PackMetadata:
     found = _converted(document, _Document)
     metadata = PackMetadata(_codec(found.codec), found.grouping, found.decoders, found.textures, found.training)
     for index, texture in enumerate(metadata.textures):
-        if texture.channels > metadata.codec.output_channels:
+        try:
+            channel_places(texture.maps, texture.channels, metadata.codec.maps, metadata.codec.output_channels)
+        except ValueError as error:
             raise MetadataError(
                 f"metadata.textures[{index}].channels is {texture.channels}, the codec has "
-                f"{metadata.codec.output_channels} output channels"
-            )
+                f"{metadata.codec.output_channels} output channels: {error}"
+            ) from error
     groups = metadata.grouping.groups
     if len(groups) != len(metadata.textures) or not all(0 <= group < metadata.decoders for group in groups):
         raise MetadataError(

@@ -33,16 +33,17 @@ def check_decibels(psnr_db: float) -> None:
         raise ValueError(f"a PSNR of {psnr_db} dB")
 
 
-def _check_texture(texture: EncodedTexture) -> None:
+def _check_texture(texture: EncodedTexture, config: AnyCodec) -> None:
     if not (1 <= texture.width <= LARGEST_SIDE and 1 <= texture.height <= LARGEST_SIDE):
         raise ValueError(f"{texture.name}: is {texture.width} x {texture.height} texels")
+    texture.places(config)
     if texture.psnr_db is not None:
         check_decibels(texture.psnr_db)
 
 
 def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:
     """Raises ValueError for a size, latents or an adapter that do not fit `config`."""
-    _check_texture(texture)
+    _check_texture(texture, config)
     channels = config.latent_channels
     _check(texture.latents, (latent_cell_count(texture.width, texture.height, config), channels), np.uint8, "latents")
     if config.latent_bits < 8 and texture.latents.max(initial=0) > config.largest_stored:
@@ -92,11 +93,11 @@ def _check(array: NDArray[Any], shape: tuple[int, ...], kind: type, name: str) -
 
 def check_block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> None:
     """Raises ValueError for a size, directories, mean or axes that do not fit `config`. All codes are valid."""
-    _check_texture(texture)
+    _check_texture(texture, config)
     _check(texture.latents, (len(texture.latents), config.cell_bytes), np.uint8, "latents")
     latent_rows(texture, config)
     _check_block_numbers(texture.offset, (config.output_channels,), "mean")
-    _check_block_numbers(texture.scale, (config.output_channels * config.output_channels,), "axes")
+    _check_block_numbers(texture.scale, (config.axis_numbers,), "axes")
     if texture.adapter is not None:
         raise ValueError("textures of codec block have no adapter")
 

@@ -99,7 +99,7 @@ class BlockTrainer:
         self._host.interruption()
         pixels = self._request.textures[index].pixels
         decoded = decode_image(block_texture(texture, self._codec), decoder, self._codec)
-        return replace(texture, psnr_db=psnr_db(decoded[..., : pixels.shape[2]], pixels))
+        return replace(texture, psnr_db=psnr_db(decoded[..., texture.places(self._codec)], pixels))
 
     def _is_last(self, stage: BlockStage) -> bool:
         """Whether the budget is spent. All groups are encoded once, whatever the budget."""

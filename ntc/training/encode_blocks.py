@@ -248,8 +248,8 @@ def encode_member(
     """A texture of a group as a pack stores it, with its PSNR. `part`: the texture, and its words a block on average at most."""
     source, words = part
     blocks = encode_texture(source, decoder, config, quantizer, words)
-    found = encoded_block_texture(source, group, blocks)
-    decoded = decode_image(blocks, decoder, config)[..., : found.channels]
+    found = encoded_block_texture(source, group, blocks, config)
+    decoded = decode_image(blocks, decoder, config)[..., found.places(config)]
     return replace(found, psnr_db=psnr_db(decoded, source.pixels))
 
 

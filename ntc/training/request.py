@@ -9,6 +9,7 @@ import numpy as np
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecConfig
+from ntc.codec.maps import BASE_ALONE, channel_places, maps_fit
 from ntc.codec.model import AnyCodec, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -89,12 +90,25 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
                 f"{texture.name}: is {texture.pixels.dtype} {list(texture.pixels.shape)}; textures are 8-bit "
                 "[height, width, channels], and at least one texel large"
             )
-        channels = texture.pixels.shape[2]
-        if channels > codec.output_channels:
+        if grouping.name == UNIVERSAL and texture.maps != BASE_ALONE:
             raise InputError(
-                f"{texture.name}: has {channels} channels; set codec.output_channels to at least that, "
-                f"not {codec.output_channels}"
+                f"grouping {UNIVERSAL}: the decoder that ships with the program serves base colours alone; "
+                "use another grouping, or --maps base"
             )
+        _check_channels(texture, codec)
+
+
+def _check_channels(texture: SourceTexture, codec: AnyCodec) -> None:
+    """Raises InputError for channels that the codec has no room for."""
+    try:
+        channel_places(texture.maps, texture.channels, codec.maps, codec.output_channels)
+    except ValueError as error:
+        if not maps_fit(texture.maps, texture.channels):
+            raise InputError(f"{texture.name}: {error}") from error
+        raise InputError(
+            f"{texture.name}: has {texture.channels} channels of {', '.join(texture.maps)}; set codec.output_channels to "
+            f"at least that, not {codec.output_channels} of {', '.join(codec.maps)}"
+        ) from error
 
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
@@ -125,7 +139,7 @@ def _check_start(textures: Sequence[SourceTexture], codec: AnyCodec, start: Pack
     where = start.path or start.grouping.name
     if start.config != codec:
         raise InputError(f"{where}: was made with another codec; encode from nothing, or with the pack's own codec")
-    known = [(t.pixel_hash, t.width, t.height, t.channels, t.color_space, t.wrap) for t in start.textures]
-    given = [(t.pixel_hash, *t.size, t.pixels.shape[2], t.color_space, t.wrap) for t in textures]
+    known = [(t.pixel_hash, t.width, t.height, t.maps, t.channels, t.color_space, t.wrap) for t in start.textures]
+    given = [(t.pixel_hash, *t.size, t.maps, t.channels, t.color_space, t.wrap) for t in textures]
     if known != given:
         raise InputError(f"{where}: does not hold these textures in this size and order; encode from nothing")

@@ -12,6 +12,7 @@ from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
+from ntc.codec.maps import channel_places
 from ntc.codec.model import Adapter, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quantize import QuantizedLatents
 from ntc.codec.textures import SourceTexture
@@ -48,7 +49,7 @@ def encoded_texture(
         pixel_hash=source.pixel_hash,
         width=width,
         height=height,
-        channels=source.pixels.shape[2],
+        channels=source.channels,
         color_space=source.color_space,
         wrap=source.wrap,
         category=source.category,
@@ -57,6 +58,7 @@ def encoded_texture(
         scale=latents.scale,
         offset=latents.offset,
         adapter=adapter,
+        maps=source.maps,
     )
 
 
@@ -159,14 +161,15 @@ def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, code
         mean = np.zeros(channels, np.float32)
         strides = (1 + side // MEANT_TEXELS for side in texture.pixels.shape[:2])
         sample = texture.pixels[tuple(slice(None, None, stride) for stride in strides)]
-        mean[: texture.pixels.shape[2]] = sample.mean(axis=(0, 1)) / 255.0
+        places = channel_places(texture.maps, texture.channels, codec.maps, channels)
+        mean[list(places)] = sample.mean(axis=(0, 1)) / 255.0
         empty = BlockCodes(
             np.zeros((blocks, codec.block_words[-1]), np.uint32), np.full(blocks, len(codec.block_words) - 1)
         )
         flat = BlockTexture(
             *texture.size, stored_words(empty, levels, codec), mean, np.zeros((channels, channels), np.float32)
         )
-        encoded.append(encoded_block_texture(texture, group, flat))
+        encoded.append(encoded_block_texture(texture, group, flat, codec))
     return Pack(codec, grouping, tuple(encoded), (decoder,) * grouping.group_count)
 
 

@@ -55,8 +55,17 @@ def check_snapshot(snapshot: GroupSnapshot, request: TrainingRequest) -> None:
         raise ValueError(f"group {group} has {len(snapshot.members)} textures, and {len(snapshot.textures)} came")
     for index, found in zip(snapshot.members, snapshot.textures, strict=True):
         source = request.textures[index]
-        expected = (source.pixel_hash, *source.size, source.pixels.shape[2], source.color_space, source.wrap, group)
-        own = (found.pixel_hash, found.width, found.height, found.channels, found.color_space, found.wrap, found.group)
+        expected = (
+            source.pixel_hash,
+            *source.size,
+            source.maps,
+            source.channels,
+            source.color_space,
+            source.wrap,
+            group,
+        )
+        size = (found.width, found.height)
+        own = (found.pixel_hash, *size, found.maps, found.channels, found.color_space, found.wrap, found.group)
         # A group that stays as it was keeps the names that the pack has.
         names = [(source.name, source.category)]
         if request.start is not None:

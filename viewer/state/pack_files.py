@@ -17,7 +17,8 @@ PREFERRED_GROUPING = "clustered"
 def match_scene(pack: Pack, scene: Scene) -> PackMatch:
     """Which textures of `scene` are in `pack`."""
     textures = scene.textures
-    return match_pack(pack, [texture.pixel_hash for texture in textures], [texture.name for texture in textures])
+    identities = [[texture.set_hash or texture.pixel_hash, texture.pixel_hash] for texture in textures]
+    return match_pack(pack, identities, [texture.name for texture in textures])
 
 
 def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:

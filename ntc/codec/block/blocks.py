@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.maps import channel_places, plane_channels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 
@@ -40,47 +41,68 @@ def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDA
 
 
 @dataclass(frozen=True, eq=False)
+class Axes:
+    """A texture's mean and principal axes, plane by plane."""
+
+    mean: Array
+    """[channels]."""
+    axes: Array
+    """[channels, channels], 0 where channels are of different planes: for each plane orthogonal columns of the length `contrast`,
+    divided by the square roots of the channels' weights."""
+    inverse: Array
+    """[channels, channels]: value - mean, times this, is in units of the axes."""
+    contrast: float
+    """What the error of a normalised value is multiplied by to give a weighted error of values in [0, 1]."""
+
+
+@dataclass(frozen=True, eq=False)
 class PreparedTexture:
     """A texture in blocks of normalised values."""
 
-    mean: Array
-    axes: Array
-    """[channels, channels] orthogonal, all of the length `contrast`."""
+    axes: Axes
     blocks: Array
     """[blocks of all levels, texels x channels]: (value - mean) in units of the axes."""
 
-    @property
-    def contrast(self) -> float:
-        """What a normalised value is multiplied by to give a texture's value in [0, 1]."""
-        return float(np.linalg.norm(self.axes[:, 0]))
 
+def _principal_axes(pixels: Array, weights: NDArray[np.float64], config: BlockCodecConfig) -> Axes:
+    """Axes of `pixels` [N, C] whose squared errors are worth `weights` [C].
 
-def _colour_axes(pixels: Array) -> tuple[Array, Array]:
-    """(mean [C], axes [C, C]) of `pixels` [N, C]: orthogonal, all of the length of the texture's contrast.
-
-    Of one length, so that an error has the same weight in every direction.
+    Of one length after weighting, so that an error has the same weight in every direction.
     """
     mean = pixels.mean(0, dtype=np.float64)
-    centred = pixels - mean
-    variances, vectors = np.linalg.eigh(centred.T @ centred / len(pixels))
-    vectors = vectors[:, ::-1] * np.where(vectors[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
-    contrast = max(float(np.sqrt(max(variances.sum(), 0.0))), LEAST_CONTRAST)
-    return mean.astype(np.float32), (vectors * contrast).astype(np.float32)
+    roots = np.sqrt(weights)
+    centred = (pixels - mean) * roots
+    covariance = centred.T @ centred / len(pixels)
+    vectors, total = np.zeros_like(covariance), 0.0
+    for channels in plane_channels(config.maps, config.output_channels).values():
+        own = np.ix_(list(channels.values()), list(channels.values()))
+        variances, found = np.linalg.eigh(covariance[own])
+        vectors[own] = found[:, ::-1] * np.where(found[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
+        total += variances.sum()
+    contrast = max(float(np.sqrt(max(total, 0.0))), LEAST_CONTRAST)
+    weighted = (vectors * contrast).astype(np.float32)
+    length = np.linalg.norm(weighted[:, 0])
+    scale = roots.astype(np.float32)[:, None]
+    # The inverse of orthogonal axes of one length.
+    return Axes(mean.astype(np.float32), weighted / scale, weighted * scale / np.square(length), float(length))
 
 
 def prepare_texture(source: SourceTexture, config: BlockCodecConfig) -> PreparedTexture:
-    """All mips of `source` in blocks."""
+    """All mips of `source` in blocks. Raises ValueError for maps that the codec lacks."""
     width, height = source.size
     levels = latent_levels(width, height, config)
-    mips = mip_chain(source.pixels, source.color_space)[: len(levels)]
-    missing = config.output_channels - source.pixels.shape[2]
-    # A channel that the texture lacks is 0 everywhere, which costs no bits.
-    values = [np.pad(mip.astype(np.float32) / np.float32(255.0), ((0, 0), (0, 0), (0, missing))) for mip in mips]
-    mean, axes = _colour_axes(values[0].reshape(-1, config.output_channels))
-    # The inverse of orthogonal axes of one length.
-    inverse = axes / np.square(np.linalg.norm(axes[:, 0]))
-    blocks = [blocks_of((value - mean) @ inverse, config.block_side, source.wrap) for value in values]
-    return PreparedTexture(mean, axes, np.concatenate(blocks).reshape(-1, config.block_values))
+    mips = mip_chain(source.pixels, source.color_space, source.maps)[: len(levels)]
+    places = list(channel_places(source.maps, source.channels, config.maps, config.output_channels))
+    values, weights = [], np.ones(config.output_channels)
+    weights[places] = source.map_weights.of_channels(source.maps, source.channels)
+    for mip in mips:
+        # A channel that the texture lacks is 0 everywhere, which costs no bits.
+        value = np.zeros((*mip.shape[:2], config.output_channels), np.float32)
+        value[..., places] = mip.astype(np.float32) / np.float32(255.0)
+        values.append(value)
+    axes = _principal_axes(values[0].reshape(-1, config.output_channels), weights, config)
+    blocks = [blocks_of((value - axes.mean) @ axes.inverse, config.block_side, source.wrap) for value in values]
+    return PreparedTexture(axes, np.concatenate(blocks).reshape(-1, config.block_values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +112,7 @@ class Sample:
     blocks: Array
     """[sampled blocks, texels x channels], normalised."""
     contrast: float
-    """As `PreparedTexture.contrast`."""
+    """As `Axes.contrast`."""
     block_count: int
     """Blocks of all levels of the texture."""
 
@@ -105,5 +127,5 @@ def sample_textures(
     for source in sources:
         texture = prepare_texture(source, config)
         chosen = random.permutation(len(texture.blocks))[:each]
-        samples.append(Sample(texture.blocks[chosen], texture.contrast, len(texture.blocks)))
+        samples.append(Sample(texture.blocks[chosen], texture.axes.contrast, len(texture.blocks)))
     return tuple(samples)

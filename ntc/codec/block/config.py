@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from ntc.codec.maps import BASE_ALONE, MapName
+from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_channels
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
@@ -56,7 +56,8 @@ class BlockCodecConfig:
             "mean_words": 0.0 < self.mean_words <= LARGEST_WORDS,
             "coefficients": 1 <= self.coefficients <= self.block_values,
             "modes": 1 <= self.modes <= 64 and self.modes & (self.modes - 1) == 0,
-            "output_channels": 1 <= self.output_channels <= 4,
+            "maps": ordered_maps(self.maps),
+            "output_channels": maps_fit(self.maps, self.output_channels),
             "levels": self.levels is None or 1 <= self.levels <= 16,
         }
         for field, valid in checks.items():
@@ -101,4 +102,9 @@ class BlockCodecConfig:
     @property
     def multiply_adds(self) -> int:
         """Multiply-adds of one texel's value at most: each coefficient's basis row, then the texture's axes."""
-        return (self.coefficients + self.output_channels) * self.output_channels
+        return self.coefficients * self.output_channels + self.axis_numbers
+
+    @property
+    def axis_numbers(self) -> int:
+        """Numbers of a texture's axes: for each plane of k channels a matrix of k x k."""
+        return sum(len(channels) ** 2 for channels in plane_channels(self.maps, self.output_channels).values())

@@ -37,7 +37,7 @@ def encode_texture(
     width, height = source.size
     stored = BlockCodes(codes, sizes.numpy())
     words_stored = stored_words(stored, levels, config)
-    return BlockTexture(width, height, words_stored, texture.mean, texture.axes)
+    return BlockTexture(width, height, words_stored, texture.axes.mean, texture.axes.axes)
 
 
 def _sizes(

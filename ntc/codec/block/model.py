@@ -44,12 +44,8 @@ class BlockTexture:
     mean: NDArray[np.float32]
     """[channels] float32, in the texture's colour space, 0 to 1."""
     axes: NDArray[np.float32]
-    """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast."""
-
-    @property
-    def stored_bits(self) -> int:
-        """Bits in a pack."""
-        return 32 * (self.words.size + self.mean.size + self.axes.size)
+    """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast; 0 where row and
+    column are channels of different planes (`ntc.codec.maps.plane_channels`)."""
 
 
 def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:

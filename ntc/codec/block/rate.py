@@ -8,6 +8,7 @@ from typing import Literal
 from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_WORDS, BlockCodecConfig
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, universal_channels
 from ntc.codec.latents import latent_levels
+from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
@@ -36,23 +37,25 @@ class TextureSet:
     groups: int
     """Decoders that are stored with them; 0: the one that ships with the program serves them."""
     channels: int
-    """Of the texture that has most of them."""
+    """Of `maps`."""
     levels: int | None = None
     """Encoded mips; None: all."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Those that any of the textures has."""
 
 
 def texture_set(textures: Sequence[SourceTexture], groups: int, levels: int | None = None) -> TextureSet:
     """What of `textures` in so many groups decides about bits; `levels` as in BlockCodecConfig."""
-    channels = max(texture.pixels.shape[2] for texture in textures)
-    return TextureSet([texture.size for texture in textures], groups, channels, levels)
+    maps, channels = joint_maps((texture.maps, texture.channels) for texture in textures)
+    return TextureSet([texture.size for texture in textures], groups, channels, levels, maps)
 
 
 def side_bits(textures: TextureSet, config: BlockCodecConfig) -> int:
     """Stored bits besides codes: means, axes, directories and tables."""
-    channels, decoder = config.output_channels, config.coefficients * (8 * config.block_values + 32)
+    decoder = config.coefficients * (8 * config.block_values + 32)
     bits = textures.groups * (decoder + 8 * config.modes * config.coefficients)
     for size in textures.sizes:
-        bits += 32 * channels * (channels + 1)
+        bits += 32 * (config.output_channels + config.axis_numbers)
         if len(config.block_words) > 1:
             bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in latent_levels(*size, config))
     return bits
@@ -89,6 +92,11 @@ def config_for_words(
     if block_words[-1] < LARGEST_WORDS and words > 0.5 * LARGEST_WORDS:
         block_words = (*block_words[:3], LARGEST_WORDS)
     if not textures.groups:
+        if textures.maps != BASE_ALONE:
+            raise InputError(
+                "grouping universal: the decoder that ships with the program serves base colours alone; "
+                "use another grouping, or --maps base"
+            )
         channels = universal_channels(textures.channels)
         found = replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
         if multiply_adds is not None and found.multiply_adds > multiply_adds:
@@ -103,6 +111,7 @@ def config_for_words(
         coefficients=1,
         modes=MODES,
         output_channels=textures.channels,
+        maps=textures.maps,
         levels=textures.levels,
     )
     most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))

@@ -2,6 +2,7 @@
 
 import warnings
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.config import GroupingConfig
+from ntc.codec.maps import MapName
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import feature_matrix
@@ -169,3 +171,31 @@ def test_matrix_columns_are_standardised() -> None:
     deviation = matrix.std(axis=0)
     assert ((np.abs(deviation - 1.0) < 1e-9) | (deviation < 1e-9)).all()
     assert (feature_matrix("low_level", [three_kinds()[0]] * 2) == 0.0).all()
+
+
+def with_maps(source: SourceTexture, maps: tuple[MapName, ...], channels: int) -> SourceTexture:
+    """`source` as a set: its first channel again and again."""
+    return replace(source, pixels=np.repeat(source.pixels[..., :1], channels, axis=2), maps=maps)
+
+
+@pytest.mark.parametrize("name", ["clustered", "random", "covisible"])
+def test_textures_with_other_maps_share_no_group(name: Any) -> None:
+    kinds: list[tuple[tuple[MapName, ...], int]] = [(("base",), 3), (("base", "normal"), 5), (("normal",), 2)]
+    sources = [with_maps(source, *kinds[index % 3]) for index, source in enumerate(three_kinds() * 2)]
+    view = np.arange(64, dtype=np.int32).reshape(8, 8) % len(sources)
+    inputs = GroupingInputs(views=(view,))
+    grouping = make_grouping(GroupingConfig(name, clusters=5), sources, inputs)
+    assert grouping.name == name
+    assert grouping.group_count <= 5
+    for group in range(grouping.group_count):
+        members = {sources[index].maps for index, own in enumerate(grouping.groups) if own == group}
+        assert len(members) == 1
+    assert grouping.parameters["kinds"] == 3
+    # Fewer groups than kinds: there is no choice.
+    assert make_grouping(GroupingConfig(name, clusters=2), sources, inputs).group_count <= 2
+
+
+def test_features_of_a_set_are_those_of_its_first_map() -> None:
+    sources = three_kinds()
+    sets = [replace(source, pixels=np.tile(source.pixels, 2)[..., :5], maps=("base", "normal")) for source in sources]
+    np.testing.assert_array_equal(feature_matrix("low_level", sources), feature_matrix("low_level", sets))

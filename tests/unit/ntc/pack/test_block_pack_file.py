@@ -12,6 +12,7 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.maps import MAPS, MapName
 from ntc.errors import InputError
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import expected_tensors, read_pack, write_pack
@@ -21,6 +22,8 @@ from tests.support.pack_bytes import PackBytes
 
 SMALL = BlockCodecConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
 SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))
+SETS = replace(SMALL, output_channels=8, maps=("base", "normal", "roughness", "metalness", "occlusion"))
+KINDS: list[tuple[MapName, ...]] = [SETS.maps, ("base",), ("normal", "occlusion")]
 Change = Callable[[PackBytes], None]
 
 
@@ -41,6 +44,8 @@ def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
         BlockCodecConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
         BlockCodecConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
         BlockCodecConfig(output_channels=4),
+        BlockCodecConfig(output_channels=12, maps=MAPS),
+        SETS,
     ],
 )
 def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
@@ -56,7 +61,8 @@ def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
     for one, other in zip(pack.textures, read.textures, strict=True):
         for part in ("latents", "scale", "offset"):
             np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
-        assert (one.name, one.wrap, one.group, other.adapter) == (other.name, other.wrap, other.group, None)
+        assert (one.name, one.maps, one.wrap, one.group) == (other.name, other.maps, other.wrap, other.group)
+        assert other.adapter is None
     for decoder, twin in zip(pack.block_decoders, read.block_decoders, strict=True):
         for part in ("basis", "basis_scale", "scales"):
             array, found = getattr(decoder, part), getattr(twin, part)
@@ -137,6 +143,61 @@ def test_damaged_files_are_refused_in_one_line(
     assert all(word in line for word in words), line
 
 
+@pytest.fixture(scope="module")
+def set_pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
+    """A good file of a material set, a base colour and a set without one, taken apart."""
+    path = tmp_path_factory.mktemp("sets") / "good.ntc"
+    write_pack(path, random_block_pack(((8, 8), (12, 4), (5, 7)), config=SETS, maps=KINDS))
+    return PackBytes.of(path.read_bytes())
+
+
+def test_files_name_maps_only_where_there_are_sets(tmp_path: Path, pieces: PackBytes, set_pieces: PackBytes) -> None:
+    assert all("maps" not in texture for texture in (pieces.metadata["codec"], *pieces.metadata["textures"]))
+    assert set_pieces.metadata["codec"]["maps"] == list(SETS.maps)
+    textures = set_pieces.metadata["textures"]
+    assert [texture.get("maps") for texture in textures] == [list(SETS.maps), None, ["normal", "occlusion"]]
+    assert [texture["channels"] for texture in textures] == [8, 3, 3]
+    # A matrix for each plane: base, normal with roughness and metalness, occlusion.
+    assert set_pieces.tensors["latents.0.axes"]["shape"] == [3 * 3 + 4 * 4 + 1]
+    path = tmp_path / "good.ntc"
+    path.write_bytes(set_pieces.file())
+    assert [texture.maps for texture in read_pack(path).textures] == KINDS
+
+
+def maps_of_texture(index: int, maps: Any) -> Change:
+    """Set the maps of a texture."""
+    return lambda p: p.metadata["textures"][index].__setitem__("maps", maps)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (codec("maps", ["base"]), ("codec.output_channels",)),
+        (codec("maps", []), ("codec.maps",)),
+        (codec("maps", list(reversed(SETS.maps))), ("codec.maps",)),
+        (codec("maps", ["base", "base"]), ("codec.maps",)),
+        (codec("maps", ["base", "height"]), ("metadata.codec.maps",)),
+        (codec("maps", 8), ("metadata.codec.maps",)),
+        (codec("maps", ["base"] * 100_000), ("codec.maps",)),
+        (codec("output_channels", 9), ("latents.0.mean",)),
+        (codec("output_channels", 10**9), ("codec.",)),
+        (lambda p: p.metadata["codec"].pop("maps"), ("codec.output_channels",)),
+        (maps_of_texture(0, ["base"]), ("textures[0]", "channels")),
+        (maps_of_texture(1, ["emissive"]), ("textures[1]", "emissive")),
+        (maps_of_texture(2, ["occlusion", "normal"]), ("textures[2]", "in the order")),
+        (maps_of_texture(2, []), ("textures[2]",)),
+        (maps_of_texture(2, ["wood"]), ("metadata.textures[2].maps",)),
+        (lambda p: p.metadata["textures"][0].update(channels=13), ("textures[0].channels",)),
+        (lambda p: p.metadata["grouping"].update(name="universal"), ("does not belong there",)),
+        (put("latents.1.axes", 64, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
+    ],
+)
+def test_damaged_files_of_sets_are_refused_in_one_line(
+    tmp_path: Path, set_pieces: PackBytes, change: Change, words: tuple[str, ...]
+) -> None:
+    test_damaged_files_are_refused_in_one_line(tmp_path, set_pieces, change, words)
+
+
 def _directory_changes() -> list[tuple[int, bytes, str]]:
     """(byte of latents.0, what it becomes, what the message says): a level of 4 blocks, then one of 1."""
     return [
@@ -177,3 +238,9 @@ def test_what_decodes_differently_is_found() -> None:
     brighter = replace(first, basis_scale=first.basis_scale * np.float32(2.0))
     assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
     assert not same_shape(old, random_pack())
+
+
+def test_another_map_is_another_shape() -> None:
+    old, new = (random_block_pack(config=SETS, maps=[kind] * 3) for kind in (("normal", "occlusion"), ("base",)))
+    assert not same_shape(old, new)
+    assert changed_textures(old, new) == {0, 1, 2}

@@ -70,7 +70,7 @@ def test_named_cameras_are_in_both_files(scene: Scene) -> None:
 def test_packs_hold_every_texture(scene: Scene, grouping: str) -> None:
     (path,) = [path for path in packs_beside(builtin_scene_path()) if path.name == f"courtyard.{grouping}.ntc"]
     pack = read_pack(path)
-    match = match_pack(pack, [t.pixel_hash for t in scene.textures], [t.name for t in scene.textures])
+    match = match_pack(pack, [[t.pixel_hash] for t in scene.textures], [t.name for t in scene.textures])
     assert match.matched == 55
     assert pack.grouping.name == grouping
     assert len(pack.decoders) == {"baseline": 55, "single": 1}.get(grouping, 10)
