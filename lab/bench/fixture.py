@@ -23,8 +23,9 @@ from viewer.render.resources.layout import (
     MATERIAL_SHIFT,
     scene_layout_glsl,
 )
+from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import codec_programs
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Geometry, Instances, LoadReport, Material, Scene

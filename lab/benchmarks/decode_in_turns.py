@@ -27,8 +27,9 @@ from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import codec_programs
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig

@@ -10,12 +10,20 @@
 #define GRADIENTS 0
 #endif
 
+// 1: surfaces have another UV set, which some maps are found by.
+#ifndef SECOND_UVS
+#define SECOND_UVS 0
+#endif
+
 struct Surface {
     int texture_id;      // -1: the material has no texture
     int material;        // -1: background
     vec2 uv;             // not wrapped
     float footprint;     // longer side of the pixel's footprint, in widths of the texture's image
     vec3 color;          // linear vertex colour, 1 without
+#if SECOND_UVS
+    vec3 second_uv;      // of the other UV set; z: the footprint there
+#endif
 };
 
 uint pack_color(vec3 color) {
@@ -48,16 +56,16 @@ uvec4 pack_surface(uint ids, vec2 uv, float footprint) {
 }
 
 Surface unpack_surface(uvec4 words, vec3 color) {
-    return Surface(
-        surface_texture(words.x),
-        surface_material(words.x),
-        uintBitsToFloat(words.yz),
-        uintBitsToFloat(words.w),
-        color
-    );
+    Surface surface;
+    surface.texture_id = surface_texture(words.x);
+    surface.material = surface_material(words.x);
+    surface.uv = uintBitsToFloat(words.yz);
+    surface.footprint = uintBitsToFloat(words.w);
+    surface.color = color;
+    return surface;
 }
 
 // Level of detail for a texture `width` texels wide: log2 of the footprint's longer side in texels.
-float surface_lod(Surface surface, float width) {
-    return log2(max(surface.footprint * width, 1e-10));
+float footprint_lod(float footprint, float width) {
+    return log2(max(footprint * width, 1e-10));
 }

@@ -1,5 +1,11 @@
 // Reading the visibility buffer.
+#include "common/frame.glsl"
 #include "common/surface.glsl"
+
+// 1: the visibility buffer holds normals and tangents.
+#ifndef FRAME
+#define FRAME 0
+#endif
 
 layout(binding = UNIT_SURFACE) uniform usampler2D surface_words;
 #if VERTEX_COLORS
@@ -8,6 +14,9 @@ layout(binding = UNIT_SURFACE_COLOR) uniform usampler2D surface_colors;
 #if GRADIENTS
 layout(binding = UNIT_SURFACE_GRADIENTS) uniform sampler2D surface_gradients;
 #endif
+#if SECOND_UVS
+layout(binding = UNIT_SURFACE_SECOND_UVS) uniform sampler2D surface_second_uvs;
+#endif
 
 Surface read_surface(ivec2 pixel) {
 #if VERTEX_COLORS
@@ -15,5 +24,18 @@ Surface read_surface(ivec2 pixel) {
 #else
     vec3 color = vec3(1.0);
 #endif
-    return unpack_surface(texelFetch(surface_words, pixel, 0), color);
+    Surface surface = unpack_surface(texelFetch(surface_words, pixel, 0), color);
+#if SECOND_UVS
+    surface.second_uv = texelFetch(surface_second_uvs, pixel, 0).xyz;
+#endif
+    return surface;
 }
+
+#if FRAME
+layout(binding = UNIT_SURFACE_FRAME) uniform usampler2D surface_frames;
+
+// Of a pixel that shows a surface; undefined elsewhere.
+Frame read_frame(ivec2 pixel) {
+    return unpack_frame(texelFetch(surface_frames, pixel, 0).xy);
+}
+#endif

@@ -35,12 +35,13 @@ WantedTexel wanted_texel(Surface surface) {
     wanted.texture_id = surface_decoder(surface) >= 0 ? surface.texture_id : -1;
     wanted.uv = surface.uv;
     wanted.lod = 0.0;
-    wanted.wrap = ivec2(material.wrap_u, material.wrap_v);
+    PlaneRecord plane = material.planes[PLANE_BASE];
+    wanted.wrap = ivec2(plane.wrap_u, plane.wrap_v);
     if (wanted.texture_id >= 0) {
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
-        wanted.lod = surface_lod(surface, size.x);
-        apply_sampler(wanted.uv, wanted.lod, material.sampler_flags, size, textures[wanted.texture_id].levels - 1);
+        wanted.lod = footprint_lod(surface.footprint, size.x);
+        apply_sampler(wanted.uv, wanted.lod, plane.sampler_flags, size, textures[wanted.texture_id].levels - 1);
     }
     return wanted;
 }

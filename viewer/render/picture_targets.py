@@ -5,8 +5,20 @@ from dataclasses import dataclass, field, replace
 from viewer.render.frame_result import PairKey
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.resources.albedo_target import AlbedoTarget
-from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import REFERENCE, Slot, ViewState, is_image_source
+
+
+def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceContent:
+    """What the visibility buffer of `view` must hold: no more than its passes read."""
+    filters = any(is_image_source(slot.source) or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
+    return SurfaceContent(
+        scene_buffers.has_colors,
+        gradients=view.anisotropy > 1 and filters,
+        frame=view.material_view == "lit",
+        second_uvs=view.material_view != "base" and scene_buffers.has_second_uvs,
+    )
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,13 @@ from viewer.render.passes.composite import (
     DifferenceParams,
 )
 from viewer.render.path_choice import PathChooser
-from viewer.render.picture_targets import PictureTargets
+from viewer.render.picture_targets import PictureTargets, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import scene_layout_glsl
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.material_records import material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
@@ -223,8 +224,7 @@ class Renderer:
             return self._packs.advance_updates(None if whole else self._update_bytes)
 
     def _targets_for(self, view: ViewState) -> PictureTargets:
-        filters = any(is_image_source(slot.source) or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
-        content = SurfaceContent(self._scene_buffers.has_colors, gradients=view.anisotropy > 1 and filters)
+        content = surface_content(view, self._scene_buffers)
         targets = self._targets
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
             self._release_targets()

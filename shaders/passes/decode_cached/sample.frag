@@ -31,7 +31,7 @@ void main() {
     vec3 shown = wanted.factor;
     if (wanted.texture_id >= 0) {
         int first = material_tiles[surface.material];
-        Probes probes = probes_of(ivec2(gl_FragCoord.xy), wanted, materials[surface.material].sampler_flags);
+        Probes probes = probes_of(ivec2(gl_FragCoord.xy), wanted, materials[surface.material].planes[PLANE_BASE].sampler_flags);
         FilterLevels filtered = filter_levels(wanted.texture_id, probes.lod);
         vec3 sum = vec3(0.0);
         for (int number = 0; number < probes.count; ++number) {

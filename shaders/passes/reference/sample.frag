@@ -19,14 +19,15 @@ layout(location = 0) out vec4 albedo;
 void main() {
     Surface surface = read_surface(ivec2(gl_FragCoord.xy));
     MaterialRecord material = materials[max(surface.material, 0)];
+    PlaneRecord plane = material.planes[PLANE_BASE];
     // Mirroring is done here; where the sampler repeats, the coordinate only loses its integer part.
     vec2 uv = vec2(wrap_coordinate(surface.uv.x, wrap.x), wrap_coordinate(surface.uv.y, wrap.y));
-    vec3 at = vec3(uv, float(material.image_layer));
+    vec3 at = vec3(uv, float(plane.image_layer));
 #if GRADIENTS
     vec4 gradients = texelFetch(surface_gradients, ivec2(gl_FragCoord.xy), 0);
     vec3 texel = textureGrad(images, at, gradients.xy, gradients.zw).rgb;
 #else
-    vec3 texel = textureLod(images, at, surface_lod(surface, float(textureSize(images, 0).x))).rgb;
+    vec3 texel = textureLod(images, at, footprint_lod(surface.footprint, float(textureSize(images, 0).x))).rgb;
 #endif
 #if FIRST
     bool covered = surface.material >= 0;
@@ -34,7 +35,7 @@ void main() {
     if (!textured) texel = vec3(1.0);
     albedo = covered ? vec4(material.factor.rgb * surface.color * texel, 1.0) : vec4(0.0);
 #if SORTS
-    gl_FragDepth = textured && material.image_array != first_array ? float(material.image_array + 1) / BUCKET_DEPTHS : 0.0;
+    gl_FragDepth = textured && plane.image_array != first_array ? float(plane.image_array + 1) / BUCKET_DEPTHS : 0.0;
 #endif
 #else
     albedo = vec4(material.factor.rgb * surface.color * texel, 1.0);

@@ -1,5 +1,6 @@
 #version 430
 // Writes the visibility buffer. Nothing is shaded here; hidden surfaces cost one depth test.
+#include "common/frame.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
 #include "common/wrap.glsl"
@@ -14,12 +15,66 @@ flat in uint ids;
 
 layout(location = 0) out uvec4 words;
 #if VERTEX_COLORS
-layout(location = 1) out uint packed_color;
+layout(location = OUTPUT_SURFACE_COLOR) out uint packed_color;
 #endif
-#if GRADIENTS && VERTEX_COLORS
-layout(location = 2) out vec4 gradients;
-#elif GRADIENTS
-layout(location = 1) out vec4 gradients;
+#if GRADIENTS
+layout(location = OUTPUT_SURFACE_GRADIENTS) out vec4 gradients;
+#endif
+#if SECOND_UVS
+in vec2 second_place;
+layout(location = OUTPUT_SURFACE_SECOND_UVS) out vec4 second_uvs;
+#endif
+#if FRAME
+in vec3 world_position;
+in vec3 world_normal;
+in vec4 world_tangent;
+layout(location = OUTPUT_SURFACE_FRAME) out uvec2 frame_words;
+
+bool is_direction(vec3 vector) {
+    float length_squared = dot(vector, vector);
+    // False for NaN, too.
+    return length_squared > 1e-20 && length_squared < 1e30;
+}
+
+// The surface's own frame: normal and tangent as the file gives them, or as the triangle and its uv imply.
+// On the back of a surface all three axes turn round.
+Frame surface_frame() {
+    float facing = gl_FrontFacing ? 1.0 : -1.0;
+    vec3 step_x = dFdx(world_position);
+    vec3 step_y = dFdy(world_position);
+    // Towards the eye, as the picture's right and up are.
+    vec3 normal = cross(step_x, step_y);
+    normal = is_direction(normal) ? normalize(normal) : vec3(0.0, 1.0, 0.0);
+    if (is_direction(world_normal)) normal = normalize(world_normal) * facing;
+
+    PlaneRecord plane = materials[surface_material(ids)].planes[PLANE_SURFACE];
+    // Not derivatives of what is read from a buffer: invocations beside the triangle, which only help, may read anything.
+    vec2 uv_x = dFdx(place.xy);
+    vec2 uv_y = dFdy(place.xy);
+#if SECOND_UVS
+    vec2 second_x = dFdx(second_place);
+    vec2 second_y = dFdy(second_place);
+    if (plane.second_uvs != 0) {
+        uv_x = second_x;
+        uv_y = second_y;
+    }
+#endif
+    uv_x = plane_uv_step(plane, uv_x);
+    uv_y = plane_uv_step(plane, uv_y);
+    float turn = uv_x.x * uv_y.y < uv_y.x * uv_x.y ? -facing : facing;
+    vec3 tangent = turn * (step_x * uv_y.y - step_y * uv_x.y);
+    vec3 along_v = turn * (step_y * uv_x.x - step_x * uv_y.x);
+    float handedness = dot(cross(normal, tangent), along_v) > 0.0 ? -1.0 : 1.0;
+    if (is_direction(world_tangent.xyz)) {
+        tangent = world_tangent.xyz * facing;
+        handedness = world_tangent.w < 0.0 ? -facing : facing;
+    }
+    if (!is_direction(tangent)) tangent = vec3(1.0, 0.0, 0.0);
+    tangent = normalize(tangent);
+    tangent -= normal * dot(normal, tangent);
+    if (dot(tangent, tangent) < 1e-6) tangent = cross(normal, abs(normal.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+    return Frame(normal, normalize(tangent), handedness);
+}
 #endif
 
 #if ALPHA_TEST
@@ -36,9 +91,17 @@ void main() {
     vec2 uv = place.xy;
     vec3 step_x = dFdx(place);
     vec3 step_y = dFdy(place);
+    // Before pixels may be discarded: derivatives need all four of a quad.
+#if SECOND_UVS
+    second_uvs = vec4(second_place, pixel_footprint(dFdx(second_place), dFdy(second_place)), 0.0);
+#endif
+#if FRAME
+    frame_words = pack_frame(surface_frame());
+#endif
 #if ALPHA_TEST
     MaterialRecord material = materials[surface_material(ids)];
-    vec2 at = vec2(wrap_coordinate(uv.x, material.wrap_u), wrap_coordinate(uv.y, material.wrap_v));
+    PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
+    vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x.xy, step_y.xy).r;
     if (alpha < (material.alpha_mode == ALPHA_BLEND ? threshold(gl_FragCoord.xy) : material.alpha_cutoff)) discard;
 #endif

@@ -1,5 +1,7 @@
 """Python records and GLSL structs have the same bytes: every field written by numpy is read back by a shader."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -34,12 +36,26 @@ def components(record: np.dtype) -> list[str]:
     """GLSL expressions for all numbers of a record, in numpy's order."""
     found = []
     for field in record.names or ():
-        shape = record[field].shape
+        base, shape = record[field].base, record[field].shape
+        if base.names:
+            found += [f"{field}[{number}].{part}" for number in range(shape[0]) for part in components(base)]
+            continue
         places = [""] if shape == () else [f"[{i}]" for i in range(shape[0])]
         if len(shape) == 2:
             places = [f"[{i}][{j}]" for i in range(shape[0]) for j in range(shape[1])]
         found += [f"{field}{place}" for place in places]
     return found
+
+
+def fill(record: np.void, values: Iterator[int]) -> None:
+    """Write `values` into the numbers of a record, in the order of `components`."""
+    for field in record.dtype.names or ():
+        base, shape = record.dtype[field].base, record.dtype[field].shape
+        if base.names:
+            for part in record[field]:
+                fill(part, values)
+        else:
+            record[field] = np.array([next(values) for _ in range(int(np.prod(shape)))]).reshape(shape)
 
 
 @pytest.mark.parametrize("name", RECORDS)
@@ -51,11 +67,7 @@ def test_a_shader_reads_what_numpy_wrote(graphics: GraphicsContext, name: str) -
     values = np.arange(3 * len(numbers)).reshape(3, -1)
     records = np.zeros(3, record)
     for row in range(3):
-        flat = iter(values[row])
-        for field in record.names or ():
-            shape = record[field].shape
-            count = int(np.prod(shape))
-            records[row][field] = np.array([next(flat) for _ in range(count)]).reshape(shape)
+        fill(records[row], iter(values[row]))
     reads = [
         f"    found[gl_GlobalInvocationID.x * {len(numbers)} + {index}] = int(records[gl_GlobalInvocationID.x].{place});"
         for index, place in enumerate(numbers)

@@ -89,7 +89,8 @@ class ReferencePass:
         self._mips: MipsOf = mips or (lambda texture_id: mip_chain(scene.textures[texture_id].pixels, "srgb"))
         self._plans, self._places = plan_image_arrays(scene)
         for index, place in self._places.items():
-            materials[index]["image_array"], materials[index]["image_layer"] = place.array, place.layer
+            own = materials[index]["planes"][0]
+            own["image_array"], own["image_layer"] = place.array, place.layer
         self._arrays: dict[int, SrgbTextureArray] = {}
         self._samplers = SamplerCache(context)
         self._uploaded: set[tuple[int, int]] = set()

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.codec.maps import PLANES
 from ntc.codec.model import AnyCodec
 from viewer.scene.model import AlphaMode, Sampler
 
@@ -51,6 +52,8 @@ class TextureUnit(IntEnum):
     DIVERGENCE = 7
     ATLAS = 8
     FLIP = 9
+    SURFACE_FRAME = 10
+    SURFACE_SECOND_UVS = 11
 
 
 class ImageUnit(IntEnum):
@@ -126,20 +129,42 @@ LARGEST_ID = 65534
 BUCKET_DEPTHS = 4096
 """Texture arrays of the reference pass are distinguished by depth, in steps of 1 / BUCKET_DEPTHS."""
 
-MATERIAL_RECORD = np.dtype(
+PLANE_RECORD = np.dtype(
     [
-        ("factor", "<f4", (4,)),
         ("texture_id", "<i4"),
         ("wrap_u", "<i4"),
         ("wrap_v", "<i4"),
         ("sampler_flags", "<i4"),
-        ("alpha_cutoff", "<f4"),
-        ("alpha_mode", "<i4"),
         ("image_array", "<i4"),
         ("image_layer", "<i4"),
+        ("components", "<i4"),
+        ("second_uvs", "<i4"),
+        ("uv_u", "<f4", (4,)),
+        ("uv_v", "<f4", (4,)),
     ]
 )
-"""One material: std430, 48 bytes."""
+"""Where a material finds one plane of its maps: std430, 64 bytes. `components` has a bit for each component that the material reads,
+the others are neutral. `uv_u` and `uv_v` hold (a, b, c, unused) of `PlaneTexture.uv_transform`."""
+
+MATERIAL_RECORD = np.dtype(
+    [
+        ("factor", "<f4", (4,)),
+        ("emissive", "<f4", (4,)),
+        ("surface", "<f4", (4,)),
+        ("specular", "<f4", (4,)),
+        ("alpha_cutoff", "<f4"),
+        ("alpha_mode", "<i4"),
+        ("unlit", "<i4"),
+        ("clearcoat", "<f4"),
+        ("clearcoat_roughness", "<f4"),
+        ("padding_0", "<i4"),
+        ("padding_1", "<i4"),
+        ("padding_2", "<i4"),
+        ("planes", PLANE_RECORD, (len(PLANES),)),
+    ]
+)
+"""One material: std430, 288 bytes. `emissive`: RGB and the strength of occlusion. `surface`: roughness, metalness, scale of normals,
+transmission. `specular`: reflectance of a dielectric at normal incidence (RGB), and at grazing incidence."""
 
 LEVEL_RECORD = np.dtype(
     [
@@ -236,6 +261,7 @@ def sampler_flags(sampler: Sampler) -> int:
     return int(flags)
 
 
+_NESTED = {PLANE_RECORD: "PlaneRecord"}
 _SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "float"}
 
 
@@ -245,7 +271,9 @@ def glsl_struct(name: str, record: np.dtype) -> str:
     for field in record.names or ():
         kind = record[field]
         base, shape = kind.base, kind.shape
-        if shape == ():
+        if base in _NESTED:
+            lines.append(f"    {_NESTED[base]} {field}[{shape[0]}];")
+        elif shape == ():
             lines.append(f"    {_SCALARS[base]} {field};")
         elif len(shape) == 1:
             lines.append(f"    vec{shape[0]} {field};")
@@ -267,6 +295,7 @@ def scene_layout_glsl() -> str:
         (SamplerFlag, "SAMPLER_"),
     ):
         lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
+    lines += [f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(PLANES)]
     lines += [
         f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
         f"#define GROUP_SIDE {GROUP_SIDE}",
@@ -283,6 +312,7 @@ def scene_layout_glsl() -> str:
         f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
+        glsl_struct("PlaneRecord", PLANE_RECORD),
         glsl_struct("MaterialRecord", MATERIAL_RECORD),
         glsl_struct("LevelRecord", LEVEL_RECORD),
         glsl_struct("RequestRecord", REQUEST_RECORD),

@@ -9,34 +9,16 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.culling import Bucket, DrawList
 from viewer.render.resources.layout import (
-    ALPHA_CODES,
     LARGEST_ID,
-    MATERIAL_RECORD,
     MATERIAL_SHIFT,
-    WRAP_CODES,
     StorageBinding,
     TextureUnit,
-    sampler_flags,
 )
 from viewer.render.resources.samplers import SamplerCache
 from viewer.scene.model import Sampler, Scene
 
 INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
-
-
-def material_records(scene: Scene) -> np.ndarray:
-    """[materials] MATERIAL_RECORD; `image_array` and `image_layer` are left to the reference pass."""
-    records = np.zeros(max(1, len(scene.materials)), MATERIAL_RECORD)
-    for record, material in zip(records, scene.materials, strict=False):
-        record["factor"] = material.factor
-        record["texture_id"] = material.texture_id
-        record["wrap_u"], record["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)
-        record["sampler_flags"] = sampler_flags(material.sampler)
-        record["alpha_cutoff"] = material.alpha_cutoff
-        record["alpha_mode"] = ALPHA_CODES[material.alpha_mode]
-        record["image_array"] = -1
-    return records
 
 
 class MaterialsSource(Protocol):
@@ -62,6 +44,8 @@ class SceneBuffers:
             self._indices = self._buffer("indices", geometry.indices.astype("<u4"))
             self._instances = self._buffer("instances", self._instance_rows())
             self._materials = self._buffer("materials", materials)
+        self._optional: dict[str, moderngl.Buffer] = {}
+        """Vertex data that only some views read, by the attribute's name; uploaded when one does."""
         self._alpha: dict[int, moderngl.Texture] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
@@ -72,6 +56,26 @@ class SceneBuffers:
     def has_colors(self) -> bool:
         """Whether the scene has vertex colours."""
         return self._colors is not None
+
+    @property
+    def has_second_uvs(self) -> bool:
+        """Whether some maps are found by another UV set than the others."""
+        return self._scene.geometry.second_uvs is not None
+
+    def _optional_content(self, program: moderngl.Program) -> list[tuple[object, ...]]:
+        """Normals, tangents and second UVs that `program` reads. What the scene lacks is 0 there, OpenGL's own value."""
+        geometry, content = self._scene.geometry, list[tuple[object, ...]]()
+        for name, array in (
+            ("normal", geometry.normals),
+            ("tangent", geometry.tangents),
+            ("second_texture_coordinate", geometry.second_uvs),
+        ):
+            if array is None or program.get(name, None) is None:
+                continue
+            if name not in self._optional:
+                self._optional[name] = self._buffer(name.replace("_", " ") + "s", array.astype("<f4"))
+            content.append((self._optional[name], f"{array.shape[1]}f", name))
+        return content
 
     def _buffer(self, kind: str, array: np.ndarray) -> moderngl.Buffer:
         # OpenGL has no empty buffers.
@@ -84,7 +88,7 @@ class SceneBuffers:
         )
         rows["transform"] = instances.transform[:, :3, :]
         material = np.array([primitive.material for primitive in primitives], np.int64)[instances.primitive]
-        texture = np.array([entry.texture_id for entry in self._scene.materials], np.int64)[material]
+        texture = np.array([entry.primary_texture for entry in self._scene.materials], np.int64)[material]
         rows["ids"] = (texture + 1) | ((material + 1) << MATERIAL_SHIFT)
         sizes = [image.pixels.shape[:2] for image in self._scene.textures]
         aspects = np.array([height / width for height, width in sizes] + [1.0])
@@ -96,6 +100,7 @@ class SceneBuffers:
             content: list[tuple[object, ...]] = [(self._vertices, "3f 2f", "position", "texture_coordinate")]
             if self._colors is not None:
                 content.append((self._colors, "4f", "vertex_color"))
+            content += self._optional_content(program)
             content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
             # A program that reads less than all attributes (no material, say) leaves them out.
             self._arrays[program] = self._gl.vertex_array(program, content, self._indices, skip_errors=True)
@@ -158,6 +163,8 @@ class SceneBuffers:
             array.release()
         for texture in self._alpha.values():
             texture.release()
+        for vertices in self._optional.values():
+            vertices.release()
         for buffer in (self._vertices, self._colors, self._indices, self._instances, self._materials, self._commands):
             if buffer is not None:
                 buffer.release()

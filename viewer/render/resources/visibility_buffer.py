@@ -2,6 +2,7 @@
 
 import ctypes
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import moderngl
 import numpy as np
@@ -23,10 +24,43 @@ class SurfaceContent:
     """Vertex colours."""
     gradients: bool
     """Changes of uv from pixel to pixel, for anisotropic filtering."""
+    frame: bool = False
+    """The surface's normal and tangent, for light."""
+    second_uvs: bool = False
+    """UV and footprint of another UV set."""
+
+    def units(self) -> tuple[TextureUnit, ...]:
+        """What is stored beside ids, uv and footprint, in the order of the attachments from 1 on."""
+        present = {
+            TextureUnit.SURFACE_COLOR: self.colors,
+            TextureUnit.SURFACE_GRADIENTS: self.gradients,
+            TextureUnit.SURFACE_FRAME: self.frame,
+            TextureUnit.SURFACE_SECOND_UVS: self.second_uvs,
+        }
+        return tuple(unit for unit, stored in present.items() if stored)
 
     def defines(self) -> dict[str, int]:
         """Defines for shaders that write or read it."""
-        return {"VERTEX_COLORS": int(self.colors), "GRADIENTS": int(self.gradients)}
+        flags = {
+            "VERTEX_COLORS": int(self.colors),
+            "GRADIENTS": int(self.gradients),
+            "FRAME": int(self.frame),
+            "SECOND_UVS": int(self.second_uvs),
+        }
+        return flags | {f"OUTPUT_{unit.name}": place for place, unit in enumerate(self.units(), start=1)}
+
+    def reading_defines(self) -> dict[str, int]:
+        """Those of `defines` that shaders need which only read it."""
+        return {name: value for name, value in self.defines().items() if not name.startswith("OUTPUT_")}
+
+
+FORMATS: dict[TextureUnit, tuple[int, Literal["u4", "f4"]]] = {
+    TextureUnit.SURFACE_COLOR: (1, "u4"),
+    TextureUnit.SURFACE_GRADIENTS: (4, "f4"),
+    TextureUnit.SURFACE_FRAME: (2, "u4"),
+    TextureUnit.SURFACE_SECOND_UVS: (4, "f4"),
+}
+"""Components and their type."""
 
 
 class VisibilityTarget:
@@ -45,10 +79,9 @@ class VisibilityTarget:
         what, size = f"visibility buffer {self.size[0]}x{self.size[1]}", self.size
         self._words = memory.texture(what, size, 4, dtype="u4")
         self._textures = {TextureUnit.SURFACE: self._words}
-        if self.content.colors:
-            self._textures[TextureUnit.SURFACE_COLOR] = memory.texture(what, size, 1, dtype="u4")
-        if self.content.gradients:
-            self._textures[TextureUnit.SURFACE_GRADIENTS] = memory.texture(what, size, 4, dtype="f4")
+        for unit in self.content.units():
+            components, kind = FORMATS[unit]
+            self._textures[unit] = memory.texture(what, size, components, dtype=kind)
         for texture in self._textures.values():
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.depth = memory.depth_texture(what, size)
@@ -83,6 +116,11 @@ class VisibilityTarget:
         bits = words.reshape(self.size[1], self.size[0])[::-1]
         roots = np.stack([(bits >> np.uint32(shift)) & np.uint32(1023) for shift in (0, 10, 20)], axis=-1)
         return (roots / 1023.0) ** 2
+
+    def frames(self) -> NDArray[np.uint32]:
+        """[H, W, 2] uint32, row 0 on top: normal and tangent as shaders/common/frame.glsl packs them. Raises KeyError without them."""
+        words = np.frombuffer(self._textures[TextureUnit.SURFACE_FRAME].read(), np.uint32)
+        return words.reshape(self.size[1], self.size[0], 2)[::-1]
 
     def _ids(self) -> NDArray[np.uint32]:
         return self.words()[..., 0]
