@@ -1,6 +1,7 @@
 """Textures as the codec sees them: 8-bit pixels, identity, colour space, wrap."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,23 @@ from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.map_weights import SEEN_WEIGHTS, MapWeights
 from ntc.codec.maps import BASE_ALONE, MapName
 
+ROWS_HASHED = 64
+"""Rows of a texture that are brought together at a time."""
+
 
 def hash_pixels(pixels: NDArray[np.uint8]) -> str:
     """Identity of an image: 32 hex digits over the shape and the bytes of `pixels` [H, W, C] uint8."""
     digest = hashlib.sha256(repr(pixels.shape).encode())
     digest.update(np.ascontiguousarray(pixels).data)
+    return digest.hexdigest()[:32]
+
+
+def hash_channels(maps: Sequence[NDArray[np.uint8]]) -> str:
+    """`hash_pixels` of `maps`, each [H, W, C] uint8, side by side along their channels, without taking the memory of all of them."""
+    height, width = maps[0].shape[:2]
+    digest = hashlib.sha256(repr((height, width, sum(pixels.shape[2] for pixels in maps))).encode())
+    for row in range(0, height, ROWS_HASHED):
+        digest.update(np.concatenate([pixels[row : row + ROWS_HASHED] for pixels in maps], axis=2).data)
     return digest.hexdigest()[:32]
 
 

@@ -13,7 +13,8 @@ from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.cameras import read_cameras
 from viewer.scene.gltf.container import GltfFile, check_required, ignored_extensions, names_of, parse_gltf, read_gltf
 from viewer.scene.gltf.geometry import GeometryReader
-from viewer.scene.gltf.images import read_images
+from viewer.scene.gltf.lights import read_lights
+from viewer.scene.gltf.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
 from viewer.scene.model import Instances, Primitive, Scene
@@ -79,11 +80,12 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
     drawn = frozenset(primitive.material for primitive in primitives)
-    materials, textures = read_images(file, buffers, sources, drawn, notes)
+    materials, textures = read_textures(file, buffers, sources, drawn, notes)
     if len(sources) - 1 not in drawn:
         materials = materials[:-1]
     bounds = world_bounds(geometry, primitives, instances)
     cameras = read_cameras(file, placements, bounds.astype(np.float64).mean(axis=0), notes)
+    lights = read_lights(file, placements, notes)
     _note_whole_file(file, instances, notes)
     triangles = np.array([primitive.index_count // 3 for primitive in primitives], np.int64)
     used = {
@@ -95,9 +97,10 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
         "triangles drawn": int(triangles[instances.primitive].sum()),
         "vertices": len(geometry.positions),
         "materials": len(drawn),
-        "images": len({sources[i].image for i in drawn} - {None}),
+        "images": len({reference.image for i in drawn for reference in sources[i].maps.values()}),
         "textures": len(textures),
         "cameras": len(cameras),
+        "lights": len(lights),
     }
     node_names = tuple(file.label(node, f"node {i}") for i, node in enumerate(file.entries("nodes")))
     return Scene(
@@ -112,6 +115,7 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
         node_names=node_names,
         bounds=bounds,
         report=notes.report(used),
+        lights=lights,
     )
 
 

@@ -37,7 +37,7 @@ class SceneTexture:
     """[H, W] uint8 coverage, None when the image is opaque or no material reads it. Stays a plain texture."""
     pixel_hash: str
     """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None: identity of the base
-    colour."""
+    colour. Of a set without one: `set_hash`."""
     origin: str
     """Where it came from, for reports: a file name, "image 3 (embedded)"."""
     category: str | None = None
@@ -47,7 +47,8 @@ class SceneTexture:
     further_maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
     """[H, W, channels of the map] uint8: those of `maps` besides `base`."""
     set_hash: str = ""
-    """`hash_pixels` of all channels, [H, W, C] in the order of `maps`; of a texture that is no set: `pixel_hash`, or empty."""
+    """`hash_pixels` of all channels, [H, W, C] in the order of `maps`, alpha behind the base colour when it is not None; of a
+    texture that is no set: `pixel_hash`, or empty."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """The load report: gathered while a scene is read, and printed by `ntc-viewer info SCENE` and the window."""
 
 from collections import Counter
+from dataclasses import asdict
 from typing import Any
 
-from viewer.scene.model import LoadReport, Scene
+from ntc.codec.maps import BASE_ALONE, PLANES
+from viewer.scene.model import LoadReport, Material, Scene
 
 MAX_LINES = 200
 """Most distinct lines of one kind that a report keeps; the rest is counted."""
@@ -55,8 +57,10 @@ class ReportNotes:
 def _texture_line(index: int, scene: Scene) -> str:
     texture = scene.textures[index]
     height, width = texture.pixels.shape[:2]
-    users = sum(material.texture_id == index for material in scene.materials)
+    users = sum(any(material.plane_texture(plane) == index for plane in PLANES) for material in scene.materials)
     extras = [f"{users} material{'s' if users != 1 else ''}"]
+    if texture.maps != BASE_ALONE:
+        extras.append(" + ".join(texture.maps))
     if texture.alpha is not None:
         extras.append("alpha kept")
     if texture.category is not None:
@@ -89,6 +93,19 @@ def report_lines(scene: Scene) -> list[str]:
     return lines
 
 
+def _material_json(material: Material) -> dict[str, Any]:
+    planes = {
+        plane: material.surface if plane == "surface" else material.emission for plane in PLANES if plane != "base"
+    }
+    return {
+        "name": material.name,
+        "texture_id": material.texture_id,
+        "factor": list(material.factor),
+        "planes": {plane: asdict(texture) for plane, texture in planes.items() if texture is not None},
+        "factors": asdict(material.factors),
+    }
+
+
 def report_json(scene: Scene) -> dict[str, Any]:
     """The load report as JSON values."""
     report = scene.report
@@ -102,17 +119,17 @@ def report_json(scene: Scene) -> dict[str, Any]:
         "missing": list(report.missing),
         "notes": list(report.notes),
         "cameras": [camera.name for camera in scene.cameras],
-        "materials": [
-            {"name": material.name, "texture_id": material.texture_id, "factor": list(material.factor)}
-            for material in scene.materials
-        ],
+        "materials": [_material_json(material) for material in scene.materials],
+        "lights": [asdict(light) for light in scene.lights],
         "textures": [
             {
                 "name": texture.name,
                 "width": texture.pixels.shape[1],
                 "height": texture.pixels.shape[0],
                 "alpha": texture.alpha is not None,
+                "maps": list(texture.maps),
                 "pixel_hash": texture.pixel_hash,
+                "set_hash": texture.set_hash or texture.pixel_hash,
                 "category": texture.category,
                 "origin": texture.origin,
             }

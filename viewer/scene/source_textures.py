@@ -1,22 +1,28 @@
 """The textures of a scene as the codec wants them, and smaller copies of them."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.maps import BASE_ALONE
 from ntc.codec.mips import resize_to
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from viewer.scene.images import map_in_threads, reduced_size
-from viewer.scene.model import Scene
+from viewer.scene.model import Scene, SceneTexture
+
+MapChoice = Literal["base", "all"]
+"""Base colours alone, or whole material sets."""
 
 
 def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
     """`texture` with at most `size` texels a side, its aspect kept to the nearest texel; the same when it fits.
 
-    Box filtered in linear light, alpha (the last of two or four channels) as it is. The pixel hash stays that of the
-    original. Raises InputError for a size below 1.
+    Box filtered as mips are: colours in linear light, normals as vectors, alpha (the last of two or four channels of a base colour)
+    and all else as it is. The pixel hash stays that of the original. Raises InputError for a size below 1.
     """
     if size < 1:
         raise InputError(f"texture size {size}: must be at least 1 texel")
@@ -24,29 +30,48 @@ def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
     if (width, height) == texture.size:
         return texture
     # Transposed, so that rows are filtered before columns: the rounding that packs were encoded with so far.
-    small = resize_to(texture.pixels.transpose(1, 0, 2), height, width, texture.color_space)
+    small = resize_to(texture.pixels.transpose(1, 0, 2), height, width, texture.color_space, texture.maps)
     return replace(texture, pixels=np.ascontiguousarray(small.transpose(1, 0, 2)))
 
 
-def source_textures(scene: Scene, size: int | None) -> tuple[SourceTexture, ...]:
-    """RGB textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
+def _whole(texture: SceneTexture) -> NDArray[np.uint8]:
+    """[H, W, C] the channels of all maps of `texture`."""
+    base = [texture.pixels] if "base" in texture.maps else []
+    return np.concatenate([*base, *(texture.further_maps[name] for name in texture.maps if name != "base")], axis=2)
 
-    Wrap modes are those of the first material that uses the texture. Alpha is not part of them: it stays a plain
-    texture. Raises InputError for a size below 1.
-    """
+
+def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
+    """By texture id, wrap modes of the first material that uses the texture."""
     wraps: dict[int, tuple[WrapMode, WrapMode]] = {}
     for material in scene.materials:
         wraps.setdefault(material.texture_id, material.sampler.wrap)
-    textures = [
-        SourceTexture(
+        for plane in (material.surface, material.emission):
+            if plane is not None:
+                wraps.setdefault(plane.texture_id, plane.sampler.wrap)
+    return wraps
+
+
+def source_textures(scene: Scene, size: int | None, maps: MapChoice = "base") -> tuple[SourceTexture, ...]:
+    """Textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
+
+    `base` gives base colours (RGB): textures without one, whose ids are the last, are left out. `all` gives all textures with all
+    their maps; the hash of a material set is then `SceneTexture.set_hash`. Wrap modes are those of the first material that uses
+    the texture. Alpha is not part of them: it stays a plain texture. Raises InputError for a size below 1.
+    """
+    wraps = _wraps(scene)
+
+    def source(index: int) -> SourceTexture:
+        texture = scene.textures[index]
+        is_set = maps == "all" and texture.maps != BASE_ALONE
+        whole = SourceTexture(
             name=texture.name,
-            pixels=texture.pixels,
-            pixel_hash=texture.pixel_hash,
+            pixels=_whole(texture) if is_set else texture.pixels,
+            pixel_hash=texture.set_hash if is_set else texture.pixel_hash,
             wrap=wraps.get(index, ("repeat", "repeat")),
             category=texture.category,
+            maps=texture.maps if is_set else BASE_ALONE,
         )
-        for index, texture in enumerate(scene.textures)
-    ]
-    if size is None:
-        return tuple(textures)
-    return tuple(map_in_threads(lambda texture: reduce_texture(texture, size), textures))
+        return whole if size is None else reduce_texture(whole, size)
+
+    chosen = [i for i, texture in enumerate(scene.textures) if maps == "all" or "base" in texture.maps]
+    return tuple(map_in_threads(source, chosen))

@@ -25,7 +25,13 @@ SUPPORTED = frozenset(
         "EXT_mesh_gpu_instancing",
         "EXT_texture_webp",
         "KHR_draco_mesh_compression",
+        "KHR_lights_punctual",
+        "KHR_materials_clearcoat",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_ior",
         "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_specular",
+        "KHR_materials_transmission",
         "KHR_materials_unlit",
         "KHR_mesh_quantization",
         "KHR_texture_transform",
@@ -36,21 +42,15 @@ SUPPORTED = frozenset(
 
 WITHOUT_EFFECT = frozenset(
     {
-        "KHR_lights_punctual",
         "KHR_materials_anisotropy",
-        "KHR_materials_clearcoat",
         "KHR_materials_dispersion",
-        "KHR_materials_emissive_strength",
-        "KHR_materials_ior",
         "KHR_materials_iridescence",
         "KHR_materials_sheen",
-        "KHR_materials_specular",
-        "KHR_materials_transmission",
         "KHR_materials_volume",
         "KHR_xmp_json_ld",
     }
 )
-"""Lighting, reflection and metadata: the picture is the base colour, so a file may require them and still be drawn."""
+"""Finer effects of light, and metadata: a file may require them and still be drawn without."""
 
 MOST_NAMED = 4
 """Extensions that one message names."""

@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.errors import InputError
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile, names_of
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco, draco_available
-from viewer.scene.gltf.materials import MaterialSource, UvTransform
+from viewer.scene.gltf.materials import MaterialSource
+from viewer.scene.gltf.textures import UvTransform
+from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.model import Geometry, Primitive
 from viewer.scene.report import ReportNotes
 
@@ -74,6 +77,9 @@ class GeometryReader:
         self._positions: list[NDArray[np.float32]] = []
         self._uvs: list[NDArray[np.float32]] = []
         self._colors: list[NDArray[np.float32] | None] = []
+        self._normals: list[NDArray[np.float32] | None] = []
+        self._tangents: list[NDArray[np.float32] | None] = []
+        self._second_uvs: list[NDArray[np.float32] | None] = []
         self._indices: list[NDArray[np.uint32]] = []
         self._vertex_count = 0
         self._index_count = 0
@@ -97,17 +103,29 @@ class GeometryReader:
 
     def finish(self) -> Geometry:
         """All vertices and indices read so far."""
-        colors: NDArray[np.float32] | None = None
-        if any(part is not None for part in self._colors):
-            parts = zip(self._colors, self._positions, strict=True)
-            white = [np.ones((len(p), 4), np.float32) if c is None else c for c, p in parts]
-            colors = np.concatenate(white)
         return Geometry(
             positions=np.concatenate([np.zeros((0, 3), np.float32), *self._positions]),
             uvs=np.concatenate([np.zeros((0, 2), np.float32), *self._uvs]),
-            colors=colors,
+            colors=self._joined(self._colors, 4, 1.0),
             indices=np.concatenate([np.zeros(0, np.uint32), *self._indices]),
+            normals=self._joined(self._normals, 3, 0.0),
+            tangents=self._joined(self._tangents, 4, 0.0),
+            second_uvs=self._joined(self._second_uvs, 2, 0.0),
         )
+
+    def _joined(
+        self, parts: Sequence[NDArray[np.float32] | None], components: int, absent: float
+    ) -> NDArray[np.float32] | None:
+        """[V, components], `absent` for the vertices that have no such attribute; None when no vertex has."""
+        if all(part is None for part in parts):
+            return None
+        joined = np.full((self._vertex_count, components), absent, np.float32)
+        start = 0
+        for positions, part in zip(self._positions, parts, strict=True):
+            if part is not None:
+                joined[start : start + len(positions)] = part
+            start += len(positions)
+        return joined
 
     def _primitive(self, entry: dict[str, Any], where: str, name: str) -> Primitive | None:
         file = self._file
@@ -135,7 +153,6 @@ class GeometryReader:
         notes = self._notes
         notes.ignored("morph targets: primitives", int(bool(entry.get("targets"))))
         notes.ignored("skin weights: primitives", int("JOINTS_0" in attributes))
-        notes.ignored("vertex normals and tangents: primitives", int("NORMAL" in attributes or "TANGENT" in attributes))
         notes.ignored("second vertex colours: primitives", int("COLOR_1" in attributes))
         notes.honoured("vertex colours: primitives", int("COLOR_0" in attributes))
 
@@ -154,10 +171,14 @@ class GeometryReader:
         self, attributes: dict[str, Any], draco: DracoMesh | None, source: MaterialSource, where: str
     ) -> tuple[int, int]:
         """(base vertex, count) of the primitive's vertices, read once for equal attributes."""
-        transform = source.uv_transform if source.image is not None else None
-        uv_name = f"TEXCOORD_{source.uv_set}"
-        accessors = (_index_or_none(attributes.get(name)) for name in ("POSITION", uv_name, "COLOR_0"))
-        key: _VertexKey = (*accessors, transform)
+        transform = source.uvs.transform
+        uv_name = f"TEXCOORD_{source.uvs.uv_set}"
+        second_name = None if source.second_uv_set is None else f"TEXCOORD_{source.second_uv_set}"
+        # Tangents are those of the normal map's UVs, and of no use without one.
+        tangent_name = "TANGENT" if "normal" in source.maps else None
+        read = ("POSITION", uv_name, "COLOR_0", "NORMAL", tangent_name, second_name)
+        accessors = (None if name is None else _index_or_none(attributes.get(name)) for name in read)
+        key: _VertexKey = (*accessors, transform, tangent_name, second_name)
         if draco is None and key in self._vertex_ranges:
             return self._vertex_ranges[key]
         positions = self._attribute("POSITION", attributes, draco, where, ("VEC3",), 3)
@@ -167,6 +188,9 @@ class GeometryReader:
         self._vertex_count += count
         self._check_total(self._vertex_count, "vertices", where)
         uvs = self._uv(uv_name, attributes, draco, transform, source, count, where)
+        second = None
+        if second_name is not None:
+            second = self._uv(second_name, attributes, draco, None, source, count, where)
         colors = self._attribute("COLOR_0", attributes, draco, where, ("VEC3", "VEC4"), None)
         if colors is not None:
             self._same_count(colors, count, f"{where}.attributes.COLOR_0")
@@ -176,6 +200,9 @@ class GeometryReader:
         self._positions.append(positions)
         self._uvs.append(uvs)
         self._colors.append(colors)
+        self._normals.append(self._normal(attributes, draco, count, where))
+        self._tangents.append(self._tangent(attributes, draco, count, where) if tangent_name else None)
+        self._second_uvs.append(second)
         place = (self._vertex_count - count, count)
         if draco is None:
             self._vertex_ranges[key] = place
@@ -193,7 +220,7 @@ class GeometryReader:
     ) -> NDArray[np.float32]:
         uvs = self._attribute(name, attributes, draco, where, ("VEC2",), 2)
         if uvs is None:
-            if source.image is not None:
+            if source.maps:
                 self._notes.missing(f"{where}: no {name}, which {source.material.name} reads; 0, 0 is used")
             uvs = np.zeros((count, 2), np.float32)
         self._same_count(uvs, count, f"{where}.attributes.{name}")
@@ -201,6 +228,46 @@ class GeometryReader:
             with np.errstate(over="ignore", invalid="ignore"):
                 uvs = transform.apply(uvs)
         return self._finite(uvs, "UVs")
+
+    def _normal(
+        self, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str
+    ) -> NDArray[np.float32] | None:
+        """[count, 3] unit normals, zero where the file's is none; None, and a remark, where they cannot be read."""
+        normals = self._optional("NORMAL", attributes, draco, count, where, "the triangles' own are used")
+        if normals is None:
+            return None
+        self._notes.honoured("vertex normals: primitives")
+        unit, broken = unit_normals(normals)
+        if broken:
+            self._notes.missing(f"normals without a direction in {broken} vertices; the triangle's own is used")
+        return unit
+
+    def _tangent(
+        self, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str
+    ) -> NDArray[np.float32] | None:
+        """[count, 4] unit tangents and signs, zero where the file's is none; None, and a remark, where they cannot be read."""
+        tangents = self._optional("TANGENT", attributes, draco, count, where, "they follow from the UVs")
+        if tangents is None:
+            return None
+        self._notes.honoured("vertex tangents: primitives")
+        unit, broken = unit_tangents(tangents)
+        if broken:
+            self._notes.missing(f"tangents without a direction in {broken} vertices; they follow from the UVs")
+        return unit
+
+    def _optional(
+        self, name: str, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str, instead: str
+    ) -> NDArray[np.float32] | None:
+        """`_attribute` of normals or tangents: a picture can do without, so what is wrong with them is only reported."""
+        kind, components = ("VEC3", 3) if name == "NORMAL" else ("VEC4", 4)
+        try:
+            values = self._attribute(name, attributes, draco, where, (kind,), components)
+            if values is not None:
+                self._same_count(values, count, f"{where}.attributes.{name}")
+        except InputError as error:
+            self._notes.missing(f"{str(error).removeprefix(f'{self._file.name}: ')} [{instead}]")
+            return None
+        return values
 
     def _attribute(
         self,

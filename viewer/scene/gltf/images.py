@@ -1,7 +1,7 @@
-"""Base colour images: decoded on all cores, shared by their pixels; constant ones become factors."""
+"""Images of the file, taken apart into the maps that materials read: decoded on all cores, with bounds on memory."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from threading import Lock
 from typing import Any
@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import srgb_to_linear
+from ntc.codec.maps import MapName
 from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
 from viewer.scene.gltf.buffers import Buffers, read_uri, resolve_uri
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.map_pixels import DecodedMap, decoded_map
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.images import LARGE_EXPANSION, decode_image, is_constant, map_in_threads, split_alpha
-from viewer.scene.model import Material, SceneTexture
 from viewer.scene.report import ReportNotes
 
 FREE_PIXEL_BYTES = 1 << 29
@@ -27,17 +28,55 @@ FREE_DECODED_BYTES = 1 << 32
 
 
 @dataclass(frozen=True, eq=False)
-class _DecodedImage:
+class DecodedImage:
     """One image of the file; `failure` says why there are no pixels."""
 
     name: str
     origin: str
     pixels: NDArray[np.uint8] | None = None
+    """[H, W, 3] where a material reads it as base colour and it is not constant."""
     alpha: NDArray[np.uint8] | None = None
     pixel_hash: str = ""
     constant: tuple[float, float, float, float] | None = None
-    """Linear RGBA when all texels are equal."""
+    """Linear RGBA when all texels are equal, and a material reads it as base colour."""
+    maps: Mapping[MapName, DecodedMap] = field(default_factory=dict)
+    """What materials read of it besides a base colour."""
     failure: str = ""
+
+
+@dataclass
+class ImageUse:
+    """What materials read of an image."""
+
+    maps: set[MapName] = field(default_factory=set)
+    alpha: bool = False
+    category: str | None = None
+
+
+class PixelBudget:
+    """Limits decoded bytes, counted from several threads, to a proportion of the bytes of the image files."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept = self._decoded = self._file_bytes = 0
+
+    def check(self) -> None:
+        """Raises TooManyPixelsError where too much was decoded so far, before yet another image is."""
+        allowed = LARGE_EXPANSION * self._file_bytes
+        if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
+            raise TooManyPixelsError
+
+    def add(self, byte_count: int, decoded: int, kept: int) -> None:
+        """Count an image file of `byte_count` bytes, and the bytes `decoded` and `kept`. Raises TooManyPixelsError."""
+        with self._lock:
+            self._decoded += decoded
+            self._kept += kept
+            self._file_bytes += byte_count
+        self.check()
+
+
+class TooManyPixelsError(Exception):
+    """The images of a scene decode to too many bytes for the size of their files."""
 
 
 def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
@@ -59,32 +98,6 @@ def _source(file: GltfFile, index: int) -> tuple[str, Any]:
     return "image", index
 
 
-class _Budget:
-    """Limits decoded bytes, counted from several threads, to a proportion of the bytes of the image files."""
-
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._kept = self._decoded = self._file_bytes = 0
-
-    def check(self) -> None:
-        """Raises _TooManyPixelsError where too much was decoded so far, before yet another image is."""
-        allowed = LARGE_EXPANSION * self._file_bytes
-        if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
-            raise _TooManyPixelsError
-
-    def add(self, byte_count: int, pixels: NDArray[np.uint8], kept: bool) -> None:
-        """Count an image file of `byte_count` bytes. Raises _TooManyPixelsError."""
-        with self._lock:
-            self._decoded += pixels.nbytes
-            self._kept += pixels.nbytes if kept else 0
-            self._file_bytes += byte_count
-        self.check()
-
-
-class _TooManyPixelsError(Exception):
-    """The images of a scene decode to too many bytes for the size of their files."""
-
-
 def _names(file: GltfFile, index: int) -> tuple[str, str]:
     """(name, origin) of image `index`."""
     entry = file.entries("images")[index]
@@ -96,129 +109,85 @@ def _names(file: GltfFile, index: int) -> tuple[str, str]:
     return name, path or (f"{name} (embedded)" if name == f"image {index}" else f"image {index} {name!r} (embedded)")
 
 
-def _decode(file: GltfFile, buffers: Buffers, index: int, reads_alpha: bool, budget: _Budget) -> _DecodedImage:
+def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
+    """By image, what `sources` read of it: base colours first, in the order of their materials."""
+    uses: dict[int, ImageUse] = {}
+    for source in sources:
+        if "base" in source.maps:
+            reference = source.maps["base"]
+            use = uses.setdefault(reference.image, ImageUse({"base"}))
+            use.alpha = use.alpha or source.reads_alpha
+            use.category = use.category or reference.category or source.category
+    for source in sources:
+        for name, reference in source.maps.items():
+            if name != "base":
+                use = uses.setdefault(reference.image, ImageUse())
+                use.maps.add(name)
+                use.category = use.category or reference.category or source.category
+    return uses
+
+
+def _decode(file: GltfFile, buffers: Buffers, index: int, use: ImageUse, budget: PixelBudget) -> DecodedImage:
     budget.check()
     name, origin = _names(file, index)
     try:
         data = _image_bytes(file, buffers, index)
         decoded = decode_image(data, f"{file.name}: images[{index}] ({origin})")
-        pixels, alpha = split_alpha(decoded)
     except InputError as error:
-        return _DecodedImage(name, origin, failure=str(error))
-    if not reads_alpha:
+        return DecodedImage(name, origin, failure=str(error))
+    maps = {key: decoded_map(key, decoded) for key in sorted(use.maps - {"base"})}
+    kept = sum(found.pixels.nbytes for found in maps.values() if found.pixels is not None)
+    if "base" not in use.maps:
+        budget.add(len(data), decoded.nbytes, kept)
+        return DecodedImage(name, origin, maps=maps)
+    pixels, alpha = split_alpha(decoded)
+    if not use.alpha:
         alpha = None
     whole = pixels if alpha is None else np.dstack([pixels, alpha])
     constant = is_constant(whole)
-    budget.add(len(data), decoded, kept=not constant)
+    budget.add(len(data), decoded.nbytes, kept + (0 if constant else decoded.nbytes))
     if constant:
         red, green, blue = (float(value) for value in srgb_to_linear(pixels[0, 0] / 255.0))
         color = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
-        return _DecodedImage(name, origin, constant=color)
-    return _DecodedImage(name, origin, pixels, alpha, hash_pixels(whole))
+        return DecodedImage(name, origin, constant=color, maps=maps)
+    return DecodedImage(name, origin, pixels, alpha, hash_pixels(whole), maps=maps)
 
 
-def _decode_all(file: GltfFile, buffers: Buffers, reads_alpha: dict[int, bool]) -> dict[int, _DecodedImage]:
-    """The images that are the keys of `reads_alpha`, each source decoded once. Raises InputError."""
+def decode_images(
+    file: GltfFile, buffers: Buffers, uses: Mapping[int, ImageUse], budget: PixelBudget, notes: ReportNotes
+) -> dict[int, DecodedImage]:
+    """The images that are the keys of `uses`, in their order; those that fail are reported.
+
+    Each source is decoded once (twice where one material reads its alpha and another does not). Raises TooManyPixelsError.
+    """
     first: dict[tuple[tuple[str, Any], bool], int] = {}
-    of_image = {index: first.setdefault((_source(file, index), alpha), index) for index, alpha in reads_alpha.items()}
+    of_image: dict[int, int] = {}
+    merged: dict[int, ImageUse] = {}
+    for index, use in uses.items():
+        source = _source(file, index)
+        # A map may come from the same file as a base colour whose alpha is read.
+        alpha = use.alpha or ("base" not in use.maps and (source, True) in first)
+        of_image[index] = first.setdefault((source, alpha), index)
+        whole = merged.setdefault(of_image[index], ImageUse(alpha=alpha))
+        whole.maps |= use.maps
     for index in first.values():
         # Buffers are not made for threads: read those that images lie in before the pool starts.
         _touch_buffer(file, buffers, index)
-    budget = _Budget()
-    try:
-        decoded = map_in_threads(
-            lambda index: _decode(file, buffers, index, reads_alpha[index], budget), list(first.values())
-        )
-    except _TooManyPixelsError as error:
-        raise file.fail("images", "hold too many texels for the bytes there are; the scene is broken") from error
+    decoded = map_in_threads(lambda index: _decode(file, buffers, index, merged[index], budget), list(first.values()))
+    for index, image in zip(first.values(), decoded, strict=True):
+        if image.failure:
+            reason = image.failure.removeprefix(f"{file.name}: ")
+            base = "base" in merged[index].maps
+            notes.missing(f"{reason} [{'the factor is used' if base else 'factors are used'}]")
+        for key, found in image.maps.items():
+            if found.remark:
+                notes.note(f"{image.name}: {key} map {found.remark}")
     by_first = dict(zip(first.values(), decoded, strict=True))
     return {index: by_first[source] for index, source in of_image.items()}
 
 
-def _unique(name: str, taken: dict[str, int]) -> str:
-    """`name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
-    candidate, number = name, taken.get(name, 1)
-    while candidate in taken:
-        number += 1
-        candidate = f"{name}_{number}"
-    taken[name] = number
-    taken[candidate] = max(1, taken.get(candidate, 1))
-    return candidate
-
-
-def _texture_table(
-    images: dict[int, _DecodedImage], categories: dict[int, str | None], notes: ReportNotes
-) -> tuple[tuple[SceneTexture, ...], dict[int, int]]:
-    """(textures, texture id of each image that has one), in the order of `images`."""
-    textures: list[SceneTexture] = []
-    by_hash: dict[str, int] = {}
-    ids: dict[int, int] = {}
-    taken: dict[str, int] = {}
-    for index, image in images.items():
-        if image.pixels is None:
-            continue
-        if image.pixel_hash in by_hash:
-            ids[index] = by_hash[image.pixel_hash]
-            notes.note("images with the pixels of another share its texture")
-            continue
-        ids[index] = by_hash[image.pixel_hash] = len(textures)
-        textures.append(
-            SceneTexture(
-                name=_unique(image.name, taken),
-                pixels=image.pixels,
-                alpha=image.alpha,
-                pixel_hash=image.pixel_hash,
-                origin=image.origin,
-                category=categories[index],
-            )
-        )
-    return tuple(textures), ids
-
-
-def _finished(source: MaterialSource, image: _DecodedImage | None, texture_id: int) -> Material:
-    if image is None or image.constant is None:
-        return replace(source.material, texture_id=texture_id)
-    red, green, blue, alpha = (f * c for f, c in zip(source.material.factor, image.constant, strict=True))
-    return replace(source.material, factor=(red, green, blue, alpha))
-
-
-def read_images(
-    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
-) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
-    """The finished materials, in the order of `sources`, and the textures, in the order in which materials use them.
-
-    Only images of the materials `drawn` are read. An image that is missing or broken is reported, and the factor
-    stands for it; an image of one colour is multiplied into the factor.
-    """
-    using = [(source.image, source) for i, source in enumerate(sources) if i in drawn and source.image is not None]
-    reads_alpha: dict[int, bool] = {}
-    categories: dict[int, str | None] = {}
-    for index, source in using:
-        reads_alpha[index] = reads_alpha.get(index, False) or source.reads_alpha
-        categories[index] = categories.get(index) or source.category
-    images = _decode_all(file, buffers, reads_alpha)
-    decoded = list({id(image): image for image in images.values()}.values())
-    for image in decoded:
-        if image.failure:
-            reason = image.failure.removeprefix(f"{file.name}: ")
-            notes.missing(f"{reason} [the factor is used]")
-    for index in range(len(file.entries("images"))):
-        if index not in images:
-            _note_absent(file, index, notes)
-    notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
-    notes.honoured("alpha of textures kept as plain textures", sum(image.alpha is not None for image in decoded))
-    textures, ids = _texture_table(images, categories, notes)
-    materials = tuple(
-        _finished(source, images.get(source.image), ids.get(source.image, -1))
-        if source.image is not None and number in drawn
-        else source.material
-        for number, source in enumerate(sources)
-    )
-    return materials, textures
-
-
-def _note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
-    """Report a file that the scene names but nothing here needs (a normal map, say) when it is not there."""
+def note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
+    """Report a file that the scene names but nothing drawn needs when it is not there."""
     entry = file.entries("images")[index]
     uri = entry.get("uri")
     if not isinstance(uri, str) or uri[:5].lower() == "data:":
@@ -229,7 +198,7 @@ def _note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
     except (InputError, OSError, ValueError):
         absent = True
     if absent:
-        notes.missing(f"images[{index}]: {_names(file, index)[1]} is not there [no base colour reads it]")
+        notes.missing(f"images[{index}]: {_names(file, index)[1]} is not there [nothing that is drawn reads it]")
 
 
 def _touch_buffer(file: GltfFile, buffers: Buffers, image: int) -> None:

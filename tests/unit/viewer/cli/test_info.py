@@ -49,7 +49,7 @@ def test_a_table_of_all_files_sorted(folder: Path, capsys: pytest.CaptureFixture
     assert [row[0].removeprefix("| ") for row in rows] == ["a.ntc", "sub/good.glb", "torn.glb", "z.GLTF"]
     assert rows[0][2] == "read"
     assert rows[1][3:5] == ["1", "1"]
-    assert "normal textures" in rows[1][6]
+    assert "normal maps" in rows[1][5]
     assert rows[2][2].startswith("refused: truncated GLB")
     assert printed.out.endswith("4 files: 2 read, 2 refused, 0 crashed\n")
     assert printed.err == ""

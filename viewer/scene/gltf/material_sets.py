@@ -1,0 +1,310 @@
+"""Finished materials: their maps gathered into textures, constant ones multiplied into factors.
+
+Planes of a material that share size, UVs and sampler lie in one texture, a material set, unless an earlier material has them in
+another already: every image is in one texture only, however many materials read it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.maps import BASE_ALONE, MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName, Plane
+from ntc.codec.textures import hash_channels
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.images import (
+    DecodedImage,
+    PixelBudget,
+    TooManyPixelsError,
+    decode_images,
+    image_uses,
+    note_absent,
+)
+from viewer.scene.gltf.map_pixels import DecodedMap, resampled
+from viewer.scene.gltf.materials import MaterialSource
+from viewer.scene.gltf.textures import IDENTITY, Affine, TextureReference
+from viewer.scene.images import map_in_threads
+from viewer.scene.model import Material, PlaneTexture, Sampler, SceneTexture, SurfaceFactors
+from viewer.scene.report import ReportNotes
+
+_Size = tuple[int, int]
+_Layout = tuple[Sampler, tuple[bool, Affine]]
+"""How a plane is sampled: sampler, whether by the second UVs, and what takes the vertex's UVs to the map's."""
+_MapKey = tuple[MapName, str, _Size]
+
+
+@dataclass(eq=False)
+class _Draft:
+    """A texture while maps are added to it."""
+
+    name: str
+    origin: str
+    size: _Size
+    category: str | None
+    base: DecodedImage | None = None
+    maps: dict[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+
+    def has_plane(self, plane: Plane) -> bool:
+        return any(name in self.maps for name in PLANE_COMPONENTS[plane])
+
+
+@dataclass(frozen=True, eq=False)
+class _PlaneMaps:
+    """What a material reads in one plane."""
+
+    size: _Size
+    layout: _Layout
+    maps: dict[MapName, DecodedMap]
+    image: DecodedImage
+    """Of the first map."""
+    category: str | None
+
+
+def _unique(name: str, taken: dict[str, int]) -> str:
+    """`name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
+    candidate, number = name, taken.get(name, 1)
+    while candidate in taken:
+        number += 1
+        candidate = f"{name}_{number}"
+    taken[name] = number
+    taken[candidate] = max(1, taken.get(candidate, 1))
+    return candidate
+
+
+def _folded(factors: SurfaceFactors, name: MapName, value: tuple[int, ...], notes: ReportNotes) -> SurfaceFactors:
+    """`factors` times the map `name` that has only one `value`, 0 to 255."""
+    if name == "roughness":
+        return replace(factors, roughness=factors.roughness * value[0] / 255.0)
+    if name == "metalness":
+        return replace(factors, metalness=factors.metalness * value[0] / 255.0)
+    if name == "emissive":
+        linear = srgb_to_linear(np.array(value) / 255.0)
+        red, green, blue = (float(share) * glow for share, glow in zip(linear, factors.emissive, strict=True))
+        return replace(factors, emissive=(red, green, blue))
+    if name == "occlusion" and value != (255,):
+        notes.ignored("occlusion maps of one value")
+    return factors
+
+
+class _Gathering:
+    """Puts the maps of one material after another into textures."""
+
+    def __init__(self, images: Mapping[int, DecodedImage], budget: PixelBudget, notes: ReportNotes) -> None:
+        self._images = images
+        self._budget = budget
+        self._notes = notes
+        self.drafts: list[_Draft] = []
+        self._of_base: dict[int, _Draft] = {}
+        self._holding: dict[_MapKey, list[_Draft]] = {}
+        self._resampled: dict[tuple[str, _Size], DecodedMap] = {}
+
+    def add_bases(self, categories: Mapping[int, str | None]) -> None:
+        """A texture for each distinct base colour, in the order of the images `categories`."""
+        by_hash: dict[str, _Draft] = {}
+        for index, category in categories.items():
+            image = self._images[index]
+            if image.pixels is None:
+                continue
+            if image.pixel_hash in by_hash:
+                self._notes.note("images with the pixels of another share its texture")
+            else:
+                size = image.pixels.shape[1], image.pixels.shape[0]
+                by_hash[image.pixel_hash] = _Draft(image.name, image.origin, size, category, image)
+                self.drafts.append(by_hash[image.pixel_hash])
+            self._of_base[index] = by_hash[image.pixel_hash]
+
+    def base_of(self, source: MaterialSource) -> _Draft | None:
+        """The texture of the material's base colour."""
+        reference = source.maps.get("base")
+        return None if reference is None else self._of_base.get(reference.image)
+
+    def planes(self, source: MaterialSource) -> tuple[dict[Plane, tuple[_Draft, _PlaneMaps]], SurfaceFactors]:
+        """(by plane besides the base colour: its texture, and what the material reads of it; factors with constants in them)."""
+        factors = source.material.factors
+        read: dict[Plane, list[tuple[MapName, TextureReference, DecodedMap]]] = {}
+        for name, reference in source.maps.items():
+            if name == "base":
+                continue
+            found = self._images[reference.image].maps.get(name)
+            if found is None:
+                continue
+            if found.constant is not None:
+                factors = _folded(factors, name, found.constant, self._notes)
+                became = "have no effect" if name in ("normal", "occlusion") else "became factors"
+                self._notes.note(f"constant {name} maps {became}: materials")
+            elif found.pixels is not None:
+                read.setdefault(PLANE_OF_MAP[name], []).append((name, reference, found))
+        near: list[tuple[_Draft, _Layout]] = []
+        base = self.base_of(source)
+        if base is not None:
+            near.append((base, (source.material.sampler, (False, IDENTITY))))
+        placed: dict[Plane, tuple[_Draft, _PlaneMaps]] = {}
+        for plane, maps in read.items():
+            agreed = self._agreed(source, maps)
+            if agreed is not None:
+                for name in agreed.maps:
+                    self._notes.honoured(f"{name} maps: materials")
+                placed[plane] = self._draft(plane, agreed, near), agreed
+                near.append((placed[plane][0], agreed.layout))
+        return placed, factors
+
+    def _agreed(
+        self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, DecodedMap]]
+    ) -> _PlaneMaps | None:
+        """The maps of one plane that can be sampled together, at one size; None when none can."""
+        layout: _Layout | None = None
+        kept: list[tuple[MapName, TextureReference, DecodedMap]] = []
+        for name, reference, found in maps:
+            placement = source.placement(reference)
+            if placement is None:
+                self._notes.ignored(f"{name} maps by a third set of UVs: materials")
+                continue
+            if layout is None:
+                layout = reference.sampler, placement
+            if (reference.sampler, placement) != layout:
+                first = kept[0][0]
+                self._notes.ignored(f"{name} maps whose UVs or sampler are not those of the {first} map: materials")
+                continue
+            kept.append((name, reference, found))
+        if layout is None:
+            return None
+        sizes = [(found.pixels.shape[1], found.pixels.shape[0]) for _, _, found in kept if found.pixels is not None]
+        size = max(sizes, key=lambda each: each[0] * each[1])
+        first_reference = kept[0][1]
+        return _PlaneMaps(
+            size,
+            layout,
+            {name: self._at_size(name, found, size) for name, _, found in kept},
+            self._images[first_reference.image],
+            first_reference.category or source.category,
+        )
+
+    def _at_size(self, name: MapName, found: DecodedMap, size: _Size) -> DecodedMap:
+        pixels = found.pixels
+        assert pixels is not None
+        height, width = pixels.shape[:2]
+        if (width, height) == size:
+            return found
+        key = f"{name} {found.key}", size
+        if key not in self._resampled:
+            new_bytes = size[0] * size[1] * pixels.shape[2]
+            self._budget.add(0, new_bytes, new_bytes)
+            self._notes.note(f"{name} maps resampled to the size of another map of their plane")
+            self._resampled[key] = DecodedMap(resampled(pixels, *size), found.key)
+        return self._resampled[key]
+
+    def _draft(self, plane: Plane, wanted: _PlaneMaps, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
+        """The texture that `wanted` lies in: one that has its maps, else one of the material's that it fits into, else a new one."""
+        keys: list[_MapKey] = [(name, found.key, wanted.size) for name, found in wanted.maps.items()]
+        for draft in self._holding.get(keys[0], ()):
+            if all(draft in self._holding.get(key, ()) for key in keys):
+                return draft
+        chosen: _Draft | None = None
+        for draft, layout in near:
+            if draft.size == wanted.size and layout == wanted.layout and not draft.has_plane(plane):
+                chosen = draft
+                break
+        if chosen is None:
+            chosen = _Draft(wanted.image.name, wanted.image.origin, wanted.size, wanted.category)
+            self.drafts.append(chosen)
+        for key, (name, found) in zip(keys, wanted.maps.items(), strict=True):
+            assert found.pixels is not None
+            chosen.maps[name] = found.pixels
+            self._holding.setdefault(key, []).append(chosen)
+        return chosen
+
+
+def _picture(name: MapName, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 that shows a map [H, W, C]: normals with the z of a unit vector, single channels as grey."""
+    if pixels.shape[2] == 1:
+        return np.repeat(pixels, 3, axis=2)
+    if name != "normal":
+        return pixels
+    blue = np.empty(pixels.shape[:2], np.uint8)
+    for source, target in zip(pixels, blue, strict=True):
+        xy = source.astype(np.float32) / np.float32(127.5) - 1
+        z = np.sqrt(np.clip(1 - xy[:, 0] ** 2 - xy[:, 1] ** 2, 0, 1))
+        target[:] = (z * 127.5 + 128.0).astype(np.uint8)
+    return np.dstack([pixels, blue])
+
+
+def _finished_texture(draft: _Draft, name: str) -> SceneTexture:
+    further = {key: draft.maps[key] for key in MAPS if key in draft.maps}
+    base = draft.base
+    if base is not None and base.pixels is not None:
+        if not further:
+            return SceneTexture(name, base.pixels, base.alpha, base.pixel_hash, draft.origin, draft.category)
+        color = base.pixels if base.alpha is None else np.dstack([base.pixels, base.alpha])
+        set_hash = hash_channels([color, *further.values()])
+        maps: tuple[MapName, ...] = (*BASE_ALONE, *further)
+        return SceneTexture(
+            name, base.pixels, base.alpha, base.pixel_hash, draft.origin, draft.category, maps, further, set_hash
+        )
+    set_hash = hash_channels(list(further.values()))
+    first = next(iter(further))
+    picture = _picture(first, further[first])
+    return SceneTexture(name, picture, None, set_hash, draft.origin, draft.category, tuple(further), further, set_hash)
+
+
+def _with_base(material: Material, image: DecodedImage | None, texture_id: int) -> Material:
+    if image is None or image.constant is None:
+        return replace(material, texture_id=texture_id)
+    red, green, blue, alpha = (f * c for f, c in zip(material.factor, image.constant, strict=True))
+    return replace(material, factor=(red, green, blue, alpha))
+
+
+def read_textures(
+    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
+) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
+    """The finished materials, in the order of `sources`, and the textures: those with a base colour in the order in which materials
+    use them, then the others.
+
+    Only images of the materials `drawn` are read. An image that is missing or broken is reported, and factors stand for it; a
+    map of one value is multiplied into the factor. Raises InputError.
+    """
+    try:
+        return _read(file, buffers, sources, drawn, notes)
+    except TooManyPixelsError as error:
+        raise file.fail("images", "hold too many texels for the bytes there are; the scene is broken") from error
+
+
+def _read(
+    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
+) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
+    uses = image_uses([source for number, source in enumerate(sources) if number in drawn])
+    budget = PixelBudget()
+    images = decode_images(file, buffers, uses, budget, notes)
+    for index in range(len(file.entries("images"))):
+        if index not in images:
+            note_absent(file, index, notes)
+    decoded = list({id(image): image for image in images.values()}.values())
+    notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
+    notes.honoured("alpha of textures kept as plain textures", sum(image.alpha is not None for image in decoded))
+
+    gathering = _Gathering(images, budget, notes)
+    gathering.add_bases({index: use.category for index, use in uses.items() if "base" in use.maps})
+    planes = {number: gathering.planes(source) for number, source in enumerate(sources) if number in drawn}
+    drafts = gathering.drafts
+    ids = {id(draft): number for number, draft in enumerate(drafts)}
+    taken: dict[str, int] = {}
+    names = [_unique(draft.name, taken) for draft in drafts]
+    textures = map_in_threads(lambda pair: _finished_texture(*pair), list(zip(drafts, names, strict=True)))
+    notes.note("textures that are material sets", sum(texture.maps != BASE_ALONE for texture in textures))
+
+    def finished(number: int, source: MaterialSource) -> Material:
+        if number not in planes:
+            return source.material
+        placed, factors = planes[number]
+        base = gathering.base_of(source)
+        image = images.get(source.maps["base"].image) if "base" in source.maps else None
+        material = _with_base(source.material, image, -1 if base is None else ids[id(base)])
+        found = {
+            plane: PlaneTexture(ids[id(draft)], maps.layout[0], tuple(maps.maps), *maps.layout[1])
+            for plane, (draft, maps) in placed.items()
+        }
+        return replace(material, factors=factors, surface=found.get("surface"), emission=found.get("emission"))
+
+    return tuple(finished(number, source) for number, source in enumerate(sources)), tuple(textures)

@@ -1,0 +1,163 @@
+"""References to textures as materials state them: which image, how it is sampled, and by which UVs."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import WrapMode
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.json_text import describe
+from viewer.scene.model import Sampler
+from viewer.scene.report import ReportNotes
+
+WRAP_MODES: dict[int, WrapMode] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+MINIFY: dict[int, tuple[bool, Literal["none", "nearest", "linear"]]] = {
+    9728: (False, "none"),
+    9729: (True, "none"),
+    9984: (False, "nearest"),
+    9985: (True, "nearest"),
+    9986: (False, "linear"),
+    9987: (True, "linear"),
+}
+LEAST_DETERMINANT = 1e-12
+"""A transform that shrinks areas more than this is taken to be without an inverse."""
+
+Affine = tuple[float, float, float, float, float, float]
+"""Rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
+IDENTITY: Affine = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class UvTransform:
+    """KHR_texture_transform: uv' = T R S uv, the picture turning clockwise for positive angles."""
+
+    offset: tuple[float, float]
+    rotation: float
+    """Radians."""
+    scale: tuple[float, float]
+
+    @property
+    def affine(self) -> Affine:
+        """The same as the rows of a matrix."""
+        cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
+        across, along = self.scale
+        return cosine * across, sine * along, self.offset[0], -sine * across, cosine * along, self.offset[1]
+
+    def apply(self, uvs: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Transformed copy of `uvs` [N, 2]."""
+        cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
+        u, v = uvs[:, 0].astype(np.float64) * self.scale[0], uvs[:, 1].astype(np.float64) * self.scale[1]
+        turned = np.stack([cosine * u + sine * v + self.offset[0], cosine * v - sine * u + self.offset[1]], axis=1)
+        return np.asarray(turned, np.float32)
+
+
+def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affine | None:
+    """What takes UVs that `first` was applied to to those that `second` gives; None where `first` has no inverse."""
+    if first == second:
+        return IDENTITY
+    a, b, c, d, e, f = IDENTITY if first is None else first.affine
+    determinant = a * e - b * d
+    if abs(determinant) < LEAST_DETERMINANT:
+        return None
+    inverse = np.array([[e, -b, b * f - c * e], [-d, a, c * d - a * f], [0.0, 0.0, determinant]]) / determinant
+    wanted = np.array([*(IDENTITY if second is None else second.affine), 0.0, 0.0, 1.0]).reshape(3, 3)
+    u, v, _ = (wanted @ inverse).tolist()
+    return u[0], u[1], u[2], v[0], v[1], v[2]
+
+
+@dataclass(frozen=True)
+class TextureReference:
+    """A textureInfo of a material."""
+
+    image: int
+    """Index of the image."""
+    sampler: Sampler = field(default_factory=Sampler)
+    uv_set: int = 0
+    uv_transform: UvTransform | None = None
+    category: str | None = None
+    """From extras of the image or the texture."""
+
+
+def category_of(file: GltfFile, owner: dict[str, Any]) -> str | None:
+    """The text "category" in the extras of `owner`, if it has one."""
+    extras = owner.get("extras")
+    value = extras.get("category") if isinstance(extras, dict) else None
+    return file.label({"name": value}, "") or None if isinstance(value, str) else None
+
+
+def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> Sampler:
+    if "sampler" not in texture:
+        return Sampler()
+    entry = file.entry("samplers", texture["sampler"], f"{where}.sampler")
+
+    def known(key: str, default: int, allowed: dict[int, Any]) -> int:
+        value = entry.get(key, default)
+        if isinstance(value, int) and value in allowed:
+            return value
+        notes.note(f"sampler {key} {describe(value)} is unknown; the default was used")
+        return default
+
+    minify_linear, mipmap = MINIFY[known("minFilter", 9987, MINIFY)]
+    return Sampler(
+        wrap=(WRAP_MODES[known("wrapS", 10497, WRAP_MODES)], WRAP_MODES[known("wrapT", 10497, WRAP_MODES)]),
+        magnify_linear=known("magFilter", 9729, {9728: 0, 9729: 0}) == 9729,
+        minify_linear=minify_linear,
+        mipmap=mipmap,
+    )
+
+
+def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
+    """Image of a texture: a WebP or DDS extension's, else the plain one."""
+    count = len(file.entries("images"))
+    for name in ("EXT_texture_webp", "MSFT_texture_dds"):
+        extension = file.extension(texture, name, where)
+        if extension is not None and "source" in extension:
+            notes.honoured(f"{name}: textures")
+            return file.index(extension["source"], count, f"{where}.{name}.source")
+    if "source" in texture:
+        return file.index(texture["source"], count, f"{where}.source")
+    basis = file.extension(texture, "KHR_texture_basisu", where) is not None
+    notes.missing(f"{where}: {'only a KTX2 image, which is not read' if basis else 'no image'}; its factor is used")
+    return None
+
+
+def _uv_transform(
+    file: GltfFile, info: dict[str, Any], where: str, notes: ReportNotes
+) -> tuple[int | None, UvTransform | None]:
+    """(texCoord that overrides, transform) of a textureInfo."""
+    extension = file.extension(info, "KHR_texture_transform", where)
+    if extension is None:
+        return None, None
+    where = f"{where}.KHR_texture_transform"
+    notes.honoured("KHR_texture_transform: texture references")
+    offset = file.numbers(extension, "offset", where, (0.0, 0.0))
+    scale = file.numbers(extension, "scale", where, (1.0, 1.0))
+    rotation = file.number(extension, "rotation", where, 0.0)
+    uv_set = file.integer(extension, "texCoord", where, high=255) if "texCoord" in extension else None
+    return uv_set, UvTransform((offset[0], offset[1]), rotation, (scale[0], scale[1]))
+
+
+def read_reference(
+    file: GltfFile, owner: dict[str, Any], key: str, where: str, notes: ReportNotes
+) -> TextureReference | None:
+    """The textureInfo `owner[key]`; None when there is none, or none with an image that is read. Raises InputError."""
+    if key not in owner:
+        return None
+    info = file.object(owner, key, where)
+    where = f"{where}.{key}"
+    textures = file.entries("textures")
+    number = file.index(info.get("index"), len(textures), f"{where}.index")
+    texture = textures[number]
+    image = _image_index(file, texture, f"textures[{number}]", notes)
+    sampler = _sampler(file, texture, f"textures[{number}]", notes)
+    uv_set = file.integer(info, "texCoord", where, 0, high=255)
+    overriding, transform = _uv_transform(file, info, where, notes)
+    uv_set = uv_set if overriding is None else overriding
+    notes.honoured("second and further UV sets: texture references", int(uv_set > 0))
+    if image is None:
+        return None
+    category = category_of(file, file.entries("images")[image]) or category_of(file, texture)
+    return TextureReference(image, sampler, uv_set, transform, category)
