@@ -60,8 +60,10 @@ def white_scene() -> Scene:
 
 
 def white_material(graphics: GraphicsContext) -> SceneBuffers:
-    """The materials of `white_scene` on the GPU."""
-    return SceneBuffers(graphics, white_scene(), material_records(white_scene()))
+    """The materials of `white_scene` on the GPU. The visibility buffer says which texture is its base colour."""
+    records = material_records(white_scene())
+    records["planes"]["texture_id"] = 0
+    return SceneBuffers(graphics, white_scene(), records)
 
 
 def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:

@@ -89,7 +89,7 @@ class PackInScene:
             self._gpu.buffers,
             self._gpu.ranges,
             self._table,
-            self._gpu.colors,
+            self._gpu.reading(),
             context.tile_cache,
             context.tile_budget,
         )

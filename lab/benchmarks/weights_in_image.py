@@ -20,6 +20,7 @@ from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.resources.visibility_buffer import PlaneReading
 
 SIZE = (512, 512)
 TEXTURES = 64
@@ -43,14 +44,14 @@ def main() -> None:
         for place, in_image in (("buffer", False), ("image", True)):
             buffers = PackBuffers(context, pack, range(TEXTURES), "fp32", weights_in_image=in_image)
             ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
-            indexed = DecodeDeferredPass(context, programs, buffers, ranges, False, None)
+            indexed = DecodeDeferredPass(context, programs, buffers, ranges, PlaneReading(), None)
             names.append(("deferred, index by pixel", place, decoders))
             runs.append(lambda run=indexed: run.run(inputs, fixture.target))  # type: ignore[misc]
             if decoders == 1:
-                shared = DecodeDeferredPass(context, programs, buffers, ranges, False, 0)
+                shared = DecodeDeferredPass(context, programs, buffers, ranges, PlaneReading(), 0)
                 names.append(("deferred, shared", place, decoders))
                 runs.append(lambda run=shared: run.run(inputs, fixture.target))  # type: ignore[misc]
-            binned = DecodeBinnedPass(context, programs, buffers, ranges, False)
+            binned = DecodeBinnedPass(context, programs, buffers, ranges, PlaneReading())
             names.append(("binned", place, decoders))
             runs.append(lambda run=binned: run.run(inputs, fixture.target))  # type: ignore[misc]
     spreads = time_interleaved(context, runs, options.repeats)

@@ -29,7 +29,7 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     Code code;
     code.first_word = level.first_cell;
     code.lists = tables;
-    code.basis = tables + LISTS_BLOCKS;
+    code.basis = tables + LISTS_BLOCKS + PLANE_PLACE * BASIS_BLOCKS;
 #if CODE_SIZES > 1
     // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
     int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
@@ -203,8 +203,9 @@ CHANNELS_T block_sum(TextureRecord record, LevelRecord level, Footprint footprin
 // The texture's value in [0, 1] for a sum over the transform.
 vec4 block_value(TextureRecord record, CHANNELS_T channels) {
     vec4 sum = ALL_CHANNELS(channels);
-    vec4 value = record.mean + record.axes[0] * sum.x + record.axes[1] * sum.y;
-    return limit_output(value + record.axes[2] * sum.z + record.axes[3] * sum.w);
+    const int first = 4 * PLANE_PLACE;
+    vec4 value = record.mean[PLANE_PLACE] + record.axes[first] * sum.x + record.axes[first + 1] * sum.y;
+    return limit_output(value + record.axes[first + 2] * sum.z + record.axes[first + 3] * sum.w);
 }
 
 #if FILTER_STOCHASTIC

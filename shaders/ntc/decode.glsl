@@ -1,5 +1,9 @@
 // The codecs (docs/codec.md): records, latents, and `decode_texture` of the codec that CODEC_BLOCK names (generated/codec.glsl).
 #include "generated/layout.glsl"
+// The plane of maps that is decoded (ntc/codec/maps.py).
+#ifndef PLANE
+#define PLANE PLANE_BASE
+#endif
 #include "generated/codec.glsl"
 #include "ntc/position.glsl"
 

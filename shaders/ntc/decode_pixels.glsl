@@ -1,9 +1,9 @@
 // Decoding several pixels of one decoder in one invocation.
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 #include "generated/shared_network.glsl"
 
-layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D albedo;
+layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D target;
 
 // Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
 ivec2 own_pixel(int p, out bool inside);
@@ -17,11 +17,11 @@ void decode_pixels() {
         ivec2 pixel = own_pixel(p, inside);
         if (!inside) continue;
         Surface surface = read_surface(pixel);
-        imageStore(albedo, pixel, vec4(decoded_albedo(surface, pixel), surface.material >= 0 ? 1.0 : 0.0));
+        imageStore(target, pixel, decoded_plane(surface, pixel));
     }
 }
 #else
-// Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get their material's factor.
+// Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get what their material's factor says.
 void decode_pixels() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
@@ -56,8 +56,7 @@ void decode_pixels() {
         vec4 own = decoded[0];
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
-        vec3 shown = shown_albedo(wanted_texel(surface), limit_output(own));
-        imageStore(albedo, pixel, vec4(shown, surface.material >= 0 ? 1.0 : 0.0));
+        imageStore(target, pixel, shown_plane(wanted_texel(surface), limit_output(own)));
     }
 }
 #endif

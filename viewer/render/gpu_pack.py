@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.diff import changed_textures
 from ntc.pack.match import PackMatch
@@ -25,7 +26,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.render.sampled_path import SampledPath
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.tile_cache.cached_path import CachedPath
@@ -98,17 +99,22 @@ class GpuPack:
         )
         self._precision = precision
         self._ranges: DecoderRanges | None = None
-        self._needed_levels: NeededLevelsPass | None = None
-        self._paths: dict[tuple[PathChoice, TexelFilter], AlbedoPath] = {}
+        self._needed_levels: dict[Plane, NeededLevelsPass] = {}
+        self._paths: dict[tuple[PathChoice, TexelFilter, Plane], AlbedoPath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
         self._update: tuple[PackVersion, Pack, LatentUpdate] | None = None
         """Under way: the version, its pack as the buffers store it, and its latents."""
 
-    @property
-    def colors(self) -> bool:
-        """Whether the scene has vertex colours."""
-        return self.context.scene_buffers.has_colors
+    def reading(self, plane: Plane = "base") -> PlaneReading:
+        """How passes read the scene's surfaces for a plane of their maps."""
+        buffers = self.context.scene_buffers
+        return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
+
+    def holds(self, plane: Plane) -> bool:
+        """Whether the pack has maps of a plane."""
+        config = self.pack.config
+        return plane in plane_channels(config.maps, config.output_channels)
 
     @property
     def ranges(self) -> DecoderRanges:
@@ -117,11 +123,14 @@ class GpuPack:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision)
         return self._ranges
 
-    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact") -> AlbedoPath:
-        """A decode path of this pack, not `auto`, with a filter that it has. Raises GpuMemoryError, ShaderError."""
-        key = (name, texel_filter)
+    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> AlbedoPath:
+        """A decode path of this pack, not `auto`, with a filter that it has, for a plane that it holds.
+
+        Raises GpuMemoryError, ShaderError.
+        """
+        key = (name, texel_filter, plane)
         if key not in self._paths:
-            self._paths[key] = DECODE_PATHS[name](self, texel_filter)
+            self._paths[key] = DECODE_PATHS[name](self, texel_filter, plane)
         return self._paths[key]
 
     def upload_latents(self, inputs: VisibilityInputs) -> None:
@@ -129,11 +138,11 @@ class GpuPack:
         decoders = self.buffers.decoder_of_texture
         if self.buffers.latent_store.has({texture: 0 for texture in inputs.textures if decoders[texture] >= 0}):
             return
-        if self._needed_levels is None:
-            count = len(self.match.texture_index)
-            self._needed_levels = NeededLevelsPass(self.context.graphics, self.programs, count, self.colors)
+        if inputs.plane not in self._needed_levels:
+            count, reading = len(self.match.texture_index), self.reading(inputs.plane)
+            self._needed_levels[inputs.plane] = NeededLevelsPass(self.context.graphics, self.programs, count, reading)
         with self.context.timer.measure("latents"):
-            self.buffers.need(self._needed_levels.run(inputs, self.buffers))
+            self.buffers.need(self._needed_levels[inputs.plane].run(inputs, self.buffers))
 
     @property
     def memory(self) -> PackMemory:
@@ -142,8 +151,7 @@ class GpuPack:
         others = [(path.memory_part, path.bytes_on_gpu) for path in self._paths.values()]
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
-        if self._needed_levels is not None:
-            others.append(("tables", self._needed_levels.bytes_on_gpu))
+        others += [("tables", levels.bytes_on_gpu) for levels in self._needed_levels.values()]
         for part, size in others:
             parts[part] = parts.get(part, 0) + size
         return PackMemory(parts, self.buffers.latent_store.bytes_by_texture)
@@ -218,38 +226,41 @@ class GpuPack:
         if self._update is not None:
             self._update[2].release()
         self._update = self._next = None
-        for part in (*self._paths.values(), self._ranges, self._needed_levels, self.buffers):
+        for part in (*self._paths.values(), self._ranges, *self._needed_levels.values(), self.buffers):
             if part is not None:
                 part.release()
         self._paths.clear()
 
 
-def _forward(pack: GpuPack, texel_filter: TexelFilter) -> DecodePass:
+def _forward(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> DecodePass:
     graphics, scene_buffers = pack.context.graphics, pack.context.scene_buffers
-    return DecodeForwardPass(graphics, pack.programs, pack.buffers, scene_buffers, texel_filter)
+    return DecodeForwardPass(graphics, pack.programs, pack.buffers, scene_buffers, pack.reading(plane), texel_filter)
 
 
-def deferred_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", may_share: bool = True) -> DecodePass:
+def deferred_pass(
+    pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base", may_share: bool = True
+) -> DecodePass:
     """Decode path `deferred`. Without `may_share` every pixel has a decoder index, even where all have one: for benchmarks."""
     used = {decoder for decoder in pack.match.decoders(pack.pack) if decoder >= 0}
     shared = used.pop() if may_share and len(used) == 1 else None
     ranges = pack.ranges if shared is not None else None
     return DecodeDeferredPass(
-        pack.context.graphics, pack.programs, pack.buffers, ranges, pack.colors, shared, texel_filter
+        pack.context.graphics, pack.programs, pack.buffers, ranges, pack.reading(plane), shared, texel_filter
     )
 
 
-def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact") -> DecodePass:
+def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> DecodePass:
     """Decode path `binned`."""
-    return DecodeBinnedPass(pack.context.graphics, pack.programs, pack.buffers, pack.ranges, pack.colors, texel_filter)
+    graphics, reading = pack.context.graphics, pack.reading(plane)
+    return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
 
-MakePath = Callable[[GpuPack, TexelFilter], AlbedoPath]
+MakePath = Callable[[GpuPack, TexelFilter, Plane], AlbedoPath]
 
 
-def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelFilter], DecodePass]) -> MakePath:
-    def make(pack: GpuPack, texel_filter: TexelFilter) -> AlbedoPath:
-        context, own_pass = pack.context, partial(make_pass, pack, texel_filter)
+def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelFilter, Plane], DecodePass]) -> MakePath:
+    def make(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> AlbedoPath:
+        context, own_pass = pack.context, partial(make_pass, pack, texel_filter, plane)
         if texel_filter == "exact":
             return DirectPath(name, own_pass, pack.upload_latents, context.timer)
         return SampledPath(name, own_pass, pack.upload_latents, context.timer, context.graphics, pack.programs)
@@ -257,15 +268,15 @@ def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelF
     return make
 
 
-def _cached(pack: GpuPack, _filter: TexelFilter) -> AlbedoPath:
+def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> AlbedoPath:
     context = pack.context
     cache = DecodeCachedPass(
         context.graphics,
         pack.programs,
         pack.buffers,
         pack.ranges,
-        TileTable.of(context.scene.materials, pack.pack, pack.match),
-        pack.colors,
+        TileTable.of(context.scene.materials, pack.pack, pack.match, plane),
+        pack.reading(plane),
         context.tile_cache,
         context.tile_budget,
     )

@@ -98,7 +98,7 @@ class PathChooser:
         pack = self._packs.on_gpu(slot)
         anisotropy = view.anisotropy if slot.path == "cached" else 1
         with context.memory.transaction():
-            visibility = VisibilityTarget(context, view.size, SurfaceContent(pack.colors, anisotropy > 1))
+            visibility = VisibilityTarget(context, view.size, SurfaceContent(pack.reading().colors, anisotropy > 1))
             albedo = AlbedoTarget(context, view.size)
         try:
             inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)

@@ -1,20 +1,20 @@
 #version 430
-// Counts the pixels of each decoder, and writes the albedo of pixels without one.
+// Counts the pixels of each decoder, and writes what pixels without one show.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 #include "passes/decode_binned/bins.glsl"
 
-layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D albedo;
+layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D target;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, imageSize(albedo)))) return;
+    if (any(greaterThanEqual(pixel, imageSize(target)))) return;
     Surface surface = read_surface(pixel);
     int decoder = surface_decoder(surface);
     if (decoder >= 0) {
         atomicAdd(bins[decoder].counted, 1u);
     } else {
-        imageStore(albedo, pixel, vec4(wanted_texel(surface).factor, surface.material >= 0 ? 1.0 : 0.0));
+        imageStore(target, pixel, shown_plane(wanted_texel(surface), vec4(0.0)));
     }
 }

@@ -2,7 +2,7 @@
 // Writes each pixel into its decoder's part of the list.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 #include "passes/decode_binned/bins.glsl"
 
 void main() {

@@ -44,11 +44,14 @@ ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
 }
 
 void store_texel(TileRecord tile, ivec2 place, vec4 value) {
+#if PLANE == PLANE_BASE
     vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
     // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
     if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
+    value = vec4(rgb, 1.0);
+#endif
     ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
-    imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), vec4(rgb, 1.0));
+    imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), value);
     if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
 }
 

@@ -35,7 +35,7 @@ void main() {
     WantedTexel wanted = wanted_texel(surface);
     if (wanted.texture_id < 0) return;
     int first = material_tiles[surface.material];
-    Probes probes = probes_of(pixel, wanted, materials[surface.material].planes[PLANE_BASE].sampler_flags);
+    Probes probes = probes_of(pixel, wanted, materials[surface.material].planes[PLANE]);
     FilterLevels filtered = filter_levels(wanted.texture_id, probes.lod);
     bool complete = true;
     for (int number = 0; number < probes.count; ++number) {

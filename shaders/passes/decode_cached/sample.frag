@@ -1,47 +1,47 @@
 #version 430
-// Linear albedo from decoded tiles: the hardware filters within a level, two levels are mixed, and long footprints are probed more than once.
+// A plane of the picture from decoded tiles: the hardware filters within a level, two levels are mixed, and long footprints are probed more than once.
 #include "passes/decode_cached/tiles.glsl"
 
 layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
-layout(location = 0) out vec4 albedo;
+layout(location = 0) out vec4 target;
 
-// Linear; shown until the first tile of a texture is decoded.
-const vec3 MISSING_COLOR = vec3(0.2);
+// In linear light; shown until the first tile of a texture is decoded.
+const vec4 MISSING_TEXEL = PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(vec3(0.0), 1.0));
 
-vec3 sample_page(uint page, vec2 at) {
+vec4 sample_page(uint page, vec2 at) {
     uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
     vec2 uv = (vec2(corner) + at) / float(PAGES_ACROSS * PAGE_SIDE);
-    return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0).rgb;
+    return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0);
 }
 
 // A sample of `level`, or of the next coarser level whose tile is resident.
-vec3 sample_level(int first, int texture_id, int level, vec2 uv) {
+vec4 sample_level(int first, int texture_id, int level, vec2 uv) {
     int last = textures[texture_id].levels - 1;
     for (int found = level; found <= last; ++found) {
         TilePlace place = tile_place(first, texture_id, found, uv);
         uint entry = tile_entries[place.entry];
         if (is_resident(entry)) return sample_page(entry - 1u, place.at);
     }
-    return MISSING_COLOR;
+    return MISSING_TEXEL;
 }
 
 void main() {
     Surface surface = read_surface(ivec2(gl_FragCoord.xy));
     WantedTexel wanted = wanted_texel(surface);
-    vec3 shown = wanted.factor;
+    vec4 texel = vec4(1.0);
     if (wanted.texture_id >= 0) {
         int first = material_tiles[surface.material];
-        Probes probes = probes_of(ivec2(gl_FragCoord.xy), wanted, materials[surface.material].planes[PLANE_BASE].sampler_flags);
+        Probes probes = probes_of(ivec2(gl_FragCoord.xy), wanted, materials[surface.material].planes[PLANE]);
         FilterLevels filtered = filter_levels(wanted.texture_id, probes.lod);
-        vec3 sum = vec3(0.0);
+        vec4 sum = vec4(0.0);
         for (int number = 0; number < probes.count; ++number) {
             vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
-            vec3 texel = sample_level(first, wanted.texture_id, filtered.lower, uv);
+            vec4 sampled = sample_level(first, wanted.texture_id, filtered.lower, uv);
             if (filtered.share > 0.0)
-                texel = mix(texel, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
-            sum += texel;
+                sampled = mix(sampled, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
+            sum += sampled;
         }
-        shown *= sum / float(probes.count);
+        texel = sum / float(probes.count);
     }
-    albedo = vec4(shown, surface.material >= 0 ? 1.0 : 0.0);
+    target = shown_texel(wanted, texel);
 }

@@ -1,6 +1,6 @@
 // Lookup of the decoded tiles that a surface reads.
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 
 // For each material the first of its texture's TileLevelRecords under its wrap modes; -1 for none.
 layout(std430, binding = BINDING_MATERIAL_TILES) readonly buffer MaterialTiles {
@@ -29,13 +29,17 @@ struct Probes {
     float lod;     // of each
 };
 
-Probes probes_of(ivec2 pixel, WantedTexel wanted, int sampler_flags) {
+Probes probes_of(ivec2 pixel, WantedTexel wanted, PlaneRecord plane) {
     Probes probes = Probes(1, vec2(0.0), wanted.lod);
 #if GRADIENTS
-    if (anisotropy > 1 && sampler_flags == 0) {
+    // Of the other UV set only the footprint is known.
+    if (anisotropy > 1 && plane.sampler_flags == 0 && plane.second_uvs == 0) {
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
         vec4 gradients = texelFetch(surface_gradients, pixel, 0);
+#if PLANE != PLANE_BASE
+        gradients = vec4(plane_uv_step(plane, gradients.xy), plane_uv_step(plane, gradients.zw));
+#endif
         float along_x = length(gradients.xy * size);
         float along_y = length(gradients.zw * size);
         float longer = max(along_x, along_y);

@@ -5,8 +5,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 ivec2 own_pixel(int p, out bool inside) {
     ivec2 pixel = ivec2(gl_WorkGroupID.xy) * ivec2(8, 8 * PIXELS) + ivec2(gl_LocalInvocationID.xy) + ivec2(0, 8 * p);
-    inside = all(lessThan(pixel, imageSize(albedo)));
-    return min(pixel, imageSize(albedo) - 1);
+    inside = all(lessThan(pixel, imageSize(target)));
+    return min(pixel, imageSize(target) - 1);
 }
 
 void main() {

@@ -1,7 +1,7 @@
 #version 430
 // Decodes in the material's fragment shader, for fragments at the depth of the visible surface.
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 
 in vec3 place;
 #if VERTEX_COLORS
@@ -9,11 +9,18 @@ in vec4 color;
 #else
 const vec4 color = vec4(1.0);
 #endif
+#if SECOND_UVS
+in vec2 second_place;
+#endif
 flat in uint ids;
 
-layout(location = 0) out vec4 albedo;
+layout(location = 0) out vec4 target;
 
 void main() {
+#if SECOND_UVS
+    // Before pixels are discarded: derivatives need all four of a quad.
+    vec3 second_uv = vec3(second_place, pixel_footprint(dFdx(second_place), dFdy(second_place)));
+#endif
     // Two surfaces may have the same depth, and alpha may have cut out parts of one: the visibility buffer decides.
     if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
     float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
@@ -24,5 +31,8 @@ void main() {
     vec3 rounded = vec3(1.0);
 #endif
     Surface surface = unpack_surface(pack_surface(ids, place.xy, footprint), rounded);
-    albedo = vec4(decoded_albedo(surface, ivec2(gl_FragCoord.xy)), 1.0);
+#if SECOND_UVS
+    surface.second_uv = second_uv;
+#endif
+    target = decoded_plane(surface, ivec2(gl_FragCoord.xy));
 }

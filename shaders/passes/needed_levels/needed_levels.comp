@@ -2,7 +2,7 @@
 // The finest mip of each texture that a visible pixel reads.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
-#include "ntc/albedo.glsl"
+#include "ntc/plane.glsl"
 
 layout(std430, binding = BINDING_RESULTS) buffer NeededLevels {
     int needed_levels[];

@@ -1,6 +1,7 @@
 """Assembling and compiling GLSL: every shader, includes once, defines, errors with file and line."""
 
 import re
+from itertools import product
 from pathlib import Path
 
 import moderngl
@@ -15,12 +16,17 @@ from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, Shader
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
 from viewer.render.resources.pack_buffers import codec_programs
+from viewer.render.resources.visibility_buffer import SurfaceContent
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 PRECISIONS = [{"PRECISION_FP16": 0}, {"PRECISION_FP16": 1}]
 DRAWN = [
-    ("common/scene.vert", "passes/visibility/visibility.frag", {"VERTEX_COLORS": colors, "ALPHA_TEST": alpha})
-    for colors in (0, 1)
+    (
+        "common/scene.vert",
+        "passes/visibility/visibility.frag",
+        {**SurfaceContent(*content).defines(), "ALPHA_TEST": alpha},
+    )
+    for content in product((False, True), repeat=4)
     for alpha in (0, 1)
 ] + [
     ("common/scene.vert", "passes/decode_forward/decode.frag", {"VERTEX_COLORS": colors, **precision})

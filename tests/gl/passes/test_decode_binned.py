@@ -19,7 +19,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
+from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
@@ -73,8 +73,8 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
         white_material(graphics),
         [AlbedoTarget(graphics, size) for _ in range(2)],
     )
-    deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, False, None)
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, PlaneReading(), None)
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
     inputs = VisibilityInputs(visibility, material, textures=tuple(range(decoders)))
     deferred.run(inputs, targets[0])
     texture = (words[..., 0] & 0xFFFF).astype(int) - 1
@@ -102,7 +102,7 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
         white_material(graphics),
         AlbedoTarget(graphics, (64, 64)),
     )
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
     binned.run(VisibilityInputs(visibility, material, textures=(0, 1, 2, 3)), target)
     groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]
     assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]

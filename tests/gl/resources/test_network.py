@@ -19,7 +19,7 @@ from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
+from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 SIZE = (37, 50)
@@ -47,9 +47,9 @@ def decoded(
     inputs = VisibilityInputs(visibility, material, textures=(0, 1, 2))
     pictures = []
     for shared, with_ranges in ((None, None), (0, ranges)):
-        DecodeDeferredPass(graphics, programs, buffers, with_ranges, False, shared).run(inputs, target)
+        DecodeDeferredPass(graphics, programs, buffers, with_ranges, PlaneReading(), shared).run(inputs, target)
         pictures.append(target.read())
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, False)
+    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
     binned.run(inputs, target)
     pictures.append(target.read())
     for made in (target, material, binned, ranges, buffers, programs):

@@ -20,7 +20,7 @@ from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.context import GraphicsContext
-from viewer.gl.srgb_arrays import SrgbAtlas
+from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frame_result import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources import layout
@@ -294,8 +294,8 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     plain.release()
     # Pages of a layer are so few here that a second layer is asked for, and refused as a driver would.
     monkeypatch.setattr(decode_cached, "LAYER_PAGES", needed // 2)
-    grow = SrgbAtlas.grow
-    monkeypatch.setattr(SrgbAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
+    grow = TileAtlas.grow
+    monkeypatch.setattr(TileAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
     renderer = opened(graphics)
     frame = render(renderer)
     assert counts(frame).out_of_memory
@@ -303,7 +303,7 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     assert counts(frame).starved > 0
     assert frame.waiting == 0
     assert np.isfinite(renderer.albedo(CACHED)).all()
-    monkeypatch.setattr(SrgbAtlas, "grow", lambda *_: False)
+    monkeypatch.setattr(TileAtlas, "grow", lambda *_: False)
     none = opened(graphics)
     with pytest.raises(InputError, match="no memory for a tile cache"):
         render(none)

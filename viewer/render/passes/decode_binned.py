@@ -15,7 +15,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.state.view_state import TexelFilter
 
 FOLDER = "passes/decode_binned"
@@ -31,12 +31,12 @@ class DecodeBinnedPass(DecodePass):
         programs: ProgramFactory,
         buffers: PackBuffers,
         ranges: DecoderRanges,
-        colors: bool,
+        reading: PlaneReading,
         texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
-        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+        defines = {**reading.defines(), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
         self._count = programs.compute(f"{FOLDER}/count.comp", defines)
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
         self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)

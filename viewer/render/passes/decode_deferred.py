@@ -7,7 +7,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.state.view_state import TexelFilter
 
 
@@ -23,14 +23,14 @@ class DecodeDeferredPass(DecodePass):
         programs: ProgramFactory,
         buffers: PackBuffers,
         ranges: DecoderRanges | None,
-        colors: bool,
+        reading: PlaneReading,
         shared_decoder: int | None,
         texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl = context.gl
         self._buffers, self._shared_decoder = buffers, shared_decoder
         self._ranges = ranges if shared_decoder is not None else None
-        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, **filter_defines(texel_filter)}
+        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
         if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:

@@ -8,7 +8,7 @@ from viewer.render.passes.decode_pass import DecodePass, filter_defines
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.state.view_state import TexelFilter
 
 
@@ -21,11 +21,11 @@ class DecodeForwardPass(DecodePass):
         programs: ProgramFactory,
         buffers: PackBuffers,
         scene_buffers: SceneBuffers,
+        reading: PlaneReading,
         texel_filter: TexelFilter = "exact",
     ) -> None:
         self._gl, self._buffers, self._scene_buffers = context.gl, buffers, scene_buffers
-        colors = {"VERTEX_COLORS": int(scene_buffers.has_colors)}
-        defines = {**colors, **buffers.defines, **filter_defines(texel_filter)}
+        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
         self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", defines)
 
     def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:

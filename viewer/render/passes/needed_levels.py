@@ -6,7 +6,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.resources.layout import GROUP_SIDE, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 
 NOT_VISIBLE = 127
 
@@ -14,9 +14,11 @@ NOT_VISIBLE = 127
 class NeededLevelsPass:
     """Inputs: visibility buffer, materials, a pack's tables. Output, read back: the finest mip that is visible, by texture."""
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, textures: int, colors: bool) -> None:
+    def __init__(
+        self, context: GraphicsContext, programs: ProgramFactory, textures: int, reading: PlaneReading
+    ) -> None:
         self._gl = context.gl
-        self._program = programs.compute("passes/needed_levels/needed_levels.comp", {"VERTEX_COLORS": int(colors)})
+        self._program = programs.compute("passes/needed_levels/needed_levels.comp", reading.defines())
         self._none = np.full(max(1, textures), NOT_VISIBLE, np.int32).tobytes()
         self._levels = context.memory.buffer("finest mips in sight", self._none)
 

@@ -13,7 +13,7 @@ from ntc.codec.mips import mip_chain
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.gl.srgb_arrays import SrgbTextureArray
+from viewer.gl.texture_arrays import ImageArray
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
@@ -91,7 +91,7 @@ class ReferencePass:
         for index, place in self._places.items():
             own = materials[index]["planes"][0]
             own["image_array"], own["image_layer"] = place.array, place.layer
-        self._arrays: dict[int, SrgbTextureArray] = {}
+        self._arrays: dict[int, ImageArray] = {}
         self._samplers = SamplerCache(context)
         self._uploaded: set[tuple[int, int]] = set()
         self._programs = programs
@@ -137,7 +137,7 @@ class ReferencePass:
             for (array, layer), chain in zip(fresh, chains, strict=True):
                 if array not in self._arrays:
                     plan = self._plans[array]
-                    self._arrays[array] = SrgbTextureArray(self._context, plan.size, len(plan.textures))
+                    self._arrays[array] = ImageArray(self._context, plan.size, len(plan.textures))
                 try:
                     self._arrays[array].write(layer, chain)
                 except GpuMemoryError:

@@ -3,10 +3,11 @@
 First a block of zeros and the levels of the trellis, which all decoders share. Then for each decoder, four coefficients to a block,
 - for each size of a code, for each mode its list of coefficients: a word for each, its scale as float32, whose lowest three bits hold
   its depth;
-- for each four coefficients, for each texel, their rows of the basis: a word for each, a signed byte for each channel.
+- for each plane of the codec's maps, for each four coefficients, for each texel, their rows of the basis: a word for each, a signed
+  byte for each component of the plane.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_SIZES, BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
+from ntc.codec.maps import plane_channels
+from viewer.render.resources.layout import by_plane
 
 Words = NDArray[np.uint32]
 AT_ONCE = 4
@@ -59,7 +62,9 @@ class BlockTables:
         self.first_block = len(trellis_blocks())
         self.list_blocks = -(-config.coefficients // AT_ONCE)
         self.basis = len(config.block_words) * config.modes * self.list_blocks
-        self.blocks = self.basis + self.list_blocks * config.block_texels
+        self.basis_blocks = self.list_blocks * config.block_texels
+        self._planes = plane_channels(config.maps, config.output_channels)
+        self.blocks = self.basis + len(self._planes) * self.basis_blocks
 
     def _lists(self, decoder: BlockDecoder) -> Words:
         exact = scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)
@@ -69,10 +74,11 @@ class BlockTables:
         active = np.where(depths > 0, words, 0).astype(np.uint32)
         return self._padded(active, axis=2).reshape(-1, AT_ONCE)
 
-    def _basis(self, decoder: BlockDecoder) -> Words:
+    def _basis(self, decoder: BlockDecoder, channels: Mapping[int, int]) -> Words:
+        """Of one plane, whose components show these channels."""
         config = self._config
         rows = np.zeros((config.coefficients, config.block_texels, 4), np.int8)
-        rows[..., : config.output_channels] = decoder.basis
+        rows[..., list(channels)] = decoder.basis[..., list(channels.values())]
         words = self._padded(rows.view("<u4")[..., 0], axis=0)
         return np.ascontiguousarray(words.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1)).reshape(
             -1, AT_ONCE
@@ -85,7 +91,8 @@ class BlockTables:
 
     def decoder_bytes(self, decoder: BlockDecoder) -> bytes:
         """The tables of one decoder."""
-        return np.concatenate([self._lists(decoder), self._basis(decoder)]).astype("<u4").tobytes()
+        planes = [self._basis(decoder, channels) for channels in self._planes.values()]
+        return np.concatenate([self._lists(decoder), *planes]).astype("<u4").tobytes()
 
     def all_bytes(self, decoders: Sequence[BlockDecoder]) -> bytes:
         """The whole buffer."""
@@ -95,6 +102,15 @@ class BlockTables:
 def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
     """Words by size class; classes that the codec lacks, and no directory names, as the smallest."""
     return (*sizes, *[sizes[0]] * (LARGEST_SIZES - len(sizes)))
+
+
+def _channel_defines(components: int) -> list[str]:
+    """Defines for the first `components` components of a plane, which are all that it has."""
+    return [
+        f"#define CHANNELS_T {CHANNEL_TYPES[components - 1]}",
+        f"#define BASIS_BYTES(bits) {', '.join(f'bits << {24 - 8 * byte} >> 24' for byte in range(components))}",
+        f"#define ALL_CHANNELS(channels) vec4({', '.join(['channels', *['0.0'] * (4 - components)])})",
+    ]
 
 
 def block_glsl(config: BlockCodecConfig) -> str:
@@ -112,11 +128,10 @@ def block_glsl(config: BlockCodecConfig) -> str:
         "LIST_BLOCKS": tables.list_blocks,
         "MODE_BITS": f"{config.mode_bits}u",
         "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
-        "CHANNELS_T": CHANNEL_TYPES[config.output_channels - 1],
-        "BASIS_BYTES(bits)": ", ".join(f"bits << {24 - 8 * byte} >> 24" for byte in range(config.output_channels)),
-        "ALL_CHANNELS(channels)": f"vec4({', '.join(['channels', *['0.0'] * (4 - config.output_channels)])})",
+        "BASIS_BLOCKS": tables.basis_blocks,
     }
     lines = [f"#define {name} {value}" for name, value in values.items()]
+    lines += by_plane(config, lambda _, channels: _channel_defines(max(channels) + 1))
     return "\n".join(
         ["// Generated from viewer/render/resources/block_tables.py for one BlockCodecConfig.", *lines, ""]
     )

@@ -92,11 +92,15 @@ class BlockPackTables(BlockTables):
         return b""
 
     def fill_record(self, record: np.void, texture: EncodedTexture) -> None:
-        """Write the texture's mean and axes into its record; channels that the codec lacks stay 0."""
-        channels = len(texture.offset)
-        record["mean"][:channels] = texture.offset
-        # GLSL reads an axis at a time: a column.
-        record["axes"][:channels, :channels] = texture.scale.reshape(channels, channels).T
+        """Write the texture's mean and axes into its record; components that the codec lacks stay 0."""
+        first = 0
+        for place, channels in enumerate(self._planes.values()):
+            components, count = list(channels), len(channels)
+            record["mean"][place][components] = texture.offset[list(channels.values())]
+            axes = texture.scale[first : first + count * count].reshape(count, count)
+            # GLSL reads an axis at a time: a column.
+            record["axes"][4 * place : 4 * place + 4][np.ix_(components, components)] = axes.T
+            first += count * count
 
 
 def decoder_tables(pack: Pack, precision: Precision) -> DecoderTables:

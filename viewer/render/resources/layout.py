@@ -1,5 +1,6 @@
 """Everything that Python and GLSL must agree on: bindings, units, records, constants. GLSL gets it as a generated include."""
 
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
-from ntc.codec.maps import PLANES
+from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import AnyCodec
 from viewer.scene.model import AlphaMode, Sampler
 
@@ -230,7 +231,8 @@ def texture_record(config: AnyCodec) -> np.dtype:
     """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
     of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU.
 
-    Then what its latents stand for: scale and offset of codec `grid`; mean and axes, a vector each, of codec `block`.
+    `components` has a bit for each component that the texture has, four for each of PLANES. Then what its latents stand for: scale
+    and offset of codec `grid`; mean and axes of each plane that the codec has, a vector each, of codec `block`.
     """
     fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
         ("first_level", "<i4"),
@@ -240,10 +242,11 @@ def texture_record(config: AnyCodec) -> np.dtype:
         ("srgb", "<i4"),
         ("adapter", "<i4"),
         ("finest_level", "<i4"),
-        ("padding_0", "<i4"),
+        ("components", "<i4"),
     ]
     if isinstance(config, BlockCodecConfig):
-        return np.dtype([*fields, ("mean", "<f4", (4,)), ("axes", "<f4", (4, 4))])
+        planes = len(plane_channels(config.maps, config.output_channels))
+        return np.dtype([*fields, ("mean", "<f4", (planes, 4)), ("axes", "<f4", (4 * planes, 4))])
     words = config.latent_channels // 4
     return np.dtype([*fields, ("scale", "<f4", (words, 4)), ("offset", "<f4", (words, 4))])
 
@@ -323,12 +326,22 @@ def scene_layout_glsl() -> str:
     return "\n".join(lines) + "\n"
 
 
+def by_plane(config: AnyCodec, lines: Callable[[int, Mapping[int, int]], list[str]]) -> list[str]:
+    """GLSL that differs from plane to plane: `lines` gets the plane's number among those of the codec, and the channel of each of its
+    components."""
+    found = []
+    for place, (plane, channels) in enumerate(plane_channels(config.maps, config.output_channels).items()):
+        found += [f"#{'elif' if place else 'if'} PLANE == {PLANES.index(plane)}", *lines(place, channels)]
+    return [*found, "#endif"]
+
+
 def codec_layout_glsl(config: AnyCodec) -> str:
     """The include `generated/codec.glsl`: the shape of the codec's latents and its texture record."""
     lines = [
         "// Generated from viewer/render/resources/layout.py for one codec.",
         f"#define CODEC_BLOCK {int(isinstance(config, BlockCodecConfig))}",
         f"#define CELL_WORDS {cell_words(config)}",
+        *by_plane(config, lambda place, _: [f"#define PLANE_PLACE {place}"]),
     ]
     if isinstance(config, CodecConfig):
         lines += [

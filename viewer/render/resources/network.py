@@ -1,7 +1,7 @@
 """The decoder network as GLSL, unrolled for its shape, and the buffer of weights that it reads."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Adapter, Decoder
+from viewer.render.resources.layout import by_plane
 from viewer.state.view_state import Precision
 
 PARTS = "xyzw"
@@ -45,11 +46,17 @@ def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: 
     return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
 
 
+def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str]) -> list[str]:
+    """GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
+    parts = {component: f"{fetch(channel // 4)}.{PARTS[channel % 4]}" for component, channel in channels.items()}
+    return [f"    vec4 {result} = vec4({', '.join(parts.get(component, '0.0') for component in range(4))});"]
+
+
 class NetworkLayout:
     """Where the weights of one decoder lie, in blocks of four numbers.
 
     First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
-    Third layer: for each output, for each block of hidden values, their four weights; then one block of biases.
+    Third layer: for each output, for each block of hidden values, their four weights; then the biases.
     """
 
     def __init__(self, config: CodecConfig) -> None:
@@ -62,10 +69,11 @@ class NetworkLayout:
         self.second_bias = self.second + self.hidden_blocks * self.hidden
         self.third = self.second_bias + self.hidden_blocks
         self.third_bias = self.third + self.outputs * self.hidden_blocks
-        self.blocks = self.third_bias + 1
+        self.bias_blocks = -(-self.outputs // 4)
+        self.blocks = self.third_bias + self.bias_blocks
         self.adapter_output = 4 * self.hidden_blocks
         self.adapter_output_bias = self.adapter_output + self.outputs * self.hidden_blocks
-        output_blocks = self.outputs * self.hidden_blocks + 1 if config.adapter_output else 0
+        output_blocks = self.outputs * self.hidden_blocks + self.bias_blocks if config.adapter_output else 0
         self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
 
     def arrange(self, decoder: Decoder) -> NDArray[np.float32]:
@@ -77,7 +85,7 @@ class NetworkLayout:
             second.reshape(self.hidden_blocks, 4, self.hidden).transpose(0, 2, 1),
             decoder.biases[1],
             third,
-            np.pad(decoder.biases[2], (0, 4 - self.outputs)),
+            np.pad(decoder.biases[2], (0, -self.outputs % 4)),
         ]
         return np.concatenate([part.reshape(-1, 4) for part in arranged]).astype(np.float32)
 
@@ -88,7 +96,7 @@ def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
     pairs = zip(adapter.scales, adapter.biases, strict=True)
     parts = [part for pair in pairs for part in pair]
     if adapter.output_weight is not None and adapter.output_bias is not None:
-        parts += [adapter.output_weight, np.pad(adapter.output_bias, (0, 4 - len(adapter.output_bias)))]
+        parts += [adapter.output_weight, np.pad(adapter.output_bias, (0, -len(adapter.output_bias) % 4))]
     return np.concatenate([part.reshape(-1, 4) for part in parts]).astype(np.float32)
 
 
@@ -147,7 +155,7 @@ def network_glsl(config: CodecConfig) -> str:
         *finish(0),
         f"        hidden[k] = AS_MUL_T(LEAKY(sum, {slope}));",
         "    }",
-        f"    vec4 result = weight({third_bias});",
+        *by_plane(config, lambda _, channels: _biases("result", channels, f"weight({third_bias} + {{}})".format)),
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = base + {layout.second} + k * {layout.hidden};",
         *start(layout.second_bias),
@@ -161,12 +169,39 @@ def network_glsl(config: CodecConfig) -> str:
         ]
         lines.append("        }")
     lines += [*finish(1), f"        sum = LEAKY(sum, {slope});"]
-    lines += [
-        f"        result.{PARTS[output]} += PRODUCT_SUM(sum, weight({third} + {output * layout.hidden_blocks} + k));"
-        for output in range(layout.outputs)
-    ]
+    lines += by_plane(
+        config,
+        lambda _, channels: [
+            f"        result.{PARTS[component]} += PRODUCT_SUM(sum, weight({third} + {channel * layout.hidden_blocks} + k));"
+            for component, channel in channels.items()
+        ],
+    )
     lines += ["    }", "    return result;", "}", ""]
     return "\n".join(lines)
+
+
+def _first_results(config: CodecConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
+    """GLSL that begins the result of each pixel with the biases of the output layer."""
+    found = []
+    for p in range(pixels):
+        own = f"weight(adapters[{p}] + {layout.adapter_output_bias} + {{}})"
+        fetch = own if config.adapter_output else f"decoder_weight({layout.third_bias} + {{}})"
+        found += _biases(f"result{p}", channels, fetch.format)
+    return found
+
+
+def _add_outputs(config: CodecConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
+    """GLSL that adds the products of four hidden values with the weights of the output layer."""
+    found = []
+    for component, channel in channels.items():
+        offset = channel * layout.hidden_blocks
+        if not config.adapter_output:
+            found.append(f"        vec4 out{component} = decoder_weight({layout.third + offset} + k);")
+        for p in range(pixels):
+            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
+            weight = own if config.adapter_output else f"out{component}"
+            found.append(f"        result{p}.{PARTS[component]} += PRODUCT_SUM(sum{p}, {weight});")
+    return found
 
 
 def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
@@ -241,10 +276,8 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
             "        }",
         ]
     lines.append("    }")
-    for p in pixels:
-        bias = f"weight(adapters[{p}] + {layout.adapter_output_bias})"
-        own = bias if config.adapter_output else f"decoder_weight({layout.third_bias})"
-        lines.append(f"    vec4 result{p} = {own};")
+
+    lines += by_plane(config, lambda _, channels: _first_results(config, layout, channels, network.pixels))
     lines += [
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = {layout.second} + k * {layout.hidden};",
@@ -252,13 +285,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     ]
     lines += products("row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels])
     lines += finish(1)
-    for output in range(layout.outputs):
-        offset = output * layout.hidden_blocks
-        if not config.adapter_output:
-            lines.append(f"        vec4 out{output} = decoder_weight({layout.third + offset} + k);")
-        for p in pixels:
-            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
-            weight = own if config.adapter_output else f"out{output}"
-            lines.append(f"        result{p}.{PARTS[output]} += PRODUCT_SUM(sum{p}, {weight});")
+
+    lines += by_plane(config, lambda _, channels: _add_outputs(config, layout, channels, network.pixels))
     lines += ["    }", *(f"    results[{p}] = result{p};" for p in pixels), "}", ""]
     return "\n".join(lines)

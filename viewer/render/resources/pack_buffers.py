@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
+from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -97,6 +98,11 @@ class PackBuffers:
             record["levels"] = len(latent_levels(texture.width, texture.height, config))
             record["decoder"], record["channels"] = texture.group, texture.channels
             record["srgb"] = texture.color_space == "srgb"
+            record["components"] = sum(
+                1 << (4 * PLANES.index(plane) + component)
+                for plane, channels in plane_channels(texture.maps, texture.channels).items()
+                for component in channels
+            )
             record["adapter"] = adapter
             self._decoders.fill_record(record, texture)
             adapter += self._decoders.adapter_blocks

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import PLANES, Plane
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
@@ -61,6 +62,22 @@ FORMATS: dict[TextureUnit, tuple[int, Literal["u4", "f4"]]] = {
     TextureUnit.SURFACE_SECOND_UVS: (4, "f4"),
 }
 """Components and their type."""
+
+
+@dataclass(frozen=True)
+class PlaneReading:
+    """How a pass reads surfaces that shows one plane of their maps."""
+
+    plane: Plane = "base"
+    colors: bool = False
+    """Whether the visibility buffer holds vertex colours."""
+    second_uvs: bool = False
+    """Whether it holds another UV set; only planes besides `base` read it."""
+
+    def defines(self) -> dict[str, int]:
+        """Of the shaders."""
+        second_uvs = self.second_uvs and self.plane != "base"
+        return {"VERTEX_COLORS": int(self.colors), "SECOND_UVS": int(second_uvs), "PLANE": PLANES.index(self.plane)}
 
 
 class VisibilityTarget:
@@ -171,10 +188,12 @@ class VisibilityInputs:
     """None for a visibility buffer that no camera drew."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
+    plane: Plane = "base"
+    """Of the maps: what is drawn."""
     sample: int = 0
     """Number of the sample that the stochastic filter takes; of no effect without it."""
     textures: tuple[int, ...] = field(default=(), compare=False)
-    """Ids of the textures that may be visible, ascending."""
+    """Ids of the textures that may be visible in this plane, ascending."""
     visible_materials: tuple[int, ...] = field(default=(), compare=False)
     """Materials that may be visible, ascending."""
     matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), compare=False)

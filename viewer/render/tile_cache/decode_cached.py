@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.gl.srgb_arrays import SrgbAtlas
+from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
@@ -26,7 +26,7 @@ from viewer.render.resources.layout import (
     TextureUnit,
 )
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.page_pool import PagePool
 from viewer.render.tile_cache.tile_table import TileTable
@@ -60,18 +60,18 @@ class DecodeCachedPass:
         buffers: PackBuffers,
         ranges: DecoderRanges,
         table: TileTable,
-        colors: bool,
+        reading: PlaneReading,
         config: TileCacheConfig,
         budget: TileBudget,
     ) -> None:
         self._gl = context.gl
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
-        defines = {"VERTEX_COLORS": int(colors), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+        defines = {**reading.defines(), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
         self._programs, self._defines = programs, defines
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
-        self._atlas = SrgbAtlas(context, PAGES_ACROSS * PAGE_SIDE)
+        self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = self._coarse_latents = False
         with context.memory.transaction():
             if not self._atlas.grow(1):
@@ -129,7 +129,9 @@ class DecodeCachedPass:
     def request(self, inputs: VisibilityInputs) -> None:
         """Find out which tiles this view reads and which of them are missing. Reads back the list of missing tiles."""
         visibility = inputs.visibility
-        program = self._programs.compute(f"{FOLDER}/request.comp", {**self._defines, **visibility.content.defines()})
+        program = self._programs.compute(
+            f"{FOLDER}/request.comp", {**self._defines, "GRADIENTS": int(visibility.content.gradients)}
+        )
         self._invalidate_entries(self._waiting)
         self._frame += 1
         self._starved, self._kept = 0, self._pool.taken
@@ -281,7 +283,7 @@ class DecodeCachedPass:
 
     def sample(self, inputs: VisibilityInputs, target: AlbedoTarget, band: tuple[int, int] = (0, 1)) -> None:
         """Draw the albedo from the tiles that are there; `band` (number, of) is a part of the rows."""
-        defines = {**self._defines, **inputs.visibility.content.defines()}
+        defines = {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
         triangle = self._programs.fullscreen(f"{FOLDER}/sample.frag", defines)
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)

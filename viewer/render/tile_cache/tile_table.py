@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
+from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
 from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE, WRAP_CODES
+from viewer.render.resources.material_records import plane_texture
 from viewer.scene.model import Material
 
 
@@ -30,25 +32,26 @@ class TileTable:
     """Tiles of all levels."""
 
     @staticmethod
-    def of(materials: tuple[Material, ...], pack: Pack, match: PackMatch) -> "TileTable":
-        """The tiles of the textures that `pack` decodes."""
+    def of(materials: tuple[Material, ...], pack: Pack, match: PackMatch, plane: Plane = "base") -> "TileTable":
+        """The tiles of the textures that `pack` decodes in a plane of their maps."""
         first_of: dict[tuple[int, int, int], int] = {}
         firsts: list[int] = []
         rows: list[tuple[int, int, int, int, int, int]] = []
         entries = 0
         for material in materials:
-            index = match.texture_index[material.texture_id] if material.texture_id >= 0 else -1
-            if index < 0:
+            own = plane_texture(material, plane)
+            index = match.texture_index[own.texture_id] if own is not None else -1
+            if own is None or index < 0:
                 firsts.append(-1)
                 continue
-            wrap = (int(WRAP_CODES[material.sampler.wrap[0]]), int(WRAP_CODES[material.sampler.wrap[1]]))
-            key = (material.texture_id, *wrap)
+            wrap = (int(WRAP_CODES[own.sampler.wrap[0]]), int(WRAP_CODES[own.sampler.wrap[1]]))
+            key = (own.texture_id, *wrap)
             if key not in first_of:
                 first_of[key] = len(rows)
                 texture = pack.textures[index]
                 for number, level in enumerate(latent_levels(texture.width, texture.height, pack.config)):
                     across = -(-level.texel_width // TILE_SIDE)
-                    rows.append((entries, across, material.texture_id, number, *wrap))
+                    rows.append((entries, across, own.texture_id, number, *wrap))
                     entries += across * -(-level.texel_height // TILE_SIDE)
             firsts.append(first_of[key])
         table = np.array(rows or [(0, 1, -1, 0, 0, 0)], np.int32)

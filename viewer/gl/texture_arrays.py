@@ -1,4 +1,7 @@
-"""Arrays of sRGB textures, which moderngl cannot make: of images with given mips, and of tiles that compute shaders write."""
+"""Arrays of textures in formats that moderngl cannot make: of images with given mips, and of tiles that compute shaders write.
+
+The first three channels are sRGB, which the hardware filters in linear light, or all four are linear.
+"""
 
 import ctypes
 from collections.abc import Sequence
@@ -13,14 +16,21 @@ from viewer.gl.functions import GlFunctions
 
 
 class _TextureArray:
-    """A texture array in GL_SRGB8_ALPHA8 with `levels` mips, uninitialised, and a view of it that shaders can write."""
+    """A texture array of 8-bit channels with `levels` mips, uninitialised, and a view of it that shaders can write."""
 
-    def __init__(self, call: GlFunctions, size: tuple[int, int], layers: int, levels: int = 1) -> None:
+    def __init__(self, call: GlFunctions, size: tuple[int, int], layers: int, srgb: bool, levels: int = 1) -> None:
         self._call, self.layers = call, layers
         self.texture = self._new_name()
         self.view = 0
         self.use(0)
-        call("glTexStorage3D", names.GL_TEXTURE_2D_ARRAY, levels, names.GL_SRGB8_ALPHA8, *size, layers)
+        call(
+            "glTexStorage3D",
+            names.GL_TEXTURE_2D_ARRAY,
+            levels,
+            names.GL_SRGB8_ALPHA8 if srgb else names.GL_RGBA8,
+            *size,
+            layers,
+        )
 
     def _new_name(self) -> int:
         name = ctypes.c_uint()
@@ -57,10 +67,10 @@ class _TextureArray:
         self.texture = self.view = 0
 
 
-class SrgbTextureArray:
-    """`layers` textures of (width, height) texels in GL_SRGB8_ALPHA8, each with its whole mip chain."""
+class ImageArray:
+    """`layers` textures of (width, height) texels, each with its whole mip chain."""
 
-    def __init__(self, context: GraphicsContext, size: tuple[int, int], layers: int) -> None:
+    def __init__(self, context: GraphicsContext, size: tuple[int, int], layers: int, srgb: bool = True) -> None:
         """Raises GpuMemoryError."""
         self.size = size
         self.levels = max(size).bit_length()
@@ -69,7 +79,7 @@ class SrgbTextureArray:
         self._bytes = 4 * layers * size[0] * size[1] * 4 // 3
         self._memory.check_size(self._what, size)
         self._array = self._memory.made(
-            self._what, self._bytes, lambda: _TextureArray(self._call, size, layers, self.levels)
+            self._what, self._bytes, lambda: _TextureArray(self._call, size, layers, srgb, self.levels)
         )
 
     @property
@@ -82,7 +92,7 @@ class SrgbTextureArray:
         self._array.use(unit)
 
     def write(self, layer: int, mips: Sequence[NDArray[np.uint8]]) -> None:
-        """Upload the mips [h, w, 3] uint8 sRGB of one layer, largest first.
+        """Upload the mips [h, w, 3 or 4] uint8 of one layer, largest first.
 
         Raises GpuMemoryError where there is no memory after all; the array is freed then.
         """
@@ -92,7 +102,8 @@ class SrgbTextureArray:
             pixels = np.ascontiguousarray(mip)
             height, width = pixels.shape[:2]
             target, place, extent = names.GL_TEXTURE_2D_ARRAY, (level, 0, 0, layer), (width, height, 1)
-            texels = (names.GL_RGB, names.GL_UNSIGNED_BYTE, pixels.ctypes.data)
+            layout = names.GL_RGB if pixels.shape[2] == 3 else names.GL_RGBA
+            texels = (layout, names.GL_UNSIGNED_BYTE, pixels.ctypes.data)
             self._call("glTexSubImage3D", target, *place, *extent, *texels)
         # Some drivers allocate memory only when there is something to put there.
         self._memory.check(self._what, self._bytes, self._array)
@@ -102,12 +113,13 @@ class SrgbTextureArray:
         self._array.release()
 
 
-class SrgbAtlas:
-    """Layers of `side` x `side` texels in GL_SRGB8_ALPHA8. Shaders cannot store into that: they write sRGB-coded numbers through a
-    view of the same memory as GL_RGBA8. Grows without losing its content."""
+class TileAtlas:
+    """Layers of `side` x `side` texels. Shaders cannot store into sRGB formats: they write sRGB-coded numbers through a view of the
+    same memory as GL_RGBA8. Grows without losing its content."""
 
-    def __init__(self, context: GraphicsContext, side: int) -> None:
+    def __init__(self, context: GraphicsContext, side: int, srgb: bool = True) -> None:
         self._memory, self._call, self._side = context.memory, context.functions, side
+        self._srgb = srgb
         self._array: _TextureArray | None = None
 
     @property
@@ -127,7 +139,9 @@ class SrgbAtlas:
         side, old = self._side, self._array
         try:
             made = self._memory.made(
-                "decoded tiles", layers * side * side * 4, lambda: _TextureArray(self._call, (side, side), layers)
+                "decoded tiles",
+                layers * side * side * 4,
+                lambda: _TextureArray(self._call, (side, side), layers, self._srgb),
             )
         except GpuMemoryError:
             return False

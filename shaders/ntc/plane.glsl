@@ -1,0 +1,117 @@
+// What a surface shows of one plane of its maps (ntc/codec/maps.py): the texel to decode for it, and what the decoded texel gives.
+#include "common/color.glsl"
+#include "common/materials.glsl"
+#include "common/surface.glsl"
+#include "ntc/lookup.glsl"
+
+struct WantedTexel {
+    vec3 factor;       // linear, multiplies the base colour, and is it where there is no texture
+    float covered;     // 1 where a surface is
+    int components;    // a bit for each component that is read; the others are neutral
+    int texture_id;    // -1: nothing is decoded
+    vec2 uv;
+    float lod;
+    ivec2 wrap;        // WRAP_ codes
+};
+
+// Changes `uv` and `lod` to those that a filter other than trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
+void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int last_level) {
+    if (flags == 0) return;
+    bool magnified = lod <= 0.0;
+    if ((flags & SAMPLER_MIPMAP_NONE) != 0) lod = 0.0;
+    if ((flags & SAMPLER_MIPMAP_NEAREST) != 0) lod = clamp(ceil(lod + 0.5) - 1.0, 0.0, float(last_level));
+    bool nearest = (flags & (magnified ? SAMPLER_MAGNIFY_NEAREST : SAMPLER_MINIFY_NEAREST)) != 0;
+    vec2 texels = max(floor(size * exp2(-floor(max(lod, 0.0)))), 1.0);
+    if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
+}
+
+// The texture of a surface in this plane; -1 for none, also where it is not in the pack.
+int decoded_texture(Surface surface) {
+    if (surface.material < 0) return -1;
+    int texture_id = materials[surface.material].planes[PLANE].texture_id;
+#if PLANE == PLANE_BASE
+    // A base colour is what the visibility buffer names.
+    if (texture_id >= 0) texture_id = surface.texture_id;
+#endif
+    return texture_id >= 0 && textures[texture_id].decoder >= 0 ? texture_id : -1;
+}
+
+// Decoder of a surface; -1 for the background, and for materials without a texture or whose texture is not in the pack.
+int surface_decoder(Surface surface) {
+    int texture_id = decoded_texture(surface);
+    return texture_id >= 0 ? textures[texture_id].decoder : -1;
+}
+
+// Where a plane's maps are read: uv, and the footprint there.
+vec3 place_on_plane(PlaneRecord plane, Surface surface) {
+    vec3 place = vec3(surface.uv, surface.footprint);
+#if PLANE != PLANE_BASE
+#if SECOND_UVS
+    if (plane.second_uvs != 0) place = surface.second_uv;
+#endif
+    float area = abs(plane.uv_u.x * plane.uv_v.y - plane.uv_u.y * plane.uv_v.x);
+    place = vec3(plane_uv(plane, place.xy), place.z * sqrt(area));
+#endif
+    return place;
+}
+
+WantedTexel wanted_texel(Surface surface) {
+    int number = max(surface.material, 0);
+    WantedTexel wanted;
+    wanted.covered = surface.material >= 0 ? 1.0 : 0.0;
+    wanted.factor = surface.material >= 0 ? materials[number].factor.rgb * surface.color : vec3(0.0);
+    wanted.texture_id = decoded_texture(surface);
+    PlaneRecord plane = materials[number].planes[PLANE];
+    vec3 place = place_on_plane(plane, surface);
+    wanted.uv = place.xy;
+    wanted.lod = 0.0;
+    wanted.wrap = ivec2(plane.wrap_u, plane.wrap_v);
+    wanted.components = 0;
+    if (wanted.texture_id >= 0) {
+        wanted.components = plane.components & (textures[wanted.texture_id].components >> (4 * PLANE));
+        LevelRecord finest = levels[textures[wanted.texture_id].first_level];
+        vec2 size = vec2(finest.texel_width, finest.texel_height);
+        wanted.lod = footprint_lod(place.z, size.x);
+        apply_sampler(wanted.uv, wanted.lod, plane.sampler_flags, size, textures[wanted.texture_id].levels - 1);
+    }
+    return wanted;
+}
+
+// What the plane's target holds for a texel in linear light, as the hardware filters it; of no effect where there is none.
+vec4 shown_texel(WantedTexel wanted, vec4 texel) {
+#if PLANE == PLANE_BASE
+    return vec4(wanted.texture_id < 0 ? wanted.factor : wanted.factor * texel.rgb, wanted.covered);
+#else
+    vec4 neutral = PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(1.0);
+    bvec4 read = notEqual(ivec4(wanted.components) & ivec4(1, 2, 4, 8), ivec4(0));
+    return mix(neutral, texel, read);
+#endif
+}
+
+// A decoded texel in linear light.
+vec4 linear_texel(int texture_id, vec4 decoded) {
+#if PLANE == PLANE_BASE
+    vec3 rgb = textures[texture_id].channels < 3 ? decoded.rrr : decoded.rgb;
+    return vec4(textures[texture_id].srgb != 0 ? srgb_to_linear(rgb) : rgb, 1.0);
+#elif PLANE == PLANE_EMISSION
+    return vec4(srgb_to_linear(decoded.rgb), decoded.a);
+#else
+    return decoded;
+#endif
+}
+
+// What the plane's target holds where `decoded` was decoded.
+vec4 shown_plane(WantedTexel wanted, vec4 decoded) {
+    return shown_texel(wanted, linear_texel(max(wanted.texture_id, 0), decoded));
+}
+
+vec4 decoded_plane(Surface surface, ivec2 pixel) {
+    WantedTexel wanted = wanted_texel(surface);
+    vec4 decoded = vec4(0.0);
+    if (wanted.texture_id >= 0) {
+        TextureRecord record = textures[wanted.texture_id];
+        Lookup lookup = lookup_of(record, wanted.uv, wanted.lod, wanted.wrap, pixel);
+        decoded = decode_at(record, lookup.at, lookup.lod, wanted.wrap, true);
+    }
+    return shown_plane(wanted, decoded);
+}
