@@ -38,6 +38,11 @@ def blocks_cache() -> Path:
     return _cache_folder("blocks")
 
 
+def environments_cache() -> Path:
+    """Where prefiltered environments are cached, likewise."""
+    return _cache_folder("environments")
+
+
 def _installed_folder(name: str) -> Path:
     # A checkout has it at its top level, an installed wheel inside the package.
     package = Path(__file__).resolve().parent

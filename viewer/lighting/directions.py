@@ -1,0 +1,80 @@
+"""Directions in world space (Y up; north is -Z, east is +X), and the two pictures of all of them: equirectangular and octahedral.
+
+An equirectangular panorama has north in its middle column, east right of it, and up in its top row. The octahedral map (Engelhardt and
+Dachsbacher 2008) lays the upper half of the sphere into a diamond and folds the lower one into the corners.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def direction_towards(azimuth: float, elevation: float) -> tuple[float, float, float]:
+    """Unit vector towards a place in the sky: degrees from north towards east, and above the horizon."""
+    turn, height = math.radians(azimuth), math.radians(elevation)
+    flat = math.cos(height)
+    return flat * math.sin(turn), math.sin(height), -flat * math.cos(turn)
+
+
+def turned(directions: Array, degrees: float) -> Array:
+    """Directions [..., 3] turned about the vertical axis from north towards east."""
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1)
+
+
+def panorama_directions(height: int) -> Array:
+    """[height, 2 * height, 3] unit vectors through the centres of the texels of an equirectangular panorama, row 0 on top."""
+    elevation = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
+    azimuth = ((np.arange(2 * height) + 0.5) / height - 1.0) * np.pi
+    flat = np.cos(elevation)[:, None]
+    up = np.broadcast_to(np.sin(elevation)[:, None], (height, 2 * height))
+    return np.stack([flat * np.sin(azimuth), up, -flat * np.cos(azimuth)], axis=-1)
+
+
+def panorama_solid_angles(height: int) -> Array:
+    """[height] solid angle in steradian of one texel of each row of a panorama [height, 2 * height]."""
+    edges = np.cos(np.arange(height + 1) / height * np.pi)
+    solid: Array = (edges[:-1] - edges[1:]) * np.pi / height
+    return solid
+
+
+def panorama_coordinates(directions: Array) -> Array:
+    """[..., 2] (u, v) in [0, 1] where `directions` [..., 3] meet a panorama; v is 0 on top."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    u = np.arctan2(x, -z) / (2.0 * np.pi) + 0.5
+    v = np.arccos(np.clip(y / np.maximum(np.linalg.norm(directions, axis=-1), 1e-30), -1.0, 1.0)) / np.pi
+    return np.stack([u, v], axis=-1)
+
+
+def _fold(planar: Array) -> Array:
+    """Points [..., 2] of the octahedral map in [-1, 1] with inner and outer triangles exchanged."""
+    signs = np.where(planar >= 0.0, 1.0, -1.0)
+    folded: Array = (1.0 - np.abs(planar[..., ::-1])) * signs
+    return folded
+
+
+def octahedral_coordinates(directions: Array) -> Array:
+    """[..., 2] in [0, 1] where `directions` [..., 3], not zero, lie in the octahedral map."""
+    scaled = directions / np.sum(np.abs(directions), axis=-1, keepdims=True)
+    planar = scaled[..., [0, 2]]
+    return np.where(scaled[..., 1:2] >= 0.0, planar, _fold(planar)) * 0.5 + 0.5
+
+
+def octahedral_directions(coordinates: Array) -> Array:
+    """[..., 3] unit vectors of places [..., 2] in the octahedral map, [0, 1] and up to half a map beyond.
+
+    Beyond its edges the map goes on as the sphere does: there lies what is mirrored at the middle of the edge.
+    """
+    planar = coordinates * 2.0 - 1.0
+    outside = np.abs(planar) > 1.0
+    mirrored = np.where(outside, np.sign(planar) * 2.0 - planar, planar)
+    planar = np.where(outside[..., ::-1], -mirrored, mirrored)
+    y = 1.0 - np.abs(planar[..., 0]) - np.abs(planar[..., 1])
+    flat = np.where(y[..., None] >= 0.0, planar, _fold(planar))
+    unnormalized = np.stack([flat[..., 0], y, flat[..., 1]], axis=-1)
+    directions: Array = unnormalized / np.linalg.norm(unnormalized, axis=-1, keepdims=True)
+    return directions

@@ -1,0 +1,127 @@
+"""A clear sky and its sun, after Preetham, Shirley and Smits 1999, "A Practical Analytic Model for Daylight".
+
+Radiance is relative: 1 is what a white surface sends back at about noon, UNIT_LUMINANCE in the model's units.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.lighting.directions import (
+    Array,
+    direction_towards,
+    panorama_directions,
+    panorama_solid_angles,
+)
+
+UNIT_LUMINANCE: Final = 25.0
+"""kcd/m2 of radiance 1."""
+TURBIDITY: Final = 3.0
+"""Haze of the atmosphere: 2 is very clear, 6 is hazy."""
+SUN_RADIUS: Final = math.radians(0.2666)
+"""Half the angle that the sun's disk is seen under."""
+SUN_ILLUMINANCE: Final = 128.0
+"""klx above the atmosphere."""
+GROUND: Final = (0.20, 0.18, 0.155)
+"""Linear albedo of the ground below the horizon."""
+HORIZON_BLEND: Final = 0.02
+"""Sine of the elevations between which ground and sky are blended."""
+TWILIGHT_DEGREES: Final = 1.0
+"""Below the horizon the sky halves with each of these."""
+
+_LUMINANCE = ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703))
+_CHROMA_X = ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452))
+_CHROMA_Y = ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529))
+# Rows: factors of turbidity squared, turbidity, 1; columns: of the sun's zenith angle to the powers 3 to 0.
+_ZENITH_X = (
+    (0.00166, -0.00375, 0.00209, 0.0),
+    (-0.02903, 0.06377, -0.03202, 0.00394),
+    (0.11693, -0.21196, 0.06052, 0.25886),
+)
+_ZENITH_Y = (
+    (0.00275, -0.00610, 0.00317, 0.0),
+    (-0.04214, 0.08970, -0.04153, 0.00516),
+    (0.15346, -0.26756, 0.06670, 0.26688),
+)
+_XYZ_TO_SRGB = np.array(
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]],
+)
+_WAVELENGTHS = np.array([0.615, 0.545, 0.465])
+"""Micrometres that stand for linear sRGB's primaries in the sun's light."""
+
+
+def _perez(coefficients: tuple[tuple[float, float], ...], cosine: Array, gamma: Array) -> Array:
+    a, b, c, d, e = (slope * TURBIDITY + offset for slope, offset in coefficients)
+    result: Array = (1.0 + a * np.exp(b / cosine)) * (1.0 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2)
+    return result
+
+
+def _zenith_chroma(table: tuple[tuple[float, ...], ...], angle: float) -> float:
+    powers = np.array([angle**3, angle**2, angle, 1.0])
+    return float(np.array([TURBIDITY**2, TURBIDITY, 1.0]) @ np.array(table) @ powers)
+
+
+def twilight(elevation: float) -> float:
+    """What is left of the sky's light when the sun stands `elevation` degrees above the horizon: 1 by day."""
+    return float(max(2.0 ** (min(elevation, 0.0) / TWILIGHT_DEGREES), 1e-4))
+
+
+def _upper_half(directions: Array, elevation: float) -> Array:
+    """Radiance [..., 3] of the sky in `directions` [..., 3], what is below the horizon like the horizon; sun in the north."""
+    angle = math.radians(90.0 - max(elevation, 0.0))
+    sun = np.array(direction_towards(0.0, max(elevation, 0.0)))
+    # The model has a pole at the horizon.
+    cosine = np.maximum(directions[..., 1], 0.01)
+    gamma = np.arccos(np.clip(directions @ sun, -1.0, 1.0))
+    chi = (4.0 / 9.0 - TURBIDITY / 120.0) * (np.pi - 2.0 * angle)
+    zenith = (
+        (4.0453 * TURBIDITY - 4.9710) * math.tan(chi) - 0.2155 * TURBIDITY + 2.4192,
+        _zenith_chroma(_ZENITH_X, angle),
+        _zenith_chroma(_ZENITH_Y, angle),
+    )
+    luminance, x, y = (
+        value * _perez(coefficients, cosine, gamma) / _perez(coefficients, np.array(1.0), np.array(angle))
+        for value, coefficients in zip(zenith, (_LUMINANCE, _CHROMA_X, _CHROMA_Y), strict=True)
+    )
+    xyz = np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y], axis=-1) * luminance[..., None]
+    radiance: Array = np.maximum(xyz @ _XYZ_TO_SRGB.T, 0.0) * (twilight(elevation) / UNIT_LUMINANCE)
+    return radiance
+
+
+def sun_irradiance(elevation: float) -> tuple[float, float, float]:
+    """Linear RGB irradiance of a surface that faces the sun, whose centre stands `elevation` degrees above the horizon.
+
+    Rayleigh scattering and aerosols take their part (Preetham et al., appendix A.1); what is below the horizon gives nothing.
+    """
+    radius = math.degrees(SUN_RADIUS)
+    visible = min(max((elevation + radius) / (2.0 * radius), 0.0), 1.0)
+    if visible == 0.0:
+        return 0.0, 0.0, 0.0
+    above = max(elevation, 0.0)
+    air_mass = 1.0 / (math.sin(math.radians(above)) + 0.15 * (above + 3.885) ** -1.253)
+    rayleigh = 0.008735 * _WAVELENGTHS**-4.08
+    aerosols = (0.04608 * TURBIDITY - 0.04586) * _WAVELENGTHS**-1.3
+    light = visible * SUN_ILLUMINANCE / UNIT_LUMINANCE * np.exp(-(rayleigh + aerosols) * air_mass)
+    red, green, blue = light.tolist()
+    return red, green, blue
+
+
+def sky_radiance(elevation: float, height: int = 128, azimuth: float = 0.0) -> NDArray[np.float32]:
+    """[height, 2 * height, 3] float32 linear RGB radiance of sky and ground, without the sun's disk: an equirectangular panorama.
+
+    `elevation`, `azimuth`: where the sun stands, in degrees; azimuth 0 is north, the middle column.
+    """
+    directions = panorama_directions(height)
+    if azimuth:
+        # A sky is the same for every azimuth, turned.
+        directions = np.roll(directions, round(azimuth / 180.0 * height), axis=1)
+    sky = _upper_half(directions, elevation)
+    up = directions[..., 1]
+    weights = panorama_solid_angles(height)[:, None] * np.maximum(up, 0.0)
+    irradiance = np.einsum("ij,ijk->k", weights, sky)
+    irradiance += np.array(sun_irradiance(elevation)) * max(math.sin(math.radians(elevation)), 0.0)
+    ground = np.array(GROUND) / np.pi * irradiance
+    share = np.clip(up / HORIZON_BLEND * 0.5 + 0.5, 0.0, 1.0)[..., None]
+    return np.ascontiguousarray(ground + (sky - ground) * share, np.float32)
