@@ -93,6 +93,10 @@ def _random_block_decoder(config: BlockCodecConfig, random: np.random.Generator)
     spread = falling * random.lognormal(0.0, 0.5, (config.modes, config.coefficients))
     shape = (config.coefficients, config.block_texels, config.output_channels)
     basis = random.integers(-127, 128, shape).astype(np.int8)
+    if config.has_sets:
+        # Each row is of one channel.
+        own = np.arange(len(basis))[:, None] % config.output_channels == np.arange(config.output_channels)
+        basis *= own[:, None]
     scale = np.full(config.coefficients, 1.0 / (73.0 * np.sqrt(config.block_values)), np.float32)
     return BlockDecoder(basis, scale, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
 

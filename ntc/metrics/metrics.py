@@ -138,7 +138,8 @@ def _adapter_bytes(adapter: Adapter) -> int:
 
 def _decoder_bytes(pack: Pack) -> int:
     if isinstance(pack.config, BlockCodecConfig):
-        return sum(decoder.stored_bits for decoder in pack.block_decoders[: pack.grouping.stored_decoders]) // 8
+        stored = pack.block_decoders[: pack.grouping.stored_decoders]
+        return sum(decoder.stored_bits(pack.config) for decoder in stored) // 8
     numbers = sum(array.size for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases))
     return numbers * pack.config.weight_bits // 8
 

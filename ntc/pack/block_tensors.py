@@ -1,6 +1,7 @@
 """The tensors of packs of codec `block` (docs/pack-format.md)."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -34,7 +35,11 @@ def expected_block_tensors(textures: int, decoders: int, config: BlockCodecConfi
         expected[f"latents.{index}.mean"] = ("F32", (channels,))
         expected[f"latents.{index}.axes"] = ("F32", axes_shape(config))
     for index in range(decoders):
-        expected[f"decoder.{index}.basis"] = ("I8", (config.coefficients, config.block_texels, channels))
+        rows: TensorShape = ("I8", (config.coefficients, config.block_texels, channels))
+        if config.has_sets:
+            rows = ("I8", (config.coefficients, config.block_texels))
+            expected[f"decoder.{index}.channels"] = ("U8", (config.coefficients,))
+        expected[f"decoder.{index}.basis"] = rows
         expected[f"decoder.{index}.basis_scale"] = ("F32", (config.coefficients,))
         expected[f"decoder.{index}.scales"] = ("U8", (config.modes, config.coefficients))
     return expected
@@ -73,6 +78,9 @@ def block_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
     for index, decoder in enumerate(pack.block_decoders[: pack.grouping.stored_decoders]):
         for part in ("basis", "basis_scale", "scales"):
             tensors[f"decoder.{index}.{part}"] = getattr(decoder, part)
+        if config.has_sets:
+            tensors[f"decoder.{index}.channels"] = decoder.row_channels
+            tensors[f"decoder.{index}.basis"] = decoder.basis[np.arange(len(decoder.basis)), :, decoder.row_channels]
     return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
 
 
@@ -99,9 +107,24 @@ def read_block_parts(
     for index in range(stored_decoders(metadata)):
         parts = ("basis", "basis_scale", "scales")
         decoder = BlockDecoder(*(tensor(f"decoder.{index}.{part}") for part in parts))
+        if config.has_sets:
+            name = f"decoder.{index}.channels"
+            decoder = replace(decoder, basis=_spread_rows(name, decoder.basis, tensor(name), config))
         _named(f"decoder.{index}", check_block_decoder, decoder, config)
         decoders.append(decoder)
     return tuple(textures), tuple(decoders)
+
+
+def _spread_rows(
+    name: str, rows: NDArray[np.int8], channels: NDArray[np.uint8], config: BlockCodecConfig
+) -> NDArray[np.int8]:
+    """[coefficients, texels, channels] int8: `rows` [coefficients, texels], each in the one of `channels` [coefficients] that it is
+    of. Raises ValueError, naming the tensor `name`, for a channel that the codec lacks."""
+    if int(channels.max(initial=0)) >= config.output_channels:
+        raise ValueError(f"{name}: a row of the basis is of channel {channels.max()}")
+    basis = np.zeros((*rows.shape, config.output_channels), np.int8)
+    basis[np.arange(len(rows)), :, channels] = rows
+    return basis
 
 
 def _named(name: str, check: Callable[[Any, BlockCodecConfig], None], part: Any, config: BlockCodecConfig) -> None:

@@ -105,6 +105,8 @@ def check_block_texture(texture: EncodedTexture, config: BlockCodecConfig) -> No
 def check_block_decoder(decoder: BlockDecoder, config: BlockCodecConfig) -> None:
     """Raises ValueError for tables of other shapes than the codec's, or numbers that no encoder writes."""
     _check(decoder.basis, (config.coefficients, config.block_texels, config.output_channels), np.int8, "basis")
+    if config.has_sets and bool((decoder.basis.any(axis=1).sum(axis=1) > 1).any()):
+        raise ValueError("basis: a row is of several channels, which those of material sets never are")
     _check_block_numbers(decoder.basis_scale, (config.coefficients,), "basis_scale")
     _check(decoder.scales, (config.modes, config.coefficients), np.uint8, "scales")
 

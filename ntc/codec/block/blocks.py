@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.maps import channel_places, plane_channels
+from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 
@@ -42,13 +42,13 @@ def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDA
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """A texture's mean and principal axes, plane by plane."""
+    """A texture's mean and principal axes, map by map."""
 
     mean: Array
     """[channels]."""
     axes: Array
-    """[channels, channels], 0 where channels are of different planes: for each plane orthogonal columns of the length `contrast`,
-    divided by the square roots of the channels' weights."""
+    """[channels, channels], 0 where channels are of different maps: orthogonal columns of the length `contrast`, divided by the
+    square roots of the channels' weights."""
     inverse: Array
     """[channels, channels]: value - mean, times this, is in units of the axes."""
     contrast: float
@@ -64,6 +64,15 @@ class PreparedTexture:
     """[blocks of all levels, texels x channels]: (value - mean) in units of the axes."""
 
 
+def _turned_channels(config: BlockCodecConfig) -> list[list[int]]:
+    """Channels that share axes: those of a colour. All others are less alike from texture to texture than one basis needs."""
+    found = []
+    for name, place in map_slices(config.maps, config.output_channels).items():
+        channels = list(range(place.start, place.stop))
+        found.extend([channels] if name in SRGB_MAPS else [[channel] for channel in channels])
+    return found
+
+
 def _principal_axes(pixels: Array, weights: NDArray[np.float64], config: BlockCodecConfig) -> Axes:
     """Axes of `pixels` [N, C] whose squared errors are worth `weights` [C].
 
@@ -74,8 +83,8 @@ def _principal_axes(pixels: Array, weights: NDArray[np.float64], config: BlockCo
     centred = (pixels - mean) * roots
     covariance = centred.T @ centred / len(pixels)
     vectors, total = np.zeros_like(covariance), 0.0
-    for channels in plane_channels(config.maps, config.output_channels).values():
-        own = np.ix_(list(channels.values()), list(channels.values()))
+    for channels in _turned_channels(config):
+        own = np.ix_(channels, channels)
         variances, found = np.linalg.eigh(covariance[own])
         vectors[own] = found[:, ::-1] * np.where(found[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
         total += variances.sum()

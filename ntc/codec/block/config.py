@@ -101,8 +101,18 @@ class BlockCodecConfig:
 
     @property
     def multiply_adds(self) -> int:
-        """Multiply-adds of one texel's value at most: each coefficient's basis row, then the texture's axes."""
-        return self.coefficients * self.output_channels + self.axis_numbers
+        """Multiply-adds of one texel's values at most: each coefficient's basis row, then the texture's axes."""
+        return self.coefficients * (1 if self.has_sets else self.output_channels) + self.axis_numbers
+
+    @property
+    def has_sets(self) -> bool:
+        """Whether textures may be material sets: each row of the basis is then of one channel."""
+        return self.maps != BASE_ALONE
+
+    @property
+    def row_bytes(self) -> int:
+        """Stored bytes of a row of the basis; of one channel, the number of that."""
+        return self.block_texels + 1 if self.has_sets else self.block_values
 
     @property
     def axis_numbers(self) -> int:

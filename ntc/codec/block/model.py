@@ -14,7 +14,8 @@ class BlockDecoder:
     """What the textures of a group share."""
 
     basis: NDArray[np.int8]
-    """[coefficients, texels of a block, channels] int8: rows of the transform, -127 to 127."""
+    """[coefficients, texels of a block, channels] int8: rows of the transform, -127 to 127. Of codecs for material sets each row is
+    0 in all channels but one (`row_channels`)."""
     basis_scale: NDArray[np.float32]
     """[coefficients] float32: what a row's integers are multiplied by."""
     scales: NDArray[np.uint8]
@@ -26,9 +27,13 @@ class BlockDecoder:
         return np.array(allocations, np.uint8)
 
     @property
-    def stored_bits(self) -> int:
+    def row_channels(self) -> NDArray[np.uint8]:
+        """[coefficients] uint8: the first channel that each row is not 0 in; 0 for a row of zeros."""
+        return np.asarray(self.basis.any(axis=1).argmax(axis=1), np.uint8)
+
+    def stored_bits(self, config: BlockCodecConfig) -> int:
         """Bits of the tables in a pack."""
-        return 8 * self.basis.size + 32 * self.basis_scale.size + 8 * self.scales.size
+        return 8 * len(self.basis) * config.row_bytes + 32 * self.basis_scale.size + 8 * self.scales.size
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,8 @@ texel there."""
 COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
 """Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
 MODES = 32
+SET_COEFFICIENTS_PER_WORD, SET_MODES = 36, 64
+"""Of material sets, whose rows of the basis are of one channel and take less room, and whose maps each want other bits."""
 TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
@@ -52,7 +54,7 @@ def texture_set(textures: Sequence[SourceTexture], groups: int, levels: int | No
 
 def side_bits(textures: TextureSet, config: BlockCodecConfig) -> int:
     """Stored bits besides codes: means, axes, directories and tables."""
-    decoder = config.coefficients * (8 * config.block_values + 32)
+    decoder = config.coefficients * (8 * config.row_bytes + 32)
     bits = textures.groups * (decoder + 8 * config.modes * config.coefficients)
     for size in textures.sizes:
         bits += 32 * (config.output_channels + config.axis_numbers)
@@ -81,7 +83,7 @@ def _code_sizes(words: float, side: int) -> tuple[int, ...]:
     sizes: list[int] = []
     for ratio in SIZE_RATIOS:
         sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
-    return tuple(size for size in sizes if size < LARGEST_WORDS) or (LARGEST_WORDS,)
+    return tuple(sorted({min(size, LARGEST_WORDS) for size in sizes}))
 
 
 def config_for_words(
@@ -89,8 +91,6 @@ def config_for_words(
 ) -> BlockCodecConfig:
     """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
     block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side)
-    if block_words[-1] < LARGEST_WORDS and words > 0.5 * LARGEST_WORDS:
-        block_words = (*block_words[:3], LARGEST_WORDS)
     if not textures.groups:
         if textures.maps != BASE_ALONE:
             raise InputError(
@@ -109,14 +109,16 @@ def config_for_words(
         block_side=side,
         block_words=block_words,
         coefficients=1,
-        modes=MODES,
+        modes=SET_MODES if textures.maps != BASE_ALONE else MODES,
         output_channels=textures.channels,
         maps=textures.maps,
         levels=textures.levels,
     )
-    most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))
+    per_word = SET_COEFFICIENTS_PER_WORD if plain.has_sets else COEFFICIENTS_PER_WORD
+    most = min(plain.block_values, COEFFICIENTS + round(per_word * words))
     if multiply_adds is not None:
-        most = max(1, min(most, multiply_adds // textures.channels - textures.channels))
+        by_row = 1 if plain.has_sets else textures.channels
+        most = max(1, min(most, (multiply_adds - plain.axis_numbers) // by_row))
     found = replace(plain, coefficients=most)
     codes = 32.0 * words * block_count(textures.sizes, found)
     # With fewer ones a code's bits find no coefficient that takes them.

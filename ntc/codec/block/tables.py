@@ -20,6 +20,8 @@ CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 24
 """Leading coefficients whose energies the first modes are clustered by."""
+MODE_FEATURES_OF_SETS = 64
+"""Of material sets: those of all maps."""
 FEWEST_BLOCKS = 16
 """A mode that fewer blocks chose is fitted to all."""
 
@@ -45,12 +47,33 @@ class Tables:
 
 def _basis(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
     """(basis, basis_scale) of BlockDecoder: leading principal directions of `blocks` about 0, rounded to 8 bits."""
+    if config.has_sets:
+        return _basis_by_channel(blocks, config)
     values = torch.from_numpy(blocks).double()
     vectors = torch.linalg.eigh(values.T @ values / len(blocks))[1].numpy()[:, ::-1].T[: config.coefficients]
     vectors = vectors * np.where(vectors.sum(1, keepdims=True) < 0.0, -1.0, 1.0)
     scale = np.abs(vectors).max(1) / 127.0
     rounded = np.rint(vectors / scale[:, None]).astype(np.int8)
     return rounded.reshape(len(vectors), config.block_texels, config.output_channels), scale.astype(np.float32)
+
+
+def _basis_by_channel(blocks: Array, config: BlockCodecConfig) -> tuple[NDArray[np.int8], Array]:
+    """As `_basis`, with each row of one channel: maps of different materials are alike in no common way, and common directions of all
+    of them fit none."""
+    images = torch.from_numpy(blocks).view(-1, config.block_texels, config.output_channels)
+    variances, vectors = [], []
+    for channel in range(config.output_channels):
+        values = images[..., channel].double()
+        found, directions = torch.linalg.eigh(values.T @ values / len(values))
+        variances.append(found.numpy())
+        vectors.append(directions.numpy().T)
+    rows = np.concatenate(vectors)
+    order = np.argsort(-np.concatenate(variances), kind="stable")[: config.coefficients]
+    chosen = rows[order] * np.where(rows[order].sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+    scale = np.abs(chosen).max(1) / 127.0
+    basis = np.zeros((len(order), config.block_texels, config.output_channels), np.int8)
+    basis[np.arange(len(order)), :, order // config.block_texels] = np.rint(chosen / scale[:, None])
+    return basis, scale.astype(np.float32)
 
 
 def _projection(basis: NDArray[np.int8], basis_scale: Array) -> torch.Tensor:
@@ -91,7 +114,8 @@ def _modes(
 ) -> NDArray[np.uint8]:
     """[modes, coefficients] stored scales."""
     squares = coefficients.square()
-    energies = torch.log(squares[:, :MODE_FEATURES] + 1e-4).numpy()
+    features = MODE_FEATURES_OF_SETS if config.has_sets else MODE_FEATURES
+    energies = torch.log(squares[:, :features] + 1e-4).numpy()
     scales = _fitted_scales(squares, _first_classes(energies, config.modes, random), config.modes)
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):

@@ -138,7 +138,7 @@ def test_what_is_worth_more_comes_nearer() -> None:
 def mixed_pack(side: int = 8) -> tuple[list[SourceTexture], Pack]:
     """Textures of every kind in one group."""
     sources = [material(kind, (40, 24), seed=seed) for seed, kind in enumerate(KINDS)]
-    config = replace(SETS, block_side=side, coefficients=48)  # type: ignore[arg-type]
+    config = replace(SETS, block_side=side, coefficients=120, block_words=(4, 8, 14), mean_words=8.0)  # type: ignore[arg-type]
     return sources, encode_blocks(sources, Grouping("single", (0,) * len(sources)), config)
 
 
@@ -191,6 +191,17 @@ def test_bits_count_everything_that_sets_store() -> None:
         assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
     plain = texture_set([material(BASE_ALONE)], 1)
     assert side_bits(replace(plain, groups=0), BlockCodecConfig(block_words=(4,))) == 32 * (3 + 9)
+
+
+def test_rows_of_the_basis_are_of_one_channel_and_stored_as_such() -> None:
+    _, pack = mixed_pack()
+    decoder = pack.block_decoders[0]
+    assert (decoder.basis.any(axis=1).sum(axis=1) <= 1).all()
+    rows = decoder.basis[np.arange(len(decoder.basis)), :, decoder.row_channels]
+    assert rows.any(axis=1).all()
+    config = pack.block_config
+    assert decoder.stored_bits(config) == config.coefficients * (8 * (64 + 1) + 32 + 8 * config.modes)
+    assert config.multiply_adds == config.coefficients + config.axis_numbers
 
 
 def test_the_decoder_that_ships_serves_base_colours_alone() -> None:

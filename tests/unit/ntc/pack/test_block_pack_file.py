@@ -164,6 +164,13 @@ def test_files_name_maps_only_where_there_are_sets(tmp_path: Path, pieces: PackB
     assert [texture.maps for texture in read_pack(path).textures] == KINDS
 
 
+def test_a_row_of_several_channels_is_none_of_sets() -> None:
+    pack = random_block_pack(config=SETS)
+    decoder = replace(pack.block_decoders[0], basis=np.ones_like(pack.block_decoders[0].basis))
+    with pytest.raises(ValueError, match="several channels"):
+        check_pack(replace(pack, decoders=(decoder, *pack.decoders[1:])))
+
+
 def maps_of_texture(index: int, maps: Any) -> Change:
     """Set the maps of a texture."""
     return lambda p: p.metadata["textures"][index].__setitem__("maps", maps)
@@ -189,6 +196,8 @@ def maps_of_texture(index: int, maps: Any) -> Change:
         (maps_of_texture(2, ["wood"]), ("metadata.textures[2].maps",)),
         (lambda p: p.metadata["textures"][0].update(channels=13), ("textures[0].channels",)),
         (lambda p: p.metadata["grouping"].update(name="universal"), ("does not belong there",)),
+        (put("decoder.1.channels", 3, b"\x08"), ("decoder.1.channels", "of channel 8")),
+        (lambda p: p.tensors["decoder.0.basis"].update(shape=[16, 10]), ("decoder.0.basis",)),
         (put("latents.1.axes", 64, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
     ],
 )
