@@ -21,6 +21,9 @@ from viewer.lighting.directions import (
 )
 from viewer.lighting.panorama import reduced
 
+ENVIRONMENT_LEVELS: Final = 7
+"""Roughnesses from 0 to 1 that an environment is prefiltered for."""
+MOST_SAMPLES: Final = 256
 IRRADIANCE_WIDTH: Final = 256
 """Texels across of the panorama that irradiance is integrated over."""
 
@@ -149,25 +152,32 @@ def _sample_chain(chain: list[Array], directions: Array, lod: Array) -> Array:
     return result
 
 
-def prefiltered(chain: list[Array], directions: Array, roughness: float, samples: int) -> Array:
-    """[N, 3] means of radiance around `directions` [N, 3] under GGX: filtered importance sampling (Krivanek and Colbert 2008), for a
-    surface seen along its normal."""
+def lobe_samples(roughness: float, samples: int, source_side: int) -> Array:
+    """[n, 4]: directions around (0, 0, 1), whose z are their weights, and the level of the octahedral source that each reads.
+
+    Drawn from GGX for a surface seen along its normal; those below it are left out. Each reads about the solid angle that it stands
+    for. Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling".
+    """
     if roughness == 0.0:
-        return _sample_chain(chain, directions, np.zeros(directions.shape[:-1]))
+        return np.array([[0.0, 0.0, 1.0, 0.0]])
     alpha = np.array(roughness**2)
     halves = half_vectors(hammersley(samples), alpha)
     cosine = halves[:, 2]
     lights = 2.0 * cosine[:, None] * halves - [0.0, 0.0, 1.0]
     density = alpha**2 / (4.0 * np.pi * (cosine**2 * (alpha**2 - 1.0) + 1.0) ** 2)
-    texel = 4.0 * np.pi / chain[0].shape[0] ** 2
-    lods = 0.5 * np.log2(1.0 / (samples * density * texel)) + 1.0
-    total, weights = np.zeros(directions.shape), 0.0
-    for light, lod in zip(lights, lods, strict=True):
-        if light[2] <= 0.0:
-            continue
-        total += light[2] * _sample_chain(chain, around(directions, light), np.full(directions.shape[:-1], lod))
-        weights += light[2]
-    return np.asarray(total / weights)
+    texel = 4.0 * np.pi / source_side**2
+    lods = np.maximum(0.5 * np.log2(1.0 / (samples * density * texel)) + 1.0, 0.0)
+    return np.asarray(np.concatenate([lights, lods[:, None]], axis=1)[lights[:, 2] > 0.0])
+
+
+def prefiltered(chain: list[Array], directions: Array, roughness: float, samples: int) -> Array:
+    """[N, 3] means of radiance around `directions` [N, 3] under GGX, by `lobe_samples`."""
+    lobe = lobe_samples(roughness, samples, chain[0].shape[0])
+    total = np.zeros(directions.shape)
+    for x, y, z, lod in lobe:
+        light = around(directions, np.array([x, y, z]))
+        total += z * _sample_chain(chain, light, np.full(directions.shape[:-1], lod))
+    return np.asarray(total / lobe[:, 2].sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,11 @@ class SceneDrawer:
         self._drawn: VisibilityInputs | None = None
 
     @property
+    def culling(self) -> Culling:
+        """Bounds of the scene's parts, for other views of it."""
+        return self._culling
+
+    @property
     def draw_list(self) -> DrawList:
         """What the last visibility buffer was drawn from. Raises RuntimeError before the first."""
         return self._last.draw_list

@@ -56,6 +56,28 @@ FULL_SCREEN = [
         for first, sorts in ((1, 0), (1, 1), (0, 0))
     ),
 ]
+PLANES_READ = [
+    {
+        "MIXED": mixed,
+        "SURFACE_PLANE": 1,
+        "EMISSION_PLANE": 1,
+        "OTHER_SURFACE_PLANE": mixed,
+        "OTHER_EMISSION_PLANE": mixed,
+    }
+    for mixed in (0, 1)
+] + [{"MIXED": 0, "SURFACE_PLANE": 0, "EMISSION_PLANE": 0}]
+LIT = ("TONE_MAP", "SUN", "SUN_DISK", "SHADOWS", "LIGHTS", "CLEARCOAT")
+FULL_SCREEN += [
+    ("common/fullscreen.vert", "passes/shade/shade.frag", {**planes, **dict(zip(LIT, values, strict=True))})
+    for planes in PLANES_READ
+    for values in ((0, 0, 0, 0, 0, 0), (1, 1, 1, 1, 0, 0), (2, 1, 0, 0, 1, 1))
+]
+FULL_SCREEN += [
+    ("common/fullscreen.vert", "passes/shade/show_map.frag", {**planes, "VIEW": view})
+    for planes in PLANES_READ
+    for view in range(3)
+]
+DRAWN += [("common/scene.vert", "passes/shadow/shadow.frag", {"ALPHA_TEST": alpha}) for alpha in (0, 1)]
 COMPUTED = [
     (name, precision)
     for name in ("passes/decode_deferred/decode.comp", "passes/decode_texels/decode.comp")
@@ -81,6 +103,8 @@ COMPUTED += [
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
     ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),
     ("passes/accumulate/accumulate.comp", {}),
+    ("passes/prefilter/source.comp", {}),
+    ("passes/prefilter/convolve.comp", {}),
 ]
 COMPUTED += [
     (f"passes/decode_{name}.comp", {"PRECISION_FP16": 0, "FILTER_STOCHASTIC": 1})

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
-from ntc.codec.maps import PLANES, plane_channels
+from ntc.codec.maps import MAPS, PLANES, MapName, plane_channels
 from ntc.codec.model import AnyCodec
+from viewer.lighting.brdf import SMALLEST_COSINE, SMALLEST_ROUGHNESS
+from viewer.lighting.prefilter import ENVIRONMENT_LEVELS, MOST_SAMPLES
 from viewer.scene.model import AlphaMode, Sampler
 
 
@@ -38,6 +40,8 @@ class UniformBinding(IntEnum):
     """Binding points of uniform buffers."""
 
     DECODER = 0
+    LIGHTS = 1
+    SAMPLES = 2
 
 
 class TextureUnit(IntEnum):
@@ -55,6 +59,17 @@ class TextureUnit(IntEnum):
     FLIP = 9
     SURFACE_FRAME = 10
     SURFACE_SECOND_UVS = 11
+    PLANE_BASE = 12
+    PLANE_SURFACE = 13
+    PLANE_EMISSION = 14
+    OTHER_BASE = 15
+    OTHER_SURFACE = 16
+    OTHER_EMISSION = 17
+    SURFACE_DEPTH = 18
+    ENVIRONMENT = 19
+    PANORAMA = 20
+    BRDF_TABLE = 21
+    SHADOW = 22
 
 
 class ImageUnit(IntEnum):
@@ -65,6 +80,7 @@ class ImageUnit(IntEnum):
     WEIGHTS = 2
     ATLAS = 3
     SAMPLE = 4
+    ENVIRONMENT = 5
 
 
 class WrapCode(IntEnum):
@@ -127,6 +143,10 @@ MATERIAL_SHIFT = 16
 """The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
 LARGEST_ID = 65534
 """Most textures, and most materials, that the visibility buffer can name."""
+MOST_LIGHTS = 64
+"""Lights of a scene that light it, besides the sun."""
+MAP_BITS: dict[MapName, int] = {name: 1 << number for number, name in enumerate(MAPS)}
+"""A bit for each map, for choosing among them."""
 BUCKET_DEPTHS = 4096
 """Texture arrays of the reference pass are distinguished by depth, in steps of 1 / BUCKET_DEPTHS."""
 
@@ -299,9 +319,15 @@ def scene_layout_glsl() -> str:
     ):
         lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
     lines += [f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(PLANES)]
+    lines += [f"#define MAP_{name.upper()} {bit}" for name, bit in MAP_BITS.items()]
     lines += [
         f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
         f"#define GROUP_SIDE {GROUP_SIDE}",
+        f"#define ENVIRONMENT_LEVELS {ENVIRONMENT_LEVELS}",
+        f"#define MOST_SAMPLES {MOST_SAMPLES}",
+        f"#define MOST_LIGHTS {MOST_LIGHTS}",
+        f"#define SMALLEST_ROUGHNESS {SMALLEST_ROUGHNESS}",
+        f"#define SMALLEST_COSINE {SMALLEST_COSINE}",
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
         f"#define BIN_GROUP {BIN_GROUP}",
         f"#define SCAN_GROUP {SCAN_GROUP}",

@@ -1,5 +1,7 @@
 """A scene's geometry, instances and materials on the GPU."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 import moderngl
@@ -49,6 +51,7 @@ class SceneBuffers:
         self._alpha: dict[int, moderngl.Texture] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
+        self._draw_list: DrawList | None = None
         self._ranges: tuple[tuple[Bucket, int, int], ...] = ()
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
@@ -116,8 +119,20 @@ class SceneBuffers:
             self._alpha[texture_id] = texture
         return self._alpha[texture_id]
 
+    @contextmanager
+    def drawing(self, draw_list: DrawList) -> Iterator[None]:
+        """Draw another list within the block; the list before is back after it."""
+        before = self._draw_list
+        self.upload(draw_list)
+        try:
+            yield
+        finally:
+            if before is not None:
+                self.upload(before)
+
     def upload(self, draw_list: DrawList) -> None:
         """Take over the commands of a draw list."""
+        self._draw_list = draw_list
         data = draw_list.commands.tobytes()
         if data:
             if self._commands is None or self._commands.size < len(data):

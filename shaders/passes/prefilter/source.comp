@@ -1,0 +1,23 @@
+#version 430
+// A panorama as an octahedral map: each texel is the mean of STEPS x STEPS places.
+#include "generated/layout.glsl"
+#include "lighting/sphere.glsl"
+
+layout(local_size_x = GROUP_SIDE, local_size_y = GROUP_SIDE) in;
+layout(binding = UNIT_PANORAMA) uniform sampler2D panorama;
+layout(binding = IMAGE_ENVIRONMENT, rgba32f) uniform writeonly image2D source;
+uniform int steps;
+
+void main() {
+    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
+    int side = imageSize(source).x;
+    if (max(texel.x, texel.y) >= side) return;
+    vec3 sum = vec3(0.0);
+    for (int y = 0; y < steps; ++y) {
+        for (int x = 0; x < steps; ++x) {
+            vec2 place = (vec2(texel * steps + ivec2(x, y)) + 0.5) / float(side * steps);
+            sum += textureLod(panorama, panorama_place(map_direction(place)), 0.0).rgb;
+        }
+    }
+    imageStore(source, texel, vec4(sum / float(steps * steps), 1.0));
+}

@@ -1,0 +1,50 @@
+// The maps of a pixel's material, as the planes hold them: of one set of planes, or by map of either of two.
+// SURFACE_PLANE, EMISSION_PLANE, OTHER_SURFACE_PLANE, OTHER_EMISSION_PLANE 1: the set has that plane; else its maps are neutral.
+// MIXED 1: the maps whose bit is set in `other_maps` come from the other set.
+#include "generated/layout.glsl"
+
+layout(binding = UNIT_PLANE_BASE) uniform sampler2D plane_base;
+layout(binding = UNIT_PLANE_SURFACE) uniform sampler2D plane_surface;
+layout(binding = UNIT_PLANE_EMISSION) uniform sampler2D plane_emission;
+#if MIXED
+layout(binding = UNIT_OTHER_BASE) uniform sampler2D other_base;
+layout(binding = UNIT_OTHER_SURFACE) uniform sampler2D other_surface;
+layout(binding = UNIT_OTHER_EMISSION) uniform sampler2D other_emission;
+uniform int other_maps;
+#endif
+
+const vec4 NEUTRAL_SURFACE = vec4(0.5, 0.5, 1.0, 1.0);
+const vec4 NEUTRAL_EMISSION = vec4(1.0);
+
+struct Maps {
+    vec3 base;      // linear, factor and vertex colour multiplied in
+    vec4 surface;   // normal x and y as (n + 1) / 2, roughness, metalness
+    vec4 emission;  // linear emissive RGB, occlusion
+};
+
+Maps read_maps(ivec2 pixel) {
+    Maps maps = Maps(texelFetch(plane_base, pixel, 0).rgb, NEUTRAL_SURFACE, NEUTRAL_EMISSION);
+#if SURFACE_PLANE
+    maps.surface = texelFetch(plane_surface, pixel, 0);
+#endif
+#if EMISSION_PLANE
+    maps.emission = texelFetch(plane_emission, pixel, 0);
+#endif
+#if MIXED
+    vec4 surface = NEUTRAL_SURFACE;
+    vec4 emission = NEUTRAL_EMISSION;
+#if OTHER_SURFACE_PLANE
+    surface = texelFetch(other_surface, pixel, 0);
+#endif
+#if OTHER_EMISSION_PLANE
+    emission = texelFetch(other_emission, pixel, 0);
+#endif
+    if ((other_maps & MAP_BASE) != 0) maps.base = texelFetch(other_base, pixel, 0).rgb;
+    if ((other_maps & MAP_NORMAL) != 0) maps.surface.xy = surface.xy;
+    if ((other_maps & MAP_ROUGHNESS) != 0) maps.surface.z = surface.z;
+    if ((other_maps & MAP_METALNESS) != 0) maps.surface.w = surface.w;
+    if ((other_maps & MAP_EMISSIVE) != 0) maps.emission.rgb = emission.rgb;
+    if ((other_maps & MAP_OCCLUSION) != 0) maps.emission.a = emission.a;
+#endif
+    return maps;
+}

@@ -1,0 +1,136 @@
+#version 430
+// The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/lighting.md says it in words).
+// SUN, SUN_DISK, SHADOWS, LIGHTS, CLEARCOAT 1: the view has such.
+#include "common/frame.glsl"
+#include "common/materials.glsl"
+#include "common/surface.glsl"
+#include "lighting/environment.glsl"
+#include "lighting/brdf.glsl"
+#include "lighting/tone_map.glsl"
+#if LIGHTS
+#include "lighting/lights.glsl"
+#endif
+#include "passes/shade/maps.glsl"
+
+layout(binding = UNIT_SURFACE) uniform usampler2D surface_words;
+layout(binding = UNIT_SURFACE_FRAME) uniform usampler2D surface_frames;
+layout(binding = UNIT_SURFACE_DEPTH) uniform sampler2D surface_depth;
+layout(binding = UNIT_PANORAMA) uniform sampler2D panorama;
+// The direction of a pixel's ray is ray_middle + x * ray_right + y * ray_up in normalized device coordinates.
+uniform vec3 ray_middle;
+uniform vec3 ray_right;
+uniform vec3 ray_up;
+// From normalized device coordinates and depth to a place relative to the eye.
+uniform mat4 from_clip;
+uniform vec2 picture_size;
+uniform float exposure_factor;
+uniform vec3 sun_direction;
+uniform vec3 sun_irradiance;
+uniform float sun_radius;
+uniform vec3 sun_radiance;
+uniform int light_count;
+#include "passes/shade/shadow.glsl"
+
+layout(location = 0) out vec4 picture;
+
+// All light but what is emitted, of a reflection seen along one normal.
+vec3 reflected(Reflection surface, Seen seen, float occlusion, vec3 place, float sun_share) {
+    vec3 mirrored = 2.0 * dot(seen.normal, seen.view) * seen.normal - seen.view;
+    vec3 light = environment_response(
+        surface, seen, specular_radiance(mirrored, surface.roughness), irradiance_around(seen.normal)
+    ) * occlusion;
+#if SUN
+    light += light_response(surface, seen, sun_direction) * (sun_irradiance * sun_share);
+#endif
+#if LIGHTS
+    for (int i = 0; i < light_count; ++i) {
+        vec3 towards;
+        vec3 received = light_at(i, place, towards);
+        light += light_response(surface, seen, towards) * received;
+    }
+#endif
+    return light;
+}
+
+Seen seen_along(vec3 normal, vec3 view, float roughness) {
+    float cosine = clamp(dot(normal, view), SMALLEST_COSINE, 1.0);
+    return Seen(normal, view, cosine, lobe_albedo(cosine, roughness));
+}
+
+vec3 mapped_normal(Frame frame, vec2 stored, float scale) {
+    vec2 xy = stored * 2.0 - 1.0;
+    float z = sqrt(max(1.0 - dot(xy, xy), 0.0));
+    xy *= scale;
+    vec3 bitangent = cross(frame.normal, frame.tangent) * frame.handedness;
+    vec3 mapped = frame.tangent * xy.x + bitangent * xy.y + frame.normal * z;
+    float length_squared = dot(mapped, mapped);
+    // A map's normal that lies in the surface at scale 0 counts as the surface's own.
+    return length_squared > 1e-8 ? mapped * inversesqrt(length_squared) : frame.normal;
+}
+
+vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
+    Maps maps = read_maps(pixel);
+    vec4 factors = materials[number].surface;
+    vec4 emissive = materials[number].emissive;
+    vec4 specular = materials[number].specular;
+    Frame frame = unpack_frame(texelFetch(surface_frames, pixel, 0).xy);
+    vec3 normal = mapped_normal(frame, maps.surface.xy, factors.z);
+    Reflection surface = Reflection(
+        maps.base * (1.0 - factors.w),
+        maps.base,
+        specular.rgb,
+        specular.a,
+        clamp(maps.surface.w * factors.y, 0.0, 1.0),
+        clamp(maps.surface.z * factors.x, 0.0, 1.0)
+    );
+    float occlusion = 1.0 + emissive.a * (maps.emission.a - 1.0);
+    vec3 place = vec3(0.0);
+#if LIGHTS || SHADOWS
+    vec4 homogeneous = from_clip * vec4(ndc, texelFetch(surface_depth, pixel, 0).x * 2.0 - 1.0, 1.0);
+    place = homogeneous.xyz / homogeneous.w;
+#endif
+    float sun_share = 1.0;
+#if SHADOWS
+    sun_share = sun_seen(place, frame.normal);
+#endif
+    vec3 radiance = reflected(surface, seen_along(normal, view, surface.roughness), occlusion, place, sun_share);
+    radiance += maps.emission.rgb * emissive.rgb;
+#if CLEARCOAT
+    float coat = materials[number].clearcoat;
+    if (coat > 0.0) {
+        // Its normal map is not read: it follows the surface's own normal.
+        Reflection clear = Reflection(vec3(0.0), vec3(0.0), vec3(0.04), 1.0, 0.0, materials[number].clearcoat_roughness);
+        Seen seen = seen_along(frame.normal, view, clear.roughness);
+        float kept = 1.0 - coat * (0.04 + 0.96 * power5(1.0 - seen.cosine));
+        radiance = radiance * kept + coat * reflected(clear, seen, occlusion, place, sun_share);
+    }
+#endif
+    return radiance;
+}
+
+vec3 background_radiance(vec3 direction) {
+    vec3 radiance = textureLod(panorama, panorama_place(to_environment(direction)), 0.0).rgb;
+#if SUN_DISK
+    // The chord between unit vectors keeps its digits where their cosine is near 1.
+    float away = length(direction - sun_direction);
+    radiance += sun_radiance * clamp((sun_radius - away) / (0.1 * sun_radius) + 0.5, 0.0, 1.0);
+#endif
+    return radiance;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    int number = surface_material(texelFetch(surface_words, pixel, 0).x);
+    vec2 ndc = gl_FragCoord.xy / picture_size * 2.0 - 1.0;
+    vec3 direction = normalize(ray_middle + ndc.x * ray_right + ndc.y * ray_up);
+    if (number < 0) {
+        picture = vec4(tone_mapped(background_radiance(direction), exposure_factor), 0.0);
+        return;
+    }
+    picture.a = 1.0;
+    if (materials[number].unlit != 0) {
+        picture.rgb = clamp(read_maps(pixel).base, 0.0, 1.0);
+        return;
+    }
+    picture.rgb = tone_mapped(surface_radiance(pixel, number, -direction, ndc), exposure_factor);
+}

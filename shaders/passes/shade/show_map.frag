@@ -1,0 +1,29 @@
+#version 430
+// One map as it is stored: the picture's bytes, coded as sRGB, are the map's. Black where no surface is.
+// VIEW: 0 normal, 1 occlusion, roughness and metalness, 2 emissive times its factor.
+#include "common/color.glsl"
+#include "common/materials.glsl"
+#include "common/surface.glsl"
+#include "passes/shade/maps.glsl"
+
+layout(binding = UNIT_SURFACE) uniform usampler2D surface_words;
+layout(location = 0) out vec4 picture;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    int number = surface_material(texelFetch(surface_words, pixel, 0).x);
+    if (number < 0) {
+        picture = vec4(0.0);
+        return;
+    }
+    Maps maps = read_maps(pixel);
+#if VIEW == 0
+    vec2 xy = maps.surface.xy * 2.0 - 1.0;
+    float z = sqrt(max(1.0 - dot(xy, xy), 0.0));
+    picture = vec4(srgb_to_linear(vec3(maps.surface.xy, z * 0.5 + 0.5)), 1.0);
+#elif VIEW == 1
+    picture = vec4(srgb_to_linear(vec3(maps.emission.a, maps.surface.zw)), 1.0);
+#else
+    picture = vec4(clamp(maps.emission.rgb * materials[number].emissive.rgb, 0.0, 1.0), 1.0);
+#endif
+}

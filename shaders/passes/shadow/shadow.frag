@@ -1,0 +1,34 @@
+#version 430
+// Depth seen from the sun, with holes where materials are cut out or blended.
+// ALPHA_TEST 1: read the material's coverage.
+#if ALPHA_TEST
+#include "common/materials.glsl"
+#include "common/surface.glsl"
+#include "common/wrap.glsl"
+
+in vec3 place;
+#if VERTEX_COLORS
+in vec4 color;
+#else
+const vec4 color = vec4(1.0);
+#endif
+flat in uint ids;
+
+layout(binding = UNIT_ALPHA) uniform sampler2D alpha_texture;
+
+void main() {
+    vec2 uv = place.xy;
+    vec2 step_x = dFdx(uv);
+    vec2 step_y = dFdy(uv);
+    MaterialRecord material = materials[surface_material(ids)];
+    PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
+    vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
+    float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x, step_y).r;
+    // A blended surface shades what its share of the texels shades (interleaved gradient noise, Jimenez 2014).
+    float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    if (alpha < (material.alpha_mode == ALPHA_BLEND ? noise : material.alpha_cutoff)) discard;
+}
+#else
+void main() {
+}
+#endif

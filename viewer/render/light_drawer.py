@@ -1,0 +1,118 @@
+"""Prepares what lights a view: the prefiltered environment and the sun's shadow map. Nothing is made anew that has not changed."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.metrics.block_cache import BlockCache
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.lighting.panorama import Panorama, load_panorama
+from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
+from viewer.lighting.sky import sky_radiance
+from viewer.lighting.sun import environment_turn, sun_of
+from viewer.locations import environments_cache
+from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
+from viewer.render.passes.shadow import ShadowInputs, ShadowPass
+from viewer.render.resources.culling import Culling
+from viewer.render.resources.light.environment_maps import EnvironmentMaps
+from viewer.render.resources.light.scene_light import SceneLight
+from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView, shadow_view
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.scene.model import Camera, Scene
+from viewer.state.view_state import SKY, Lighting
+
+MOST_CACHED_BYTES = 1 << 28
+"""Of prefiltered panoramas on disk."""
+
+
+class LightDrawer:
+    """Keeps one environment and one shadow map of one scene."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        scene: Scene,
+        scene_buffers: SceneBuffers,
+        culling: Culling,
+        scheduler: PassScheduler,
+    ) -> None:
+        self._context, self._scene, self._culling, self._scheduler = context, scene, culling, scheduler
+        self._prefilter = PrefilterPass(context, programs, BlockCache(environments_cache(), MOST_CACHED_BYTES))
+        self._shadow_pass = ShadowPass(context, programs, scene_buffers)
+        self._maps: EnvironmentMaps | None = None
+        self._prefiltered: PrefilterInputs | None = None
+        self._panorama: tuple[str, Panorama] | None = None
+        self._shadow: ShadowMap | None = None
+        self._shadow_inputs: ShadowInputs | None = None
+        self._clearcoat = any(material.factors.clearcoat > 0.0 for material in scene.materials)
+
+    def prepare(self, lighting: Lighting) -> SceneLight:
+        """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
+        inputs, size = self._environment(lighting)
+        maps = self._environment_maps(size, inputs.panorama)
+        if self._scheduler.run(self._prefilter, inputs, maps):
+            self._prefiltered = inputs
+        sun = sun_of(lighting)
+        view = self._draw_shadow(sun.direction) if sun.shines else None
+        return SceneLight(
+            inputs.key,
+            environment_turn(lighting),
+            sun,
+            lighting.environment == SKY,
+            lighting.exposure,
+            lighting.tone_map,
+            maps,
+            self._shadow if view is not None else None,
+            view,
+            self._scene.lights,
+            self._clearcoat,
+        )
+
+    def _environment(self, lighting: Lighting) -> tuple[PrefilterInputs, PrefilterSize]:
+        if lighting.environment == SKY:
+            # The azimuth only turns it.
+            key = f"{SKY} {lighting.sun_elevation}"
+            if self._prefiltered is not None and self._prefiltered.key == key:
+                return self._prefiltered, SKY_SIZE
+            return PrefilterInputs(key, sky_radiance(lighting.sun_elevation)), SKY_SIZE
+        if self._panorama is None or self._panorama[0] != lighting.environment:
+            self._panorama = lighting.environment, load_panorama(Path(lighting.environment))
+        panorama = self._panorama[1]
+        return PrefilterInputs(panorama.digest, panorama.pixels, is_kept=True), PANORAMA_SIZE
+
+    def _environment_maps(self, size: PrefilterSize, panorama: NDArray[np.float32]) -> EnvironmentMaps:
+        width = panorama.shape[1]
+        if self._maps is None or (self._maps.size, self._maps.panorama_width) != (size, width):
+            made = EnvironmentMaps(self._context, size, width)
+            if self._maps is not None:
+                self._maps.release()
+            self._maps = made
+        return self._maps
+
+    def _draw_shadow(self, direction: tuple[float, float, float]) -> ShadowView:
+        inputs = self._shadow_inputs
+        if inputs is None or inputs.direction != direction:
+            view = shadow_view(self._scene.bounds, direction)
+            centre = self._scene.bounds.astype(np.float64).mean(axis=0)
+            reach = float(np.linalg.norm(self._scene.bounds[1] - self._scene.bounds[0])) + 1.0
+            eye = tuple((centre + np.array(direction) * reach).tolist())
+            camera = Camera("sun", eye, tuple(centre.tolist()), orthographic_height=reach)
+            inputs = ShadowInputs(direction, view, self._culling.draw_list(camera, view.matrix))
+        if self._shadow is None:
+            self._shadow = ShadowMap(self._context)
+        self._scheduler.run(self._shadow_pass, inputs, self._shadow)
+        self._shadow_inputs = inputs
+        return inputs.view
+
+    def release(self) -> None:
+        """Free everything."""
+        self._prefilter.release()
+        for part in (self._maps, self._shadow):
+            if part is not None:
+                part.release()
+        self._maps = self._shadow = None
+        self._prefiltered = self._shadow_inputs = None

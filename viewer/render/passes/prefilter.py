@@ -1,0 +1,101 @@
+"""Prefilters an environment for the shading pass."""
+
+import hashlib
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.metrics.block_cache import SUFFIX, BlockCache
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, lobe_samples, source_samples
+from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, TextureUnit, UniformBinding
+from viewer.render.resources.light.environment_maps import EnvironmentMaps
+
+VERSION = 1
+"""Of prefiltered environments in the cache: changes with what the shaders write."""
+
+
+@dataclass(frozen=True)
+class PrefilterInputs:
+    """Equal keys stand for equal panoramas."""
+
+    key: str
+    panorama: NDArray[np.float32] = field(compare=False)
+    """[H, 2 H, 3] linear radiance."""
+    is_kept: bool = field(default=False, compare=False)
+    """Whether the result is kept on disk, and found there: for files, whose key is the digest of their content."""
+
+
+class PrefilterPass:
+    """Inputs: a panorama. Output: EnvironmentMaps of the panorama's size, written whole."""
+
+    name = "prefilter"
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: BlockCache | None = None) -> None:
+        """`cache`: where prefiltered files are kept; None: nowhere."""
+        self._context, self._cache = context, cache
+        self._source_program = programs.compute("passes/prefilter/source.comp")
+        self._program = programs.compute("passes/prefilter/convolve.comp")
+        self._source: moderngl.Texture | None = None
+        self._samples: moderngl.Buffer | None = None
+
+    def run(self, inputs: PrefilterInputs, output: EnvironmentMaps) -> None:
+        """Write the panorama and all maps. Raises GpuMemoryError."""
+        output.write_panorama(inputs.panorama)
+        cache = self._cache if inputs.is_kept else None
+        width, height = output.size.texture_size
+        path = None if cache is None else cache.folder / f"{self._digest(inputs.key, output.size)}{SUFFIX}"
+        if cache is not None and path is not None:
+            found = cache.read(path, width * height * 16)
+            if found is not None:
+                output.maps.write(found)
+                return
+        self._draw(output)
+        if cache is not None and path is not None:
+            cache.write(path, output.maps.read())
+            cache.trim()
+
+    @staticmethod
+    def _digest(key: str, size: PrefilterSize) -> str:
+        return hashlib.sha256(f"{VERSION} {key} {size}".encode()).hexdigest()[:32]
+
+    def _source_of(self, side: int) -> moderngl.Texture:
+        if self._source is None or self._source.width != side:
+            if self._source is not None:
+                self._source.release()
+            what = f"an octahedral map of {side} x {side}"
+            self._source = self._context.memory.texture(what, (side, side), 4, dtype="f4")
+            self._source.repeat_x = self._source.repeat_y = False
+        return self._source
+
+    def _draw(self, output: EnvironmentMaps) -> None:
+        gl, size = self._context.gl, output.size
+        source = self._source_of(size.sides[0])
+        output.panorama.use(int(TextureUnit.PANORAMA))
+        source.bind_to_image(int(ImageUnit.ENVIRONMENT), read=False, write=True)
+        set_uniforms(self._source_program, {"steps": source_samples(output.panorama_width, size.sides[0])})
+        self._source_program.run(*[-(-size.sides[0] // GROUP_SIDE)] * 2)
+        gl.memory_barrier()
+        self._context.memory.build_mipmaps("an octahedral map", source)
+        source.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        source.use(int(TextureUnit.ENVIRONMENT))
+        output.maps.bind_to_image(int(ImageUnit.ENVIRONMENT), read=False, write=True)
+        if self._samples is None:
+            self._samples = self._context.memory.buffer("directions of a lobe", reserve=MOST_SAMPLES * 16, dynamic=True)
+        self._samples.bind_to_uniform_block(int(UniformBinding.SAMPLES))
+        for level, (side, (left, top)) in enumerate(zip(size.sides, size.tiles, strict=True)):
+            lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.sides[0])
+            self._samples.write(lobe.astype("<f4").tobytes())
+            set_uniforms(self._program, {"tile": (left, top, side), "samples": len(lobe)})
+            self._program.run(*[-(-(side + 2) // GROUP_SIDE)] * 2)
+        gl.memory_barrier()
+
+    def release(self) -> None:
+        """Free what is used in between."""
+        for part in (self._source, self._samples):
+            if part is not None:
+                part.release()
+        self._source = self._samples = None

@@ -1,0 +1,191 @@
+"""Makes the picture of a slot from its maps: lit, or one of the maps as it is stored."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.maps import MapName
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.lighting.sky import SUN_RADIUS
+from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.layout import MAP_BITS, MOST_LIGHTS, TextureUnit, UniformBinding
+from viewer.render.resources.light.scene_light import LIGHT_RECORD, SceneLight, light_records
+from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.state.view_state import MaterialView, ToneMap
+
+SHOWN_MAPS: Final[dict[MaterialView, int]] = {"normal": 0, "orm": 1, "emissive": 2}
+"""VIEW of shaders/passes/shade/show_map.frag."""
+TONE_MAP_CODES: Final[dict[ToneMap, int]] = {"none": 0, "neutral": 1, "agx": 2}
+
+
+@dataclass(frozen=True)
+class PlaneTargets:
+    """Decoded planes of one picture, see ntc/codec/maps.py; None for one that nothing reads, or that the view does not need."""
+
+    base: AlbedoTarget | None
+    surface: AlbedoTarget | None = None
+    emission: AlbedoTarget | None = None
+    drawings: tuple[int, ...] = ()
+    """Numbers that change with what the targets show."""
+
+
+@dataclass(frozen=True)
+class ShadeInputs:
+    """Equal inputs give equal pictures."""
+
+    view: VisibilityInputs
+    """With frames where `material_view` is lit."""
+    planes: PlaneTargets
+    material_view: MaterialView
+    """Any but `base`, whose picture is its plane."""
+    light: SceneLight | None = None
+    """For `lit`, else None."""
+    other: PlaneTargets | None = None
+    """Another set of planes of the same view, for mixtures."""
+    other_maps: frozenset[MapName] = frozenset()
+    """Maps that are taken from `other`; the rest are taken from `planes`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewRays:
+    """What a world-to-clip matrix says of the rays through pixels; everything is relative to `eye`."""
+
+    eye: NDArray[np.float64]
+    """[3] world space: the viewer's place, or for parallel rays any."""
+    from_clip: NDArray[np.float64]
+    """[4, 4] clip space to places relative to the eye."""
+    middle: NDArray[np.float64]
+    """[3] direction through the picture's middle, of any length."""
+    right: NDArray[np.float64]
+    """[3] what is added to it at the right edge."""
+    up: NDArray[np.float64]
+    """[3] what is added at the upper edge."""
+
+
+def view_rays(matrix: NDArray[np.float64]) -> ViewRays:
+    """The rays of `matrix` [4, 4]."""
+    inverse = np.linalg.inv(matrix)
+    apex = inverse[:, 2]
+    has_apex = abs(apex[3]) > 1e-9 * float(np.linalg.norm(apex[:3]))
+    near = inverse @ [0.0, 0.0, -1.0, 1.0]
+    eye = apex[:3] / apex[3] if has_apex else near[:3] / near[3]
+    shifted = np.eye(4)
+    shifted[:3, 3] = eye
+    from_clip: NDArray[np.float64] = np.asarray(np.linalg.inv(matrix @ shifted), np.float64)
+
+    def far(x: float, y: float) -> NDArray[np.float64]:
+        place = from_clip @ [x, y, 1.0, 1.0]
+        return np.asarray(place[:3] / place[3])
+
+    middle = far(0.0, 0.0)
+    if not has_apex:
+        return ViewRays(eye, from_clip, middle, np.zeros(3), np.zeros(3))
+    scale = float(np.linalg.norm(middle))
+    return ViewRays(eye, from_clip, middle / scale, (far(1.0, 0.0) - middle) / scale, (far(0.0, 1.0) - middle) / scale)
+
+
+def _matrix_bytes(matrix: NDArray[np.float64]) -> bytes:
+    return matrix.T.astype("<f4").tobytes()
+
+
+class ShadePass:
+    """Output: an AlbedoTarget, linear light in [0, 1]. Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
+
+    name = "shade"
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
+        self._context, self._programs = context, programs
+        self._lights: moderngl.Buffer | None = None
+
+    def run(self, inputs: ShadeInputs, output: AlbedoTarget) -> None:
+        """Draw the picture. Raises ValueError where a lit view lacks light, frames or base colours, ShaderError."""
+        gl = self._context.gl
+        defines = self._bind_planes(inputs)
+        if inputs.material_view == "lit":
+            program = self._lit(inputs, defines)
+        else:
+            program = self._fullscreen("show_map.frag", {**defines, "VIEW": SHOWN_MAPS[inputs.material_view]})
+        if inputs.other is not None:
+            bits = sum(MAP_BITS[name] for name in inputs.other_maps)
+            set_uniforms(program.program, {"other_maps": bits})
+        inputs.view.bind()
+        output.framebuffer.use()
+        gl.enable_only(moderngl.NOTHING)
+        set_uniforms(program.program, {"depth": 0.0})
+        program.render(moderngl.TRIANGLES, vertices=3)
+
+    def _fullscreen(self, fragment: str, defines: dict[str, int]) -> moderngl.VertexArray:
+        return self._programs.fullscreen(f"passes/shade/{fragment}", defines)
+
+    @staticmethod
+    def _bind_planes(inputs: ShadeInputs) -> dict[str, int]:
+        units = TextureUnit.PLANE_BASE, TextureUnit.PLANE_SURFACE, TextureUnit.PLANE_EMISSION
+        defines = {"MIXED": int(inputs.other is not None)}
+        for prefix, planes, first in (("", inputs.planes, units[0]), ("OTHER_", inputs.other, TextureUnit.OTHER_BASE)):
+            targets = (planes.base, planes.surface, planes.emission) if planes is not None else (None, None, None)
+            for number, target in enumerate(targets):
+                if target is not None:
+                    target.texture.use(int(first) + number)
+            defines[f"{prefix}SURFACE_PLANE"] = int(targets[1] is not None)
+            defines[f"{prefix}EMISSION_PLANE"] = int(targets[2] is not None)
+        return defines
+
+    def _lit(self, inputs: ShadeInputs, defines: dict[str, int]) -> moderngl.VertexArray:
+        light, target = inputs.light, inputs.view.visibility
+        needs_other = "base" in inputs.other_maps and (inputs.other is None or inputs.other.base is None)
+        if light is None or inputs.planes.base is None or needs_other or not target.content.frame:
+            raise ValueError("a lit view needs light, normals and base colours")
+        shadows = light.shadow is not None and light.shadow_view is not None and light.sun.shines
+        lights = min(len(light.lights), MOST_LIGHTS)
+        defines |= {
+            "TONE_MAP": TONE_MAP_CODES[light.tone_map],
+            "SUN": int(light.sun.shines),
+            "SUN_DISK": int(light.sun.shines and light.shows_sun),
+            "SHADOWS": int(shadows),
+            "LIGHTS": int(lights > 0),
+            "CLEARCOAT": int(light.clearcoat),
+        }
+        drawn = self._fullscreen("shade.frag", defines)
+        rays = view_rays(inputs.view.matrix)
+        light.environment.bind(drawn.program, light.turn)
+        # Shaders read depths, and compare nothing.
+        target.depth.compare_func = ""
+        target.depth.use(int(TextureUnit.SURFACE_DEPTH))
+        solid_angle = np.pi * SUN_RADIUS**2
+        values: dict[str, object] = {
+            "ray_middle": tuple(rays.middle),
+            "ray_right": tuple(rays.right),
+            "ray_up": tuple(rays.up),
+            "from_clip": _matrix_bytes(rays.from_clip),
+            "picture_size": target.size,
+            "exposure_factor": 2.0**light.exposure,
+            "sun_direction": light.sun.direction,
+            "sun_irradiance": light.sun.irradiance,
+            "sun_radius": SUN_RADIUS,
+            "sun_radiance": tuple(value / solid_angle for value in light.sun.irradiance),
+            "light_count": lights,
+        }
+        if shadows and light.shadow is not None and light.shadow_view is not None:
+            shifted = np.eye(4)
+            shifted[:3, 3] = rays.eye
+            light.shadow.depth.use(int(TextureUnit.SHADOW))
+            values["to_shadow"] = _matrix_bytes(light.shadow_view.to_map @ shifted)
+            values["shadow_texel"] = light.shadow_view.texel
+        if lights:
+            if self._lights is None:
+                size = MOST_LIGHTS * LIGHT_RECORD.itemsize
+                self._lights = self._context.memory.buffer("lights", reserve=size, dynamic=True)
+            self._lights.write(light_records(light.lights, rays.eye).tobytes())
+            self._lights.bind_to_uniform_block(int(UniformBinding.LIGHTS))
+        set_uniforms(drawn.program, values)
+        return drawn
+
+    def release(self) -> None:
+        """Free the pass's own buffer."""
+        if self._lights is not None:
+            self._lights.release()
+            self._lights = None

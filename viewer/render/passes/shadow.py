@@ -1,0 +1,56 @@
+"""Draws the sun's shadow map."""
+
+from dataclasses import dataclass, field
+
+import moderngl
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.resources.culling import DrawList
+from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView
+from viewer.render.resources.scene_buffers import SceneBuffers
+
+SLOPE_BIAS = 1.5
+"""Times a triangle's steepest change of depth from texel to texel."""
+CONSTANT_BIAS = 4.0
+"""Smallest steps of depth."""
+
+
+@dataclass(frozen=True)
+class ShadowInputs:
+    """Equal directions of the sun give equal shadow maps of one scene."""
+
+    direction: tuple[float, float, float]
+    view: ShadowView = field(compare=False)
+    draw_list: DrawList = field(compare=False)
+
+
+class ShadowPass:
+    """Output: the depth of what the sun sees first. Single-sided triangles that face away from it cast no shadow."""
+
+    name = "shadow"
+
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene_buffers: SceneBuffers) -> None:
+        self._gl, self._programs, self._buffers = context.gl, programs, scene_buffers
+
+    def run(self, inputs: ShadowInputs, output: ShadowMap) -> None:
+        """Draw the whole map; the scene buffers' own draw list stays."""
+        gl = self._gl
+        output.framebuffer.use()
+        output.framebuffer.clear(depth=1.0)
+        gl.enable_only(moderngl.DEPTH_TEST)
+        gl.depth_func = "<"
+        self._buffers.bind_materials()
+        matrix = inputs.view.matrix.T.astype("<f4").tobytes()
+        colors = int(self._buffers.has_colors)
+        programs = []
+        for alpha_test in (False, True):
+            defines = {"VERTEX_COLORS": colors, "ALPHA_TEST": int(alpha_test)}
+            programs.append(self._programs.program("common/scene.vert", "passes/shadow/shadow.frag", defines))
+            set_uniforms(programs[-1], {"view_projection": matrix})
+        gl.polygon_offset = SLOPE_BIAS, CONSTANT_BIAS
+        try:
+            with self._buffers.drawing(inputs.draw_list):
+                self._buffers.draw(*programs)
+        finally:
+            gl.polygon_offset = 0.0, 0.0
