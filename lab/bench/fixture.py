@@ -62,7 +62,7 @@ def white_scene() -> Scene:
 def white_material(graphics: GraphicsContext) -> SceneBuffers:
     """The materials of `white_scene` on the GPU. The visibility buffer says which texture is its base colour."""
     records = material_records(white_scene())
-    records["planes"]["texture_id"] = 0
+    records["planes"]["texture_id"], records["planes"]["components"] = 0, 15
     return SceneBuffers(graphics, white_scene(), records)
 
 

@@ -56,7 +56,7 @@ void decode_pixels() {
         vec4 own = decoded[0];
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
-        imageStore(target, pixel, shown_plane(wanted_texel(surface), limit_output(own)));
+        imageStore(target, pixel, shown_plane(surface, wanted_texel(surface), limit_output(own)));
     }
 }
 #endif

@@ -1,12 +1,9 @@
 // What a surface shows of one plane of its maps (ntc/codec/maps.py): the texel to decode for it, and what the decoded texel gives.
 #include "common/color.glsl"
-#include "common/materials.glsl"
-#include "common/surface.glsl"
+#include "common/planes.glsl"
 #include "ntc/lookup.glsl"
 
 struct WantedTexel {
-    vec3 factor;       // linear, multiplies the base colour, and is it where there is no texture
-    float covered;     // 1 where a surface is
     int components;    // a bit for each component that is read; the others are neutral
     int texture_id;    // -1: nothing is decoded
     vec2 uv;
@@ -42,24 +39,9 @@ int surface_decoder(Surface surface) {
     return texture_id >= 0 ? textures[texture_id].decoder : -1;
 }
 
-// Where a plane's maps are read: uv, and the footprint there.
-vec3 place_on_plane(PlaneRecord plane, Surface surface) {
-    vec3 place = vec3(surface.uv, surface.footprint);
-#if PLANE != PLANE_BASE
-#if SECOND_UVS
-    if (plane.second_uvs != 0) place = surface.second_uv;
-#endif
-    float area = abs(plane.uv_u.x * plane.uv_v.y - plane.uv_u.y * plane.uv_v.x);
-    place = vec3(plane_uv(plane, place.xy), place.z * sqrt(area));
-#endif
-    return place;
-}
-
 WantedTexel wanted_texel(Surface surface) {
     int number = max(surface.material, 0);
     WantedTexel wanted;
-    wanted.covered = surface.material >= 0 ? 1.0 : 0.0;
-    wanted.factor = surface.material >= 0 ? materials[number].factor.rgb * surface.color : vec3(0.0);
     wanted.texture_id = decoded_texture(surface);
     PlaneRecord plane = materials[number].planes[PLANE];
     vec3 place = place_on_plane(plane, surface);
@@ -77,17 +59,6 @@ WantedTexel wanted_texel(Surface surface) {
     return wanted;
 }
 
-// What the plane's target holds for a texel in linear light, as the hardware filters it; of no effect where there is none.
-vec4 shown_texel(WantedTexel wanted, vec4 texel) {
-#if PLANE == PLANE_BASE
-    return vec4(wanted.texture_id < 0 ? wanted.factor : wanted.factor * texel.rgb, wanted.covered);
-#else
-    vec4 neutral = PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(1.0);
-    bvec4 read = notEqual(ivec4(wanted.components) & ivec4(1, 2, 4, 8), ivec4(0));
-    return mix(neutral, texel, read);
-#endif
-}
-
 // A decoded texel in linear light.
 vec4 linear_texel(int texture_id, vec4 decoded) {
 #if PLANE == PLANE_BASE
@@ -101,8 +72,8 @@ vec4 linear_texel(int texture_id, vec4 decoded) {
 }
 
 // What the plane's target holds where `decoded` was decoded.
-vec4 shown_plane(WantedTexel wanted, vec4 decoded) {
-    return shown_texel(wanted, linear_texel(max(wanted.texture_id, 0), decoded));
+vec4 shown_plane(Surface surface, WantedTexel wanted, vec4 decoded) {
+    return plane_content(surface, wanted.components, linear_texel(max(wanted.texture_id, 0), decoded));
 }
 
 vec4 decoded_plane(Surface surface, ivec2 pixel) {
@@ -113,5 +84,5 @@ vec4 decoded_plane(Surface surface, ivec2 pixel) {
         Lookup lookup = lookup_of(record, wanted.uv, wanted.lod, wanted.wrap, pixel);
         decoded = decode_at(record, lookup.at, lookup.lod, wanted.wrap, true);
     }
-    return shown_plane(wanted, decoded);
+    return shown_plane(surface, wanted, decoded);
 }

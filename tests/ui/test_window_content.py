@@ -105,7 +105,7 @@ def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
 
 def test_the_picture_stands_upright(app: DrivenApp) -> None:
     hide_panels(app)
-    app.session.view = replace(app.session.view, compare="b")
+    app.session.view = replace(app.session.view, compare="b", material_view="base")
     app.settle()
     picture = app.screenshot()[60:-60].mean(axis=2)
     shown = np.nonzero(picture.max(axis=1) > 60)[0]

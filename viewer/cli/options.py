@@ -11,7 +11,16 @@ from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
-from viewer.state.view_state import BlockName, Overlay, PathChoice, Precision, TexelFilter
+from viewer.state.view_state import (
+    BlockName,
+    Lighting,
+    MaterialView,
+    Overlay,
+    PathChoice,
+    Precision,
+    TexelFilter,
+    ToneMap,
+)
 
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
@@ -145,6 +154,23 @@ class RenderOptions:
     """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
     anisotropy: Anisotropy = 1
     """Anisotropic filtering of images and of path `cached`; 1 is trilinear, as the other paths filter."""
+    view: MaterialView = "base"
+    """What of the materials is shown: surfaces in the light, or one of their maps (orm: occlusion, roughness, metalness)."""
+    environment: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """--view lit: equirectangular panorama (.hdr or .exr) that lights the scene. None: the sky that the sun makes."""
+    sun: Annotated[tuple[float, float], tyro.conf.arg(metavar="AZIMUTH ELEVATION")] = (
+        Lighting.sun_azimuth,
+        Lighting.sun_elevation,
+    )
+    """--view lit: where the sun stands, in degrees from north (-Z) towards east (+X), and above the horizon."""
+    sun_strength: float = Lighting.sun_strength
+    """--view lit: times the sun's own strength; 0 leaves it out."""
+    exposure: float = Lighting.exposure
+    """--view lit: in stops; 1 is twice as bright."""
+    tone_map: ToneMap = Lighting.tone_map
+    """--view lit: Khronos PBR Neutral, AgX, or clipping alone."""
+    aovs: Switch = False
+    """Also write aovs.exr: the maps of the visible surfaces, and with --view lit normals, as channels of floats."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
 

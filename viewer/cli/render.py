@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,16 +20,18 @@ from ntc.metrics.block_compression import named_format
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import finite_or_none, psnr_db
+from viewer.capture.aovs import material_aovs, write_aovs
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import decoder_ids
+from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_png
 from viewer.state.palettes import PaletteName
-from viewer.state.view_state import BLOCKS, REFERENCE, Overlay, Slot, ViewState, is_image_source
+from viewer.state.view_state import BLOCKS, REFERENCE, SKY, Lighting, Overlay, Slot, ViewState, is_image_source
 
 WARM_UP_DIVISOR = 16
 """A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
@@ -39,9 +42,9 @@ class Picture:
     """Outputs of one rendered frame. Row 0 is the top of the picture."""
 
     color: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB albedo, background black."""
+    """[H, W, 3] uint8 sRGB: what the view shows of the materials; maps have a black background."""
     reference: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB albedo from the original images."""
+    """[H, W, 3] uint8 sRGB: the same from the original images."""
     covered: NDArray[np.bool_]
     """[H, W] where a surface is visible."""
     texture_ids: NDArray[np.int32]
@@ -113,6 +116,8 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "filter": None if is_image else "stochastic" if view.slot_a in picture.frame.samples else "exact",
         "samples": picture.frame.samples.get(view.slot_a, 1),
         "camera": view.camera.name,
+        "view": view.material_view,
+        "lighting": asdict(view.lighting) if view.material_view == "lit" else None,
         "timer": picture.frame.timer,
         "timings_ms": picture.frame.timings_ms,
         "pixels": {"covered": int(picture.covered.sum()), "decoded": int(decoded.sum())},
@@ -153,6 +158,26 @@ def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay
     write_text(folder / "stats.json", json.dumps(stats, indent=2, allow_nan=False) + "\n")
 
 
+def chosen_lighting(options: RenderOptions) -> Lighting:
+    """The light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
+    if options.environment is not None:
+        # Whatever is wrong with the file is said before anything is drawn.
+        load_panorama(options.environment)
+    given: dict[str, Any] = {
+        "environment": SKY if options.environment is None else str(options.environment),
+        "sun_azimuth": options.sun[0] % 360.0 if math.isfinite(options.sun[0]) else options.sun[0],
+        "sun_elevation": options.sun[1],
+        "sun_strength": options.sun_strength,
+        "exposure": options.exposure,
+        "tone_map": options.tone_map,
+    }
+    try:
+        return msgspec.convert(given, Lighting)
+    except msgspec.ValidationError as error:
+        reason, _, field = str(error).rstrip("`").partition(" - at `$.")
+        raise InputError(f"{field.replace('_', ' ')} {given.get(field)}: {reason}") from error
+
+
 def render(options: RenderOptions) -> int:
     """Run `ntc-viewer render`. Raises InputError for bad input."""
     if not 0.0 <= options.opacity <= 1.0:
@@ -165,7 +190,7 @@ def render(options: RenderOptions) -> int:
     else:
         packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
-    camera = choose_camera(scene, options)
+    camera, lighting = choose_camera(scene, options), chosen_lighting(options)
     block_format = named_format(source)
     compressed = compress_scene(scene, block_format) if block_format is not None else None
     context = create_headless_context()
@@ -182,9 +207,19 @@ def render(options: RenderOptions) -> int:
         overlay = Overlay(
             "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
         )
-        view = ViewState(camera=camera, size=options.size, slot_a=slot, overlay=overlay, anisotropy=options.anisotropy)
+        view = ViewState(
+            camera=camera,
+            size=options.size,
+            slot_a=slot,
+            overlay=overlay,
+            anisotropy=options.anisotropy,
+            material_view=options.view,
+            lighting=lighting,
+        )
         renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR))))
         picture = draw(renderer, chosen, view)
+        if options.aovs:
+            write_aovs(options.out / "aovs.exr", material_aovs(renderer, slot))
         if picture.frame.is_short:
             # PSNR of a coarser picture would be a wrong number.
             raise InputError(

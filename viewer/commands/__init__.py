@@ -6,13 +6,13 @@ from functools import lru_cache
 from typing import Any
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, errors, files, motion, overlay, textures, training, window
+from viewer.commands import camera, compare, errors, files, materials, motion, overlay, textures, training, window
 from viewer.commands.command import Command, Context, words
 from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (compare, errors, overlay, camera, textures, motion, files, training, window)
+_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, training, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""
@@ -28,7 +28,8 @@ PICTURE_HINTS = (
     ),
     ("W A S D Q E", "fly; Shift: faster"),
     ("drag the divider", "wipe between A and B; double-click recentres it"),
-    ("drop a file", "open a .gltf, .glb or .ntc"),
+    ("Shift + left drag", "move the sun, in the lit view"),
+    ("drop a file", "open a .gltf, .glb or .ntc, or light the scene by an .hdr or .exr"),
 )
 """What the mouse does, for the help."""
 

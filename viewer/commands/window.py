@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from viewer.commands.command import Arg, command, gesture
+from viewer.commands.materials import PANORAMA_SUFFIXES, use_environment
 from viewer.state.open_files import open_file
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
@@ -15,9 +16,13 @@ OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram")
 State = Annotated[bool, Arg("on or off")]
 
 
-@command("file.open", "Open", "open a scene or a pack", "File")
-def open_scene_or_pack(session: Session, file: Annotated[Path, Arg("a .gltf, .glb or .ntc")]) -> None:
-    open_file(session, file)
+@command("file.open", "Open", "open a scene, a pack, or a panorama that lights the scene", "File")
+def open_any(session: Session, file: Annotated[Path, Arg("a .gltf, .glb, .ntc, .hdr or .exr")]) -> None:
+    if file.suffix.lower() in PANORAMA_SUFFIXES:
+        use_environment(session, file)
+        session.view = replace(session.view, material_view="lit")
+    else:
+        open_file(session, file)
 
 
 @command("view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", "Z")

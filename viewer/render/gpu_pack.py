@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import Plane, plane_channels
+from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.diff import changed_textures
 from ntc.pack.match import PackMatch
@@ -28,7 +28,7 @@ from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.render.sampled_path import SampledPath
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
+from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tile_table import TileTable
@@ -111,10 +111,15 @@ class GpuPack:
         buffers = self.context.scene_buffers
         return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
 
-    def holds(self, plane: Plane) -> bool:
-        """Whether the pack has maps of a plane."""
-        config = self.pack.config
-        return plane in plane_channels(config.maps, config.output_channels)
+    def samples(self, name: PathChoice, texel_filter: TexelFilter) -> int:
+        """Samples in the pictures that a path has drawn last, of all planes: the fewest; 0 before the first."""
+        drawn = [path.samples for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
+        return min(drawn, default=0)
+
+    def tiles(self, name: PathChoice, texel_filter: TexelFilter) -> TileCounts | None:
+        """The state of the tile caches of a path, of all planes together; None where it has none."""
+        counts = [path.tiles for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
+        return total_counts([own for own in counts if own is not None])
 
     @property
     def ranges(self) -> DecoderRanges:

@@ -1,9 +1,11 @@
 """The packs that a renderer's slots may name: how they fit the scene, and those of them that are on the GPU."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.match import PackMatch
@@ -13,8 +15,9 @@ from viewer.render.divergence_overlay import CountedGrouping
 from viewer.render.frame_result import UploadCounts
 from viewer.render.gpu_pack import GpuPack, PackVersion, RenderContext
 from viewer.render.resources.pack_buffers import codec_programs
+from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.pack_files import match_scene
-from viewer.state.view_state import Precision, Slot
+from viewer.state.view_state import Precision, Slot, is_image_source
 
 
 @contextmanager
@@ -115,6 +118,11 @@ class GpuPacks:
         for key in [key for key in self._on_gpu if key[0] == name]:
             self._on_gpu.pop(key).release()
 
+    def holds(self, source: str, plane: Plane) -> bool:
+        """Whether an open pack has maps of a plane."""
+        config = self._open[source].pack.config
+        return plane in plane_channels(config.maps, config.output_channels)
+
     def on_gpu(self, slot: Slot) -> GpuPack:
         """The pack that a slot shows, in its precision. Raises GpuMemoryError that names it."""
         key = (slot.source, slot.precision)
@@ -130,6 +138,23 @@ class GpuPacks:
     def uploaded(self, slot: Slot) -> GpuPack | None:
         """The same, if it is on the GPU; None for images, too."""
         return self._on_gpu.get((slot.source, slot.precision))
+
+    def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], bool]:
+        """Tile caches of those of `slots` that have one, and whether latents of one are missing for lack of memory.
+
+        Latents that no view has needed are added to `skipped`.
+        """
+        tiles, short_latents = {}, False
+        for slot in dict.fromkeys(slot for slot in slots if not is_image_source(slot.source)):
+            on_gpu = self.on_gpu(slot)
+            counts, latents = on_gpu.tiles(slot.path, slot.filter), on_gpu.buffers.latent_store.counts
+            if counts is not None:
+                tiles[slot] = counts
+            coarse = counts is not None and counts.coarse_latents
+            short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
+            skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
+            skipped["latent_textures_not_uploaded"] += latents.textures_left_out
+        return tiles, short_latents
 
     def counted(self, source: str) -> CountedGrouping:
         """The grouping of a source, as divergence counts it; for images nothing is decoded."""

@@ -4,28 +4,45 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from ntc.codec.maps import PLANES, Plane
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.passes.reference import ReferencePass
+from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
 
 class ImageSources:
-    """A pass for each source, over one visibility buffer. Images are uploaded when they are seen first."""
+    """A pass for each source and plane of maps, over one visibility buffer. Images are uploaded when they are seen first."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
         self._context, self._programs, self._scene, self._materials = context, programs, scene, materials
-        self.reference = ReferencePass(context, programs, scene, materials)
+        self._reference = {
+            plane: ReferencePass(context, programs, scene, materials, reading=self._reading(plane)) for plane in PLANES
+        }
         self._compressed: Mapping[str, CompressedTextures] = {}
         self._passes: dict[str, ReferencePass] = {}
 
-    def __getitem__(self, source: str) -> ReferencePass:
-        """The pass of a source. Raises KeyError where its textures have not been given."""
+    def _reading(self, plane: Plane) -> PlaneReading:
+        geometry = self._scene.geometry
+        return PlaneReading(plane, geometry.colors is not None, geometry.second_uvs is not None)
+
+    @property
+    def images_not_uploaded(self) -> int:
+        """Original images that no frame has needed so far."""
+        return sum(images.images_not_uploaded for images in self._reference.values())
+
+    def holds(self, source: str, plane: Plane) -> bool:
+        """Whether a source has images of a plane: formats of graphics hardware are there for base colours."""
+        return source == REFERENCE or plane == "base"
+
+    def of(self, source: str, plane: Plane) -> ReferencePass:
+        """The pass of a source that holds the plane. Raises KeyError where its textures have not been given."""
         if source == REFERENCE:
-            return self.reference
+            return self._reference[plane]
         if source not in self._passes:
             textures = self._compressed[source]
             self._passes[source] = ReferencePass(
@@ -35,6 +52,7 @@ class ImageSources:
                 self._materials,
                 lambda texture_id: textures.textures[texture_id].mips(),
                 source,
+                self._reading(plane),
             )
         return self._passes[source]
 
@@ -51,4 +69,5 @@ class ImageSources:
     def release(self) -> None:
         """Free everything on the GPU."""
         self.keep_only(())
-        self.reference.release()
+        for images in self._reference.values():
+            images.release()

@@ -13,7 +13,7 @@ from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.navigation import turned
-from viewer.state.view_state import DecodePath, Precision, Slot, TexelFilter, ViewState, is_image_source
+from viewer.state.view_state import REFERENCE, DecodePath, Precision, Slot, TexelFilter, ViewState, is_image_source
 
 SHARE = 4
 """Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
@@ -78,7 +78,7 @@ class PathChooser:
         Where paths are timed, the scene drawer's last view is another one afterwards.
         """
         if is_image_source(slot.source):
-            return Slot(slot.source)
+            return Slot(slot.source, maps="all" if slot.source == REFERENCE else slot.maps)
         if slot.path != "auto":
             return _with_effective_fields(slot)
         times = self.times(slot)

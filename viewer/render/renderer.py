@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
@@ -14,23 +15,17 @@ from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.divergence_overlay import DivergenceOverlay
-from viewer.render.error_overlay import ErrorOverlay
+from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_pack import PackMemory, RenderContext
 from viewer.render.gpu_packs import GpuPacks
 from viewer.render.image_sources import ImageSources
+from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.passes.composite import (
-    COMPARISONS,
-    CompositeInputs,
-    CompositeParams,
-    CompositePass,
-    CompositeTarget,
-    DifferenceParams,
-)
+from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
-from viewer.render.picture_targets import PictureTargets, surface_content
+from viewer.render.picture_shading import PictureShading
+from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import scene_layout_glsl
@@ -41,8 +36,8 @@ from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Camera, Scene
-from viewer.state.compare_layout import layout_of, shown_slots
-from viewer.state.view_state import Difference, Overlay, Slot, ViewState, is_image_source
+from viewer.state.compare_layout import shown_slots
+from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 UPDATE_BYTES = 8 << 20
 """Of a frame, for packs that replace others (`Renderer.update_pack`)."""
@@ -70,11 +65,11 @@ class Renderer:
         self._programs = ProgramFactory(context.gl, library)
         materials = material_records(scene)
         self.images = ImageSources(context, self._programs, scene, materials)
-        with context.memory.transaction():
-            self._scene_buffers = SceneBuffers(context, scene, materials)
-            self._composite = CompositePass(context, self._programs)
         self._timer = PassTimer(context)
         self._scheduler = PassScheduler(self._timer)
+        with context.memory.transaction():
+            self._scene_buffers = SceneBuffers(context, scene, materials)
+            self._compositor = Compositor(context, self._programs, scene, self._scheduler, divergence_stage)
         self._drawer = SceneDrawer(context, self._programs, scene, self._scene_buffers, self._scheduler)
         tile_cache = tile_cache or TileCacheConfig()
         self.tile_budget = TileBudget(tile_cache)
@@ -89,11 +84,13 @@ class Renderer:
             latents or LatentBudget(),
             emulate_half,
         )
-        self._divergence = DivergenceOverlay(context, self._programs, self._scheduler, divergence_stage)
-        self.errors = ErrorOverlay(context, len(scene.textures))
+        self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)
-        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images)
+        light = LightDrawer(context, self._programs, scene, self._scene_buffers, self._drawer.culling, self._scheduler)
+        self.shading = PictureShading(context, self._programs, light, self._scheduler)
+        """Tells what is wrong with the light."""
+        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading)
         self.paths = PathChooser(context, self._drawer, self._packs, self._scheduler)
         self._targets: PictureTargets | None = None
         self._picture: CompositeTarget | None = None
@@ -150,8 +147,9 @@ class Renderer:
             for slot in dict.fromkeys(slots):
                 self._slots.update(slot, targets, whole)
             targets.release_unused(view)
-            divergence = self._update_divergence(view, slots, targets)
-            self._scheduler.run(self._composite, self._composite_inputs(view, targets), targets.composite)
+            groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
+            divergence = self._compositor.count_divergence(view, groupings, targets)
+            self._compositor.draw(view, targets)
         except BaseException:
             self._view = None
             self._discard_frame()
@@ -182,26 +180,17 @@ class Renderer:
         upload: UploadCounts,
     ) -> FrameResult:
         draw_list, skipped = self._drawer.draw_list, self._scheduler.skipped
-        skipped["images_not_uploaded"] = self.images.reference.images_not_uploaded
+        skipped["images_not_uploaded"] = self.images.images_not_uploaded
+        skipped["planes_not_drawn"] = len(PLANES) - len(targets.materials.planes)
         skipped["clusters_culled"] = draw_list.culled_clusters
         skipped["triangles_culled"] = draw_list.culled_triangles
-        tiles, short_latents = {}, False
-        for slot in dict.fromkeys(slot for slot in shown_slots(view) if not is_image_source(slot.source)):
-            on_gpu = self._packs.on_gpu(slot)
-            counts, latents = on_gpu.path(slot.path, slot.filter).tiles, on_gpu.buffers.latent_store.counts
-            if counts is not None:
-                tiles[slot] = counts
-            coarse = counts is not None and counts.coarse_latents
-            short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
-            skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
-            skipped["latent_textures_not_uploaded"] += latents.textures_left_out
+        tiles, short_latents = self._packs.tile_counts(shown_slots(view), skipped)
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
         if upload.kept:
             skipped["pack_bytes_kept"] = upload.kept
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
-        slot_ms = targets.slot_ms | {
-            slot: targets.slot_ms[own] for slot, own in chosen.items() if own in targets.slot_ms
-        }
+        drawn_ms = targets.slot_ms()
+        slot_ms = drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms}
         return FrameResult(
             targets.composite.texture,
             self._timer.take(),
@@ -236,6 +225,7 @@ class Renderer:
     def _draw_visibility(self, view: ViewState, targets: PictureTargets) -> None:
         inputs = self._drawer.draw(view.camera, targets.visibility)
         targets.inputs = replace(inputs, anisotropy=view.anisotropy)
+        targets.materials = shown_materials(view, inputs)
 
     def _release_targets(self) -> None:
         """Free what has the size of the picture, but not the image of the last frame."""
@@ -254,31 +244,6 @@ class Renderer:
         if self._targets is None or self._view is None:
             return False
         return self._slots.prepare(slot, self._targets, self._drawer)
-
-    def _update_divergence(
-        self, view: ViewState, slots: tuple[Slot, ...], targets: PictureTargets
-    ) -> dict[str, DivergenceStatistics]:
-        """Count the decoders per block of what is shown, where the overlay asks for it."""
-        if view.overlay.kind != "divergence":
-            self._scheduler.skipped["divergence_passes"] += 1
-            return {}
-        groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
-        self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block)
-        statistics = self._divergence.statistics
-        return {source: statistics[source] for source in groupings if not is_image_source(source)}
-
-    def _composite_inputs(self, view: ViewState, targets: PictureTargets) -> CompositeInputs:
-        """Albedos and settings of the composite; the divergence maps of the shown slots must have been counted."""
-        first, second = shown_slots(view)
-        overlay = difference = None
-        if view.overlay.kind == "divergence":
-            overlay = self._divergence.overlay(view.overlay, first.source, second.source)
-        if view.compare == "difference":
-            difference = DifferenceParams(view.difference, self.errors.flip_map(targets.pair_key(view)))
-        marks = self.errors.marks(view.overlay, view.highlight, targets.visibility)
-        params = CompositeParams(layout_of(view), difference, overlay, marks, view.zoom)
-        numbers = (targets.number(first), targets.number(second))
-        return CompositeInputs(targets.albedo[first], targets.albedo[second], numbers, params)
 
     def prepare_slots(self) -> bool:
         """Draw a slot of the last view that is not shown, so that it can be shown at once; whether there was one to draw."""
@@ -299,18 +264,9 @@ class Renderer:
         Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
         """
         targets, view = self._targets, self._view
-        if targets is None or view is None or not all(slot in targets.albedo for slot in (view.slot_a, view.slot_b)):
+        if targets is None or view is None or not all(map(targets.has_picture, (view.slot_a, view.slot_b))):
             return False
-        sources = [slot.source for slot in shown_slots(view)]
-        for compare, kind in COMPARISONS:
-            other = replace(view, compare=compare, difference=Difference(kind), overlay=Overlay())
-            inputs = self._composite_inputs(other, targets)
-            if view.overlay.kind == "divergence":
-                overlay = self._divergence.overlay(view.overlay, *sources)
-                inputs = replace(inputs, params=replace(inputs.params, overlay=overlay))
-            if self._composite.prepare(inputs):
-                return True
-        return False
+        return self._compositor.prepare(view, targets)
 
     def drawn_pair(self) -> DrawnPair | None:
         """Both slots of the last view as they are on the GPU; None while one is not drawn whole."""
@@ -319,7 +275,7 @@ class Renderer:
             return None
         if not all(self._slots.is_complete(slot, targets) for slot in (view.slot_a, view.slot_b)):
             return None
-        a, b = (targets.albedo[slot] for slot in (view.slot_a, view.slot_b))
+        a, b = (targets.picture(slot) for slot in (view.slot_a, view.slot_b))
         return DrawnPair(targets.pair_key(view), a, b, targets.visibility)
 
     def pair_key(self) -> PairKey | None:
@@ -336,7 +292,25 @@ class Renderer:
         self._slots.update(slot, self._targets, whole=True)
         self._timer.take()
         self._scheduler.take_skipped()
-        return self._targets.albedo[slot].read()
+        return self._targets.picture(slot).read()
+
+    def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
+        """Planes of the last view that are not those of the original images; none before a first view."""
+        targets, view = self._targets, self._view
+        if targets is None or view is None:
+            return ()
+        keys = self._slots.keys(self.paths.chosen(slot, view), targets)
+        return tuple(plane for plane, key in keys.items() if key.slot.source != REFERENCE)
+
+    @checks_context
+    def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
+        """[H, W, 4] float32, row 0 on top: the planes of the last view that `slot` shows (docs/lighting.md), drawn whole now."""
+        self.albedo(slot)
+        targets, view = self._targets, self._view
+        if targets is None or view is None:
+            raise RuntimeError("render a view first")
+        keys = self._slots.keys(self.paths.chosen(slot, view), targets)
+        return {plane: targets.planes[key].read_all() for plane, key in keys.items()}
 
     @checks_context
     def albedo_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
@@ -350,7 +324,7 @@ class Renderer:
         slot = self.paths.chosen(slot, view)
         if not self._slots.is_drawn(slot, targets):
             return None
-        return targets.albedo[slot].read_in(*pixels)
+        return targets.picture(slot).read_in(*pixels)
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
@@ -394,7 +368,7 @@ class Renderer:
         if self._picture is not None:
             self._picture.release()
             self._picture = None
-        for part in (self._packs, self._composite, self._divergence, self.errors, self.images):
+        for part in (self._packs, self._compositor, self.images, self.shading):
             part.release()
         self._scene_buffers.release()
         self._programs.release()

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ntc.codec.maps import PLANES
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler
@@ -27,7 +28,10 @@ class SceneDrawer:
         self._scene, self._buffers, self._scheduler = scene, scene_buffers, scheduler
         self._culling = Culling(scene)
         self._pass = VisibilityPass(context, programs, scene_buffers)
-        self._texture_of_material = np.array([material.texture_id for material in scene.materials], np.int64)
+        self._texture_of_material = {
+            plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
+            for plane in PLANES
+        }
         self._culled: CulledScene | None = None
         self._drawn: VisibilityInputs | None = None
 
@@ -72,12 +76,14 @@ class SceneDrawer:
 
     def _inputs(self, culled: CulledScene, target: VisibilityTarget) -> VisibilityInputs:
         materials = np.nonzero(culled.draw_list.materials)[0]
-        textures = np.unique(self._texture_of_material[materials])
+        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
+        textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
         return VisibilityInputs(
             target,
             self._buffers,
             culled.camera,
-            textures=tuple(textures[textures >= 0].tolist()),
+            textures=textures["base"],
+            plane_textures=textures,
             visible_materials=tuple(materials.tolist()),
             matrix=culled.matrix,
         )

@@ -1,12 +1,16 @@
-"""Draws the albedos of slots: as images, or by a decode path of a pack."""
+"""Draws the pictures of slots: planes of maps, as images or by a decode path of a pack, and what a view makes of them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+from ntc.codec.maps import PLANE_OF_MAP, Plane
 from viewer.gl.context import GraphicsContext
+from viewer.render.albedo_path import AlbedoPath
 from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.picture_targets import DrawnAlbedo, PictureTargets
+from viewer.render.picture_shading import Mixture, PictureShading
+from viewer.render.picture_targets import DrawnPicture, DrawnPlane, PictureKey, PictureTargets, PlaneKey
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
@@ -23,50 +27,130 @@ def _described(source: str) -> str:
 
 
 class SlotDrawer:
-    """Albedos are drawn where the picture's targets lack them, and again while their decode path has more to show."""
+    """Planes are drawn where the picture's targets lack them, and again while their decode path has more to show."""
 
     def __init__(
-        self, context: GraphicsContext, scheduler: PassScheduler, packs: GpuPacks, images: ImageSources
+        self,
+        context: GraphicsContext,
+        scheduler: PassScheduler,
+        packs: GpuPacks,
+        images: ImageSources,
+        shading: PictureShading,
     ) -> None:
         self._context, self._scheduler, self._packs, self._images = context, scheduler, packs, images
+        self._shading = shading
         self._draws = 0
         self.prepared: set[Slot] = set()
         """Slots whose programs have been used."""
 
+    def keys(self, slot: Slot, targets: PictureTargets) -> dict[Plane, PlaneKey]:
+        """The planes of what `slot` decodes that its picture of the last view is made from.
+
+        Maps that a pack or a format lacks are those of the original images.
+        """
+        found = {}
+        for plane in targets.materials.planes:
+            key = PlaneKey(replace(slot, maps="all"), plane)
+            wanted = slot.maps == "all" or PLANE_OF_MAP[slot.maps] == plane
+            found[plane] = key if wanted and self._holds(key) else PlaneKey(Slot(), plane)
+        return found
+
+    def _all_keys(self, slot: Slot, targets: PictureTargets) -> tuple[PlaneKey, ...]:
+        """The same, and those of the original images that a single map of the slot is mixed with."""
+        keys = self.keys(slot, targets)
+        is_mixed = slot.maps != "all" and targets.materials.view != "base"
+        mixed = [PlaneKey(Slot(), plane) for plane in keys] if is_mixed else []
+        return tuple(dict.fromkeys((*keys.values(), *mixed)))
+
+    def _holds(self, key: PlaneKey) -> bool:
+        if is_image_source(key.slot.source):
+            return self._images.holds(key.slot.source, key.plane)
+        return self._packs.holds(key.slot.source, key.plane)
+
+    def _path(self, key: PlaneKey) -> AlbedoPath | None:
+        """None for images."""
+        slot = key.slot
+        if is_image_source(slot.source):
+            return None
+        return self._packs.on_gpu(slot).path(slot.path, slot.filter, key.plane)
+
     def _version(self, slot: Slot) -> int:
         return 0 if is_image_source(slot.source) else self._packs.version(slot)
 
+    def _is_plane_drawn(self, key: PlaneKey, targets: PictureTargets) -> bool:
+        drawn = targets.drawn.get(key)
+        return drawn is not None and (drawn.inputs, drawn.version) == (targets.inputs_of(key), self._version(key.slot))
+
+    def _is_plane_complete(self, key: PlaneKey, targets: PictureTargets) -> bool:
+        if not self._is_plane_drawn(key, targets):
+            return False
+        path = self._path(key)
+        return path is None or not path.is_waiting
+
+    def _picture_key(self, slot: Slot, targets: PictureTargets) -> PictureKey | None:
+        """None before all planes are there."""
+        keys = self._all_keys(slot, targets)
+        if targets.inputs is None or not all(key in targets.drawn for key in keys):
+            return None
+        return PictureKey(targets.materials, tuple((key, targets.drawn[key].number) for key in keys), targets.inputs)
+
+    def _is_picture_drawn(self, slot: Slot, targets: PictureTargets) -> bool:
+        if targets.materials.view == "base":
+            return True
+        drawn = targets.drawn_pictures.get(slot)
+        return drawn is not None and drawn.key == self._picture_key(slot, targets)
+
     def is_drawn(self, slot: Slot, targets: PictureTargets) -> bool:
-        """Whether the slot's albedo is that of the last view, though tiles may be missing."""
-        drawn = targets.drawn.get(slot)
-        return drawn is not None and drawn.inputs == targets.inputs_of(slot) and drawn.version == self._version(slot)
+        """Whether the slot's picture is that of the last view, though tiles may be missing."""
+        planes = self._all_keys(slot, targets)
+        return all(self._is_plane_drawn(key, targets) for key in planes) and self._is_picture_drawn(slot, targets)
 
     def is_complete(self, slot: Slot, targets: PictureTargets) -> bool:
-        """Whether drawing the slot's albedo again would not change it."""
-        if not self.is_drawn(slot, targets):
-            return False
-        return is_image_source(slot.source) or not self._packs.on_gpu(slot).path(slot.path, slot.filter).is_waiting
+        """Whether drawing the slot's picture again would not change it."""
+        planes = self._all_keys(slot, targets)
+        return all(self._is_plane_complete(key, targets) for key in planes) and self._is_picture_drawn(slot, targets)
 
     def update(self, slot: Slot, targets: PictureTargets, whole: bool) -> None:
-        """Draw the slot's albedo, or a part of it, unless it is complete. Raises GpuMemoryError that names the pack, ShaderError."""
-        if self.is_complete(slot, targets):
+        """Draw the slot's picture, or a part of it, unless it is complete. Raises GpuMemoryError that names the pack, ShaderError."""
+        for key in self._all_keys(slot, targets):
+            self._update_plane(key, targets, whole)
+        if self._is_picture_drawn(slot, targets):
+            return
+        picture_key = self._picture_key(slot, targets)
+        if picture_key is None:
+            return
+        if slot not in targets.pictures:
+            targets.pictures[slot] = AlbedoTarget(self._context, targets.visibility.size)
+        targets.drawn_pictures.pop(slot, None)
+        planes = {plane: targets.planes[key] for plane, key in self.keys(slot, targets).items()}
+        mixture = None
+        if slot.maps != "all":
+            mixture = Mixture(slot.maps, planes)
+            planes = {plane: targets.planes[PlaneKey(Slot(), plane)] for plane in planes}
+        picture = targets.pictures[slot]
+        targets.picture_ms[slot] = self._shading.draw(picture_key.inputs, planes, targets.materials, picture, mixture)
+        self._draws += 1
+        targets.drawn_pictures[slot] = DrawnPicture(picture_key, self._draws)
+
+    def _update_plane(self, key: PlaneKey, targets: PictureTargets, whole: bool) -> None:
+        if self._is_plane_complete(key, targets):
             self._scheduler.skipped["passes"] += 1
             return
-        is_image, timer, inputs = is_image_source(slot.source), self._scheduler.timer, targets.inputs_of(slot)
-        drawn = targets.drawn.get(slot)
+        slot, timer, inputs = key.slot, self._scheduler.timer, targets.inputs_of(key)
+        drawn = targets.drawn.get(key)
         same_view = drawn is not None and drawn.inputs == inputs and not whole
-        path = None if is_image else self._packs.on_gpu(slot).path(slot.path, slot.filter)
+        path = self._path(key)
         if path is not None and same_view and path.decode_ahead():
             self._scheduler.skipped["passes"] += 1
             return
-        if slot not in targets.albedo:
-            targets.albedo[slot] = AlbedoTarget(self._context, targets.visibility.size, half=is_image)
-        target = targets.albedo[slot]
+        if key not in targets.planes:
+            targets.planes[key] = AlbedoTarget(self._context, targets.visibility.size, half=path is None)
+        target = targets.planes[key]
         # While it is drawn anew its content is void.
-        targets.drawn.pop(slot, None)
+        targets.drawn.pop(key, None)
         with naming_memory_errors(_described(slot.source)):
             if path is None:
-                images = self._images[slot.source]
+                images = self._images.of(slot.source, key.plane)
                 with timer.measure("upload"):
                     images.upload(inputs.visible_materials)
                 with timer.measure(images.name):
@@ -78,18 +162,18 @@ class SlotDrawer:
         if path is not None and path.is_partial:
             # The composite of the picture before is shown until all rows are drawn.
             if drawn is not None:
-                targets.drawn[slot] = drawn
+                targets.drawn[key] = drawn
             return
-        targets.slot_ms[slot] = spent
+        targets.plane_ms[key] = spent
         self._draws += 1
-        targets.drawn[slot] = DrawnAlbedo(inputs, self._version(slot), self._draws)
+        targets.drawn[key] = DrawnPlane(inputs, self._version(slot), self._draws)
 
     def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
         """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
         sampled = {
             slot: own for slot, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"
         }
-        return {slot: self._packs.on_gpu(own).path(own.path, own.filter).samples for slot, own in sampled.items()}
+        return {slot: self._packs.on_gpu(own).samples(own.path, own.filter) for slot, own in sampled.items()}
 
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before."""
@@ -100,7 +184,11 @@ class SlotDrawer:
             visibility = VisibilityTarget(self._context, PREPARED_SIZE, targets.visibility.content)
             target = AlbedoTarget(self._context, PREPARED_SIZE)
         try:
-            self._packs.on_gpu(slot).path(slot.path, slot.filter).draw(drawer.redraw(visibility), target, whole=False)
+            inputs = drawer.redraw(visibility)
+            for key in self._all_keys(slot, targets):
+                path = self._path(key)
+                if path is not None:
+                    path.draw(inputs.of_plane(key.plane), target, whole=False)
         finally:
             self._scheduler.timer.take()
             visibility.release()

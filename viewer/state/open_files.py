@@ -26,7 +26,16 @@ from viewer.state.pack_files import (
 )
 from viewer.state.session import InspectionState, Requests, Session, WindowState
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, PathChoice, Slot, TexelFilter, ViewState
+from viewer.state.view_state import (
+    DEFAULT_LIGHTING,
+    REFERENCE,
+    Lighting,
+    MaterialView,
+    PathChoice,
+    Slot,
+    TexelFilter,
+    ViewState,
+)
 
 
 @dataclass(frozen=True)
@@ -41,6 +50,8 @@ class InitialView:
     """`auto`: fp32 until the cheapest that does not show has been found."""
     filter: TexelFilter | None = None
     """None: as the settings say."""
+    material_view: MaterialView = "lit"
+    lighting: Lighting = DEFAULT_LIGHTING
 
 
 def new_session(
@@ -81,6 +92,8 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
         compare="a" if source == REFERENCE else "wipe",
         wipe_position=settings.wipe_position,
         anisotropy=settings.anisotropy,
+        material_view=initial.material_view,
+        lighting=initial.lighting,
     )
 
 
@@ -95,7 +108,8 @@ def _open_scene(session: Session, path: Path) -> None:
             # A pack that cannot be read, or is of another scene, does not keep the scene closed.
             notify(session, str(error), "error", details_of(error))
     session.scene, session.packs = scene, packs
-    session.view = _initial_view(scene, packs, session.settings, InitialView())
+    before = InitialView(material_view=session.view.material_view, lighting=session.view.lighting)
+    session.view = _initial_view(scene, packs, session.settings, before)
     session.navigation.motion = None
     session.previous_views = {}
     session.requests.precision = frozenset()

@@ -20,6 +20,8 @@ from viewer.state.view_state import (
     REFERENCE,
     CompareMode,
     Difference,
+    Lighting,
+    MaterialView,
     Overlay,
     Slot,
     ViewState,
@@ -88,6 +90,8 @@ def view_json(saved: SavedView) -> str:
         "overlay": asdict(view.overlay),
         "zoom": {"factor": view.zoom.factor, "x": view.zoom.centre[0], "y": view.zoom.centre[1]},
         "anisotropy": view.anisotropy,
+        "materials": view.material_view,
+        "lighting": asdict(view.lighting),
         "resolution": saved.resolution,
         "bookmarks": [_camera_fields(camera) for camera in saved.bookmarks.values()],
     }
@@ -138,6 +142,8 @@ class _ViewFile(msgspec.Struct):
     overlay: Overlay
     zoom: _Zoom
     anisotropy: Anisotropy
+    materials: MaterialView
+    lighting: Lighting
     resolution: Annotated[float, Meta(ge=SMALLEST_RESOLUTION, le=1.0)]
     camera: _Camera | None = None
     bookmarks: Annotated[list[_Camera], Meta(max_length=MOST_BOOKMARKS)] | None = None
@@ -191,6 +197,8 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
             overlay=saved.overlay,
             zoom=Zoom(saved.zoom.factor, (saved.zoom.x, saved.zoom.y)),
             anisotropy=saved.anisotropy,
+            material_view=saved.materials,
+            lighting=replace(saved.lighting, environment=nonempty_line(saved.lighting.environment)),
         ),
         saved.resolution,
         present.bookmarks

@@ -22,6 +22,7 @@ MaterialView = Literal["lit", "base", "normal", "orm", "emissive"]
 """What of the materials is shown: lit surfaces, or one of the maps as it is stored (`orm`: occlusion, roughness, metalness as RGB)."""
 ToneMap = Literal["neutral", "agx", "none"]
 """Khronos PBR Neutral, AgX, or clipping alone."""
+DecodedMaps = Literal["all", "base", "normal", "roughness", "metalness", "emissive", "occlusion"]
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
 BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
@@ -29,6 +30,11 @@ BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
 BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
 """(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
 
+ELEVATION_RANGE: Final = (-10.0, 90.0)
+"""Of the sun, in degrees above the horizon."""
+SUN_STRENGTH_RANGE: Final = (0.0, 20.0)
+EXPOSURE_RANGE: Final = (-10.0, 10.0)
+"""In stops."""
 SKY: Final = "sky"
 """The environment that needs no file."""
 REFERENCE: Final = "reference"
@@ -55,6 +61,9 @@ class Slot:
     """Storage of decoder weights, and arithmetic with them, on the GPU; of no effect for images."""
     filter: TexelFilter = "exact"
     """Of the paths that decode every pixel; of no effect for path `cached` and images."""
+    maps: DecodedMaps = "all"
+    """Which maps are the pack's: all, or one of them, the others being those of the original images. So one sees what one map's error
+    does to the picture. Of no effect for the originals."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +92,20 @@ class Lighting:
 
     environment: str = SKY
     """SKY, the sky that the sun makes, or a file of an equirectangular panorama (HDR or EXR)."""
-    environment_turn: float = 0.0
+    environment_turn: Annotated[float, Meta(ge=0.0, le=360.0)] = 0.0
     """Degrees that a panorama is turned by about the vertical axis; of no effect for SKY."""
-    sun_azimuth: float = 140.0
+    sun_azimuth: Annotated[float, Meta(ge=0.0, le=360.0)] = 140.0
     """Degrees from north (-Z) towards east (+X): where the sun stands."""
-    sun_elevation: float = 40.0
+    sun_elevation: Annotated[float, Meta(ge=ELEVATION_RANGE[0], le=ELEVATION_RANGE[1])] = 40.0
     """Degrees above the horizon."""
-    sun_strength: float = 1.0
+    sun_strength: Annotated[float, Meta(ge=SUN_STRENGTH_RANGE[0], le=SUN_STRENGTH_RANGE[1])] = 1.0
     """Times the sun's own radiance; 0 leaves it out."""
-    exposure: float = 0.0
+    exposure: Annotated[float, Meta(ge=EXPOSURE_RANGE[0], le=EXPOSURE_RANGE[1])] = 0.0
     """In stops: radiance is multiplied by 2 to this power."""
     tone_map: ToneMap = "neutral"
+
+
+DEFAULT_LIGHTING: Final = Lighting()
 
 
 @dataclass(frozen=True)
@@ -118,7 +130,7 @@ class ViewState:
     anisotropy: int = 1
     """Anisotropic filtering of images and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
     material_view: MaterialView = "base"
-    lighting: Lighting = Lighting()
+    lighting: Lighting = DEFAULT_LIGHTING
 
     @property
     def slots(self) -> dict[Side, Slot]:

@@ -17,6 +17,8 @@ GRAB_WIDTH = 12.0
 CLICK_DISTANCE = 4.0
 """Window units: a press that moves less is a click."""
 MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
+SUN_DEGREES = 180.0
+"""That a drag over the picture's height moves the sun by."""
 LONGEST_STEP = 0.1
 """Seconds: a slow frame must not throw the camera across the scene."""
 
@@ -124,7 +126,9 @@ class PictureInput:
         camera, flies = session.view.camera, session.settings.camera_mode == "fly"
         drag = (io.mouse_delta.x, io.mouse_delta.y)
         if drag != (0.0, 0.0):
-            if imgui.is_mouse_down(imgui.MouseButton_.left):
+            if imgui.is_mouse_down(imgui.MouseButton_.left) and io.key_shift and session.view.material_view == "lit":
+                emit("light.move-sun", SUN_DEGREES * drag[0] / height, -SUN_DEGREES * drag[1] / height)
+            elif imgui.is_mouse_down(imgui.MouseButton_.left):
                 camera = navigation.look(camera, drag, height) if flies else navigation.orbit(camera, drag, height)
             elif imgui.is_mouse_down(imgui.MouseButton_.right) or imgui.is_mouse_down(imgui.MouseButton_.middle):
                 camera = navigation.pan(camera, drag, height)

@@ -15,6 +15,6 @@ void main() {
     if (decoder >= 0) {
         atomicAdd(bins[decoder].counted, 1u);
     } else {
-        imageStore(target, pixel, shown_plane(wanted_texel(surface), vec4(0.0)));
+        imageStore(target, pixel, plane_content(surface, 0, vec4(0.0)));
     }
 }

@@ -43,5 +43,5 @@ void main() {
         }
         texel = sum / float(probes.count);
     }
-    target = shown_texel(wanted, texel);
+    target = plane_content(surface, wanted.components, texel);
 }

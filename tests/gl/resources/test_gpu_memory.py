@@ -275,7 +275,7 @@ def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) 
     whole = read_picture(renderer.render(VIEWS["reference"]).image)
     held = memory.objects_given
     # Images of one size are one array: the second is refused while another one is there.
-    reference = renderer.images.reference
+    reference = renderer.images.of("reference", "base")
     sizes = {plan.size for plan in reference._plans}
     assert len(sizes) > 1
 

@@ -1,4 +1,7 @@
-"""The reference path: original images, or others in their place, filtered by the hardware over the same visibility buffer."""
+"""The reference path: original images, or others in their place, filtered by the hardware over the same visibility buffer.
+
+Each plane of maps (`ntc.codec.maps`) has arrays of its own, in the format that is filtered as its maps are: sRGB or linear.
+"""
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -9,20 +12,23 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.mips import mip_chain
+from ntc.codec.maps import PLANES, Plane
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
+from viewer.render.resources.material_records import plane_texture
+from viewer.render.resources.plane_images import plane_mips
 from viewer.render.resources.samplers import SamplerCache
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs
 from viewer.scene.model import Sampler, Scene
 from viewer.state.view_state import REFERENCE
 
 MipsOf = Callable[[int], Sequence[NDArray[np.uint8]]]
-"""Texture id -> [h, w, 3] uint8 sRGB of every mip down to 1x1 texel."""
+"""Texture id -> every mip down to 1x1 texel, as `plane_mips` gives them."""
+DEFAULT_READING = PlaneReading()
 LAYERS_AT_MOST = 256
 """Every OpenGL 4.3 driver has at least this many layers."""
 
@@ -44,16 +50,16 @@ class ImageArrayPlan:
     textures: tuple[int, ...]
 
 
-def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
-    """Texture arrays for a scene, and the place of each textured material's image, by material index."""
+def plan_image_arrays(scene: Scene, plane: Plane) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
+    """Texture arrays of a plane for a scene, and the place of each textured material's image, by material index."""
+    found = {index: plane_texture(material, plane) for index, material in enumerate(scene.materials)}
+    textured = {index: own for index, own in found.items() if own is not None}
     members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
-    for material in scene.materials:
-        if material.texture_id < 0:
-            continue
-        height, width = scene.textures[material.texture_id].pixels.shape[:2]
-        textures = members[((width, height), material.sampler)]
-        if material.texture_id not in textures:
-            textures.append(material.texture_id)
+    for own in textured.values():
+        height, width = scene.textures[own.texture_id].pixels.shape[:2]
+        textures = members[((width, height), own.sampler)]
+        if own.texture_id not in textures:
+            textures.append(own.texture_id)
     plans: list[ImageArrayPlan] = []
     place: dict[tuple[int, Sampler], ImagePlace] = {}
     for (size, sampler), textures in members.items():
@@ -61,16 +67,12 @@ def plan_image_arrays(scene: Scene) -> tuple[tuple[ImageArrayPlan, ...], Mapping
             part = textures[start : start + LAYERS_AT_MOST]
             place.update({(texture, sampler): ImagePlace(len(plans), layer) for layer, texture in enumerate(part)})
             plans.append(ImageArrayPlan(size, sampler, tuple(part)))
-    places = {
-        index: place[(material.texture_id, material.sampler)]
-        for index, material in enumerate(scene.materials)
-        if material.texture_id >= 0
-    }
+    places = {index: place[(own.texture_id, own.sampler)] for index, own in textured.items()}
     return tuple(plans), places
 
 
 class ReferencePass:
-    """Inputs: visibility buffer, materials, images. Output: linear albedo.
+    """Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps.
 
     Images are uploaded when a material that may be visible first needs them.
     """
@@ -83,13 +85,14 @@ class ReferencePass:
         materials: np.ndarray,
         mips: MipsOf | None = None,
         name: str = REFERENCE,
+        reading: PlaneReading = DEFAULT_READING,
     ) -> None:
         """`mips` gives the images by texture id, in threads; None: the scene's own. `name` is that of the source."""
-        self._context, self.name = context, name
-        self._mips: MipsOf = mips or (lambda texture_id: mip_chain(scene.textures[texture_id].pixels, "srgb"))
-        self._plans, self._places = plan_image_arrays(scene)
+        self._context, self.name, self._reading, plane = context, name, reading, reading.plane
+        self._mips: MipsOf = mips or (lambda texture_id: plane_mips(scene.textures[texture_id], plane))
+        self._plans, self._places = plan_image_arrays(scene, plane)
         for index, place in self._places.items():
-            own = materials[index]["planes"][0]
+            own = materials[index]["planes"][PLANES.index(plane)]
             own["image_array"], own["image_layer"] = place.array, place.layer
         self._arrays: dict[int, ImageArray] = {}
         self._samplers = SamplerCache(context)
@@ -137,7 +140,9 @@ class ReferencePass:
             for (array, layer), chain in zip(fresh, chains, strict=True):
                 if array not in self._arrays:
                     plan = self._plans[array]
-                    self._arrays[array] = ImageArray(self._context, plan.size, len(plan.textures))
+                    self._arrays[array] = ImageArray(
+                        self._context, plan.size, len(plan.textures), srgb=self._reading.plane != "surface"
+                    )
                 try:
                     self._arrays[array].write(layer, chain)
                 except GpuMemoryError:
@@ -154,7 +159,7 @@ class ReferencePass:
         return self._depth
 
     def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
-        """Draw the albedo, once the visible materials have been uploaded."""
+        """Draw the plane, once the visible materials have been uploaded."""
         visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl
         arrays = sorted({self._places[index].array for index in inputs.visible_materials if index in self._places})
@@ -180,7 +185,8 @@ class ReferencePass:
 
     def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
         """Draw the pixels of one texture array; -1 for none."""
-        triangle = self._programs.fullscreen("passes/reference/sample.frag", {**content.defines(), **variant})
+        defines = {**self._reading.defines(), "GRADIENTS": int(content.gradients), **variant}
+        triangle = self._programs.fullscreen("passes/reference/sample.frag", defines)
         set_uniforms(triangle.program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
         unit = int(TextureUnit.IMAGES)
         if array < 0:

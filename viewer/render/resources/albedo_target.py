@@ -47,10 +47,14 @@ class AlbedoTarget:
         pixels = np.frombuffer(words, self._type).reshape(height, width, 4)
         return np.ascontiguousarray(pixels[::-1, :, :3], np.float32)
 
+    def read_all(self) -> NDArray[np.float32]:
+        """[H, W, 4] float32, row 0 on top: all four channels as they are."""
+        pixels = np.frombuffer(self.texture.read(), self._type).reshape(self.size[1], self.size[0], 4)
+        return np.ascontiguousarray(pixels[::-1], np.float32)
+
     def read(self) -> NDArray[np.float32]:
         """[H, W, 3] float32 linear, row 0 on top, background 0."""
-        pixels = np.frombuffer(self.texture.read(), self._type).reshape(self.size[1], self.size[0], 4)
-        return np.ascontiguousarray(pixels[::-1, :, :3], np.float32)
+        return np.ascontiguousarray(self.read_all()[..., :3])
 
     def release(self) -> None:
         """Free the texture."""

@@ -1,6 +1,7 @@
 """The visibility buffer: the surface of each pixel, as integer words and depth (docs/decode-paths.md)."""
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -194,10 +195,16 @@ class VisibilityInputs:
     """Number of the sample that the stochastic filter takes; of no effect without it."""
     textures: tuple[int, ...] = field(default=(), compare=False)
     """Ids of the textures that may be visible in this plane, ascending."""
+    plane_textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict, compare=False)
+    """The same for every plane."""
     visible_materials: tuple[int, ...] = field(default=(), compare=False)
     """Materials that may be visible, ascending."""
     matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), compare=False)
     """[4, 4] float64, world to clip."""
+
+    def of_plane(self, plane: Plane) -> "VisibilityInputs":
+        """The same for another plane of the maps."""
+        return self if plane == self.plane else replace(self, plane=plane, textures=self.plane_textures[plane])
 
     def of_sample(self, number: int) -> "VisibilityInputs":
         """The same for another sample of the stochastic filter."""

@@ -1,5 +1,6 @@
 """Limits and statistics of the cache of decoded tiles (path `cached`)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -69,3 +70,19 @@ class TileCounts:
     """Whether the GPU had less memory than the budget: the cache keeps the size that it reached."""
     coarse_latents: bool = False
     """Whether tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""
+
+
+def total_counts(counts: Sequence[TileCounts]) -> TileCounts | None:
+    """Of several caches that draw one picture; None for none."""
+    if not counts:
+        return None
+    return TileCounts(
+        sum(own.resident for own in counts),
+        sum(own.waiting for own in counts),
+        sum(own.starved for own in counts),
+        sum(own.kept for own in counts),
+        sum(own.decoded for own in counts),
+        sum(own.evicted for own in counts),
+        any(own.out_of_memory for own in counts),
+        any(own.coarse_latents for own in counts),
+    )

@@ -12,6 +12,7 @@ from viewer.ui.panels.divergence import draw_divergence_panel
 from viewer.ui.panels.errors import draw_errors_panel
 from viewer.ui.panels.groups import GroupsPanel
 from viewer.ui.panels.histogram import HistogramPanel
+from viewer.ui.panels.light import draw_light_panel
 from viewer.ui.panels.log import LogPanel
 from viewer.ui.panels.memory import MemoryPanel
 from viewer.ui.panels.pixel import draw_pixel_panel
@@ -47,6 +48,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
     return (
         Panel("Compare", "left", lambda _: 440.0, draw_compare_panel),
         Panel("Timings", "left below", lambda _: 300.0, lambda ui: draw_timings_panel(ui, plot)),
+        Panel("Light", "left below", lambda _: 300.0, draw_light_panel),
         Panel("Memory", "left below", lambda _: 300.0, memory.draw),
         Panel("Scene", "right", _scene_height, lambda ui: draw_scene_panel(ui, open_field, lists)),
         Panel("Textures", "right", _scene_height, textures.draw),

@@ -1,0 +1,114 @@
+"""Commands: what of the materials is shown, and the light that they are shown in."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+from viewer.commands.command import Arg, command, gesture
+from viewer.lighting.panorama import load_panorama
+from viewer.state.event_handlers import notify
+from viewer.state.session import Session
+from viewer.state.view_state import (
+    ELEVATION_RANGE,
+    EXPOSURE_RANGE,
+    SKY,
+    SUN_STRENGTH_RANGE,
+    MaterialView,
+    ToneMap,
+)
+
+PANORAMA_SUFFIXES = (".hdr", ".exr")
+VIEWS: dict[MaterialView, str] = {
+    "lit": "surfaces in the light",
+    "base": "base colours without light",
+    "normal": "normal maps as they are stored",
+    "orm": "occlusion, roughness and metalness as red, green and blue",
+    "emissive": "emitted light",
+}
+"""What each view shows, in a few words."""
+
+
+def _light(session: Session, **changes: Any) -> None:
+    session.view = replace(session.view, lighting=replace(session.view.lighting, **changes))
+
+
+@command(
+    "materials.next",
+    "Next view of the materials",
+    "lit, base colours, normals, roughness and metal, emission",
+    "View",
+    "G",
+)
+def next_view(session: Session) -> None:
+    views = get_args(MaterialView)
+    following: MaterialView = views[(views.index(session.view.material_view) + 1) % len(views)]
+    session.view = replace(session.view, material_view=following)
+    notify(session, f"{following}: {VIEWS[following]}")
+
+
+@command("materials.view", "View of the materials", "surfaces in the light, or one of their maps", "View")
+def set_view(session: Session, view: Annotated[MaterialView, Arg("what is shown")]) -> None:
+    session.view = replace(session.view, material_view=view)
+
+
+@command("light.sun", "Sun", "where the sun stands", "View")
+def set_sun(
+    session: Session,
+    azimuth: Annotated[float, Arg("degrees from north (-Z) towards east (+X)")],
+    elevation: Annotated[float, Arg("degrees above the horizon", None, *ELEVATION_RANGE, clamp=True)],
+) -> None:
+    _light(session, sun_azimuth=azimuth % 360.0, sun_elevation=elevation)
+
+
+@gesture("light.move-sun")
+def move_sun(session: Session, azimuth: float, elevation: float) -> None:
+    """Turn the sun by so many degrees."""
+    lighting = session.view.lighting
+    low, high = ELEVATION_RANGE
+    raised = min(max(lighting.sun_elevation + elevation, low), high)
+    _light(session, sun_azimuth=(lighting.sun_azimuth + azimuth) % 360.0, sun_elevation=raised)
+
+
+@command("light.sun-strength", "Strength of the sun", "times its own; 0 leaves it out", "View")
+def set_sun_strength(
+    session: Session, strength: Annotated[float, Arg("times its own", None, *SUN_STRENGTH_RANGE)]
+) -> None:
+    _light(session, sun_strength=strength)
+
+
+@command("light.exposure", "Exposure", "how bright the lit picture is", "View")
+def set_exposure(
+    session: Session, stops: Annotated[float, Arg("stops: +1 is twice as bright", None, *EXPOSURE_RANGE)]
+) -> None:
+    _light(session, exposure=stops)
+
+
+@command("light.tone-map", "Tone map", "how light becomes a picture", "View")
+def set_tone_map(
+    session: Session, curve: Annotated[ToneMap, Arg("Khronos PBR Neutral, AgX, or clipping alone")]
+) -> None:
+    _light(session, tone_map=curve)
+
+
+def use_environment(session: Session, file: Path) -> None:
+    """Light the scene by the panorama in `file`. Raises InputError for whatever is wrong with it; the light stays as it is then."""
+    path = session.file_to_read(file)
+    load_panorama(path)
+    _light(session, environment=str(path))
+    notify(session, f"lit by {path.name}")
+
+
+@command("light.environment", "Environment", "light the scene by a panorama", "View")
+def set_environment(
+    session: Session,
+    file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky` for the sky that the sun makes")],
+) -> None:
+    if file == Path(SKY):
+        _light(session, environment=SKY)
+        return
+    use_environment(session, file)
+
+
+@command("light.turn", "Turn the environment", "about the vertical axis; of no effect for the sky", "View")
+def turn_environment(session: Session, degrees: Annotated[float, Arg("degrees")]) -> None:
+    _light(session, environment_turn=degrees % 360.0)
