@@ -18,7 +18,7 @@ from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.passes.shadow import ShadowInputs, ShadowPass
 from viewer.render.resources.culling import Culling
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
-from viewer.render.resources.light.scene_light import SceneLight
+from viewer.render.resources.light.scene_light import SceneLight, SurfaceKinds
 from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView, shadow_view
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.model import Camera, Scene
@@ -48,7 +48,7 @@ class LightDrawer:
         self._panorama: tuple[str, Panorama] | None = None
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
-        self._clearcoat = any(material.factors.clearcoat > 0.0 for material in scene.materials)
+        self._kinds = SurfaceKinds.of(scene.materials)
 
     def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
@@ -69,7 +69,7 @@ class LightDrawer:
             self._shadow if view is not None else None,
             view,
             self._scene.lights,
-            self._clearcoat,
+            self._kinds,
         )
 
     def _environment(self, lighting: Lighting) -> tuple[PrefilterInputs, PrefilterSize]:

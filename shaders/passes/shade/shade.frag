@@ -1,6 +1,7 @@
 #version 430
 // The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/lighting.md says it in words).
-// SUN, SUN_DISK, SHADOWS, LIGHTS, CLEARCOAT 1: the view has such.
+// SUN, SHADOWS, LIGHTS 1: the view has such. CLEARCOAT, SPECULAR, EMISSIVE, UNLIT 1: any material has such factors.
+// What is drawn where no surface is means nothing: background.frag replaces it.
 #include "common/frame.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
@@ -11,23 +12,14 @@
 #include "lighting/lights.glsl"
 #endif
 #include "passes/shade/maps.glsl"
+#include "passes/shade/view.glsl"
 
 layout(binding = UNIT_SURFACE) uniform usampler2D surface_words;
 layout(binding = UNIT_SURFACE_FRAME) uniform usampler2D surface_frames;
 layout(binding = UNIT_SURFACE_DEPTH) uniform sampler2D surface_depth;
-layout(binding = UNIT_PANORAMA) uniform sampler2D panorama;
-// The direction of a pixel's ray is ray_middle + x * ray_right + y * ray_up in normalized device coordinates.
-uniform vec3 ray_middle;
-uniform vec3 ray_right;
-uniform vec3 ray_up;
 // From normalized device coordinates and depth to a place relative to the eye.
 uniform mat4 from_clip;
-uniform vec2 picture_size;
-uniform float exposure_factor;
-uniform vec3 sun_direction;
 uniform vec3 sun_irradiance;
-uniform float sun_radius;
-uniform vec3 sun_radiance;
 uniform int light_count;
 #include "passes/shade/shadow.glsl"
 
@@ -70,9 +62,13 @@ vec3 mapped_normal(Frame frame, vec2 stored, float scale) {
 
 vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
     Maps maps = read_maps(pixel);
+#if SPECULAR
     vec4 factors = materials[number].surface;
-    vec4 emissive = materials[number].emissive;
     vec4 specular = materials[number].specular;
+#else
+    vec4 factors = vec4(materials[number].surface.xyz, 0.0);
+    const vec4 specular = vec4(vec3(0.04), 1.0);
+#endif
     Frame frame = unpack_frame(texelFetch(surface_frames, pixel, 0).xy);
     vec3 normal = mapped_normal(frame, maps.surface.xy, factors.z);
     Reflection surface = Reflection(
@@ -83,7 +79,7 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
         clamp(maps.surface.w * factors.y, 0.0, 1.0),
         clamp(maps.surface.z * factors.x, 0.0, 1.0)
     );
-    float occlusion = 1.0 + emissive.a * (maps.emission.a - 1.0);
+    float occlusion = 1.0 + materials[number].emissive.a * (maps.emission.a - 1.0);
     vec3 place = vec3(0.0);
 #if LIGHTS || SHADOWS
     vec4 homogeneous = from_clip * vec4(ndc, texelFetch(surface_depth, pixel, 0).x * 2.0 - 1.0, 1.0);
@@ -94,7 +90,9 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
     sun_share = sun_seen(place, frame.normal);
 #endif
     vec3 radiance = reflected(surface, seen_along(normal, view, surface.roughness), occlusion, place, sun_share);
-    radiance += maps.emission.rgb * emissive.rgb;
+#if EMISSIVE
+    radiance += maps.emission.rgb * materials[number].emissive.rgb;
+#endif
 #if CLEARCOAT
     float coat = materials[number].clearcoat;
     if (coat > 0.0) {
@@ -108,29 +106,13 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
     return radiance;
 }
 
-vec3 background_radiance(vec3 direction) {
-    vec3 radiance = textureLod(panorama, panorama_place(to_environment(direction)), 0.0).rgb;
-#if SUN_DISK
-    // The chord between unit vectors keeps its digits where their cosine is near 1.
-    float away = length(direction - sun_direction);
-    radiance += sun_radiance * clamp((sun_radius - away) / (0.1 * sun_radius) + 0.5, 0.0, 1.0);
-#endif
-    return radiance;
-}
-
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    int number = surface_material(texelFetch(surface_words, pixel, 0).x);
+    int number = max(surface_material(texelFetch(surface_words, pixel, 0).x), 0);
     vec2 ndc = gl_FragCoord.xy / picture_size * 2.0 - 1.0;
-    vec3 direction = normalize(ray_middle + ndc.x * ray_right + ndc.y * ray_up);
-    if (number < 0) {
-        picture = vec4(tone_mapped(background_radiance(direction), exposure_factor), 0.0);
-        return;
-    }
-    picture.a = 1.0;
-    if (materials[number].unlit != 0) {
-        picture.rgb = clamp(read_maps(pixel).base, 0.0, 1.0);
-        return;
-    }
-    picture.rgb = tone_mapped(surface_radiance(pixel, number, -direction, ndc), exposure_factor);
+    vec3 view = -normalize(ray_middle + ndc.x * ray_right + ndc.y * ray_up);
+    picture = vec4(tone_mapped(surface_radiance(pixel, number, view, ndc), exposure_factor), 1.0);
+#if UNLIT
+    if (materials[number].unlit != 0) picture.rgb = clamp(read_maps(pixel).base, 0.0, 1.0);
+#endif
 }

@@ -66,16 +66,20 @@ PLANES_READ = [
     }
     for mixed in (0, 1)
 ] + [{"MIXED": 0, "SURFACE_PLANE": 0, "EMISSION_PLANE": 0}]
-LIT = ("TONE_MAP", "SUN", "SUN_DISK", "SHADOWS", "LIGHTS", "CLEARCOAT")
+LIT = ("TONE_MAP", "SUN", "SHADOWS", "LIGHTS", "CLEARCOAT", "SPECULAR", "EMISSIVE", "UNLIT")
 FULL_SCREEN += [
     ("common/fullscreen.vert", "passes/shade/shade.frag", {**planes, **dict(zip(LIT, values, strict=True))})
     for planes in PLANES_READ
-    for values in ((0, 0, 0, 0, 0, 0), (1, 1, 1, 1, 0, 0), (2, 1, 0, 0, 1, 1))
+    for values in ((0,) * 8, (1, 1, 1, 0, 0, 1, 0, 1), (2, 1, 0, 1, 1, 0, 1, 0))
 ]
 FULL_SCREEN += [
     ("common/fullscreen.vert", "passes/shade/show_map.frag", {**planes, "VIEW": view})
     for planes in PLANES_READ
     for view in range(3)
+]
+FULL_SCREEN += [
+    ("common/fullscreen.vert", "passes/shade/background.frag", {"TONE_MAP": tones, "SUN_DISK": tones % 2})
+    for tones in range(3)
 ]
 DRAWN += [("common/scene.vert", "passes/shadow/shadow.frag", {"ALPHA_TEST": alpha}) for alpha in (0, 1)]
 COMPUTED = [

@@ -103,20 +103,37 @@ class ShadePass:
 
     def run(self, inputs: ShadeInputs, output: AlbedoTarget) -> None:
         """Draw the picture. Raises ValueError where a lit view lacks light, frames or base colours, ShaderError."""
-        gl = self._context.gl
         defines = self._bind_planes(inputs)
+        inputs.view.bind()
         if inputs.material_view == "lit":
-            program = self._lit(inputs, defines)
-        else:
-            program = self._fullscreen("show_map.frag", {**defines, "VIEW": SHOWN_MAPS[inputs.material_view]})
+            self._draw_lit(inputs, defines, output)
+            return
+        program = self._fullscreen("show_map.frag", {**defines, "VIEW": SHOWN_MAPS[inputs.material_view]})
+        output.framebuffer.use()
+        self._draw(inputs, program)
+
+    def _draw(self, inputs: ShadeInputs, program: moderngl.VertexArray) -> None:
         if inputs.other is not None:
             bits = sum(MAP_BITS[name] for name in inputs.other_maps)
             set_uniforms(program.program, {"other_maps": bits})
-        inputs.view.bind()
-        output.framebuffer.use()
-        gl.enable_only(moderngl.NOTHING)
         set_uniforms(program.program, {"depth": 0.0})
+        self._context.gl.enable_only(moderngl.NOTHING)
         program.render(moderngl.TRIANGLES, vertices=3)
+
+    def _draw_background(self, program: moderngl.VertexArray, depth: moderngl.Texture, output: AlbedoTarget) -> None:
+        """Draw `program` where nothing has been drawn into `depth`: a test of depth costs less than a branch for every pixel."""
+        gl = self._context.gl
+        framebuffer = output.framebuffer_with_depth(depth)
+        try:
+            framebuffer.use()
+            framebuffer.depth_mask = False
+            gl.enable_only(moderngl.DEPTH_TEST)
+            gl.depth_func = "=="
+            set_uniforms(program.program, {"depth": 1.0})
+            program.render(moderngl.TRIANGLES, vertices=3)
+        finally:
+            gl.depth_func = "<"
+            framebuffer.release()
 
     def _fullscreen(self, fragment: str, defines: dict[str, int]) -> moderngl.VertexArray:
         return self._programs.fullscreen(f"passes/shade/{fragment}", defines)
@@ -134,47 +151,58 @@ class ShadePass:
             defines[f"{prefix}EMISSION_PLANE"] = int(targets[2] is not None)
         return defines
 
-    def _lit(self, inputs: ShadeInputs, defines: dict[str, int]) -> moderngl.VertexArray:
+    def _draw_lit(self, inputs: ShadeInputs, defines: dict[str, int], output: AlbedoTarget) -> None:
         light, target = inputs.light, inputs.view.visibility
         needs_other = "base" in inputs.other_maps and (inputs.other is None or inputs.other.base is None)
         if light is None or inputs.planes.base is None or needs_other or not target.content.frame:
             raise ValueError("a lit view needs light, normals and base colours")
-        shadows = light.shadow is not None and light.shadow_view is not None and light.sun.shines
-        lights = min(len(light.lights), MOST_LIGHTS)
-        defines |= {
-            "TONE_MAP": TONE_MAP_CODES[light.tone_map],
-            "SUN": int(light.sun.shines),
-            "SUN_DISK": int(light.sun.shines and light.shows_sun),
-            "SHADOWS": int(shadows),
-            "LIGHTS": int(lights > 0),
-            "CLEARCOAT": int(light.clearcoat),
-        }
-        drawn = self._fullscreen("shade.frag", defines)
         rays = view_rays(inputs.view.matrix)
-        light.environment.bind(drawn.program, light.turn)
-        # Shaders read depths, and compare nothing.
-        target.depth.compare_func = ""
-        target.depth.use(int(TextureUnit.SURFACE_DEPTH))
-        solid_angle = np.pi * SUN_RADIUS**2
-        values: dict[str, object] = {
+        tones = {"TONE_MAP": TONE_MAP_CODES[light.tone_map]}
+        shared = {
             "ray_middle": tuple(rays.middle),
             "ray_right": tuple(rays.right),
             "ray_up": tuple(rays.up),
-            "from_clip": _matrix_bytes(rays.from_clip),
             "picture_size": target.size,
             "exposure_factor": 2.0**light.exposure,
             "sun_direction": light.sun.direction,
+        }
+        surfaces = self._surfaces(light, rays, {**defines, **tones})
+        set_uniforms(surfaces.program, shared)
+        # Shaders read depths, and compare nothing.
+        target.depth.compare_func = ""
+        target.depth.use(int(TextureUnit.SURFACE_DEPTH))
+        output.framebuffer.use()
+        self._draw(inputs, surfaces)
+        disk = {"SUN_DISK": int(light.sun.shines and light.shows_sun)}
+        background = self._fullscreen("background.frag", {**tones, **disk})
+        light.environment.bind(background.program, light.turn)
+        radiance = tuple(value / (np.pi * SUN_RADIUS**2) for value in light.sun.irradiance)
+        set_uniforms(background.program, {**shared, "sun_radius": SUN_RADIUS, "sun_radiance": radiance})
+        self._draw_background(background, target.depth, output)
+
+    def _surfaces(self, light: SceneLight, rays: ViewRays, defines: dict[str, int]) -> moderngl.VertexArray:
+        """The program that lights surfaces, with what lights them."""
+        shadow, view = light.shadow, light.shadow_view
+        lights = min(len(light.lights), MOST_LIGHTS)
+        defines |= {
+            "SUN": int(light.sun.shines),
+            "SHADOWS": int(shadow is not None and view is not None and light.sun.shines),
+            "LIGHTS": int(lights > 0),
+            **light.kinds.defines(),
+        }
+        drawn = self._fullscreen("shade.frag", defines)
+        light.environment.bind(drawn.program, light.turn)
+        values: dict[str, object] = {
+            "from_clip": _matrix_bytes(rays.from_clip),
             "sun_irradiance": light.sun.irradiance,
-            "sun_radius": SUN_RADIUS,
-            "sun_radiance": tuple(value / solid_angle for value in light.sun.irradiance),
             "light_count": lights,
         }
-        if shadows and light.shadow is not None and light.shadow_view is not None:
+        if shadow is not None and view is not None:
             shifted = np.eye(4)
             shifted[:3, 3] = rays.eye
-            light.shadow.depth.use(int(TextureUnit.SHADOW))
-            values["to_shadow"] = _matrix_bytes(light.shadow_view.to_map @ shifted)
-            values["shadow_texel"] = light.shadow_view.texel
+            shadow.depth.use(int(TextureUnit.SHADOW))
+            values["to_shadow"] = _matrix_bytes(view.to_map @ shifted)
+            values["shadow_texel"] = view.texel
         if lights:
             if self._lights is None:
                 size = MOST_LIGHTS * LIGHT_RECORD.itemsize

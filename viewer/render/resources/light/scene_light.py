@@ -1,6 +1,7 @@
 """All that lights a view, as the shading pass reads it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,13 +11,49 @@ from viewer.lighting.sun import Sun
 from viewer.render.resources.layout import MOST_LIGHTS
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView
-from viewer.scene.model import Light
+from viewer.scene.model import Light, Material, SurfaceFactors
 from viewer.state.view_state import ToneMap
 
 LIGHT_RECORD = np.dtype(
     [("color", "<f4", (4,)), ("position", "<f4", (4,)), ("direction", "<f4", (4,)), ("cone", "<f4", (4,))]
 )
 """A light: std140, 64 bytes, see shaders/lighting/lights.glsl."""
+
+
+@dataclass(frozen=True)
+class SurfaceKinds:
+    """What any material of a scene has: shaders leave out what none has, for every pixel costs what its shader could need."""
+
+    clearcoat: bool = False
+    specular: bool = True
+    """Another reflectance than that of ior 1.5, or transmission."""
+    emissive: bool = True
+    unlit: bool = True
+
+    @staticmethod
+    def of(materials: Sequence[Material]) -> "SurfaceKinds":
+        """Of all `materials`."""
+        factors = [material.factors for material in materials]
+        plain = SurfaceFactors()
+        return SurfaceKinds(
+            any(own.clearcoat > 0.0 for own in factors),
+            any(
+                (own.ior, own.specular, own.specular_color, own.transmission)
+                != (plain.ior, plain.specular, plain.specular_color, plain.transmission)
+                for own in factors
+            ),
+            any(max(own.emissive) > 0.0 for own in factors),
+            any(material.unlit for material in materials),
+        )
+
+    def defines(self) -> dict[str, int]:
+        """Defines of shaders/passes/shade/shade.frag."""
+        return {
+            "CLEARCOAT": int(self.clearcoat),
+            "SPECULAR": int(self.specular),
+            "EMISSIVE": int(self.emissive),
+            "UNLIT": int(self.unlit),
+        }
 
 
 @dataclass(frozen=True)
@@ -38,8 +75,7 @@ class SceneLight:
     """None where nothing casts shadows. What it shows follows from the sun."""
     shadow_view: ShadowView | None = field(default=None, compare=False)
     lights: tuple[Light, ...] = ()
-    clearcoat: bool = False
-    """Whether any material has a clear coat."""
+    kinds: SurfaceKinds = SurfaceKinds()
 
 
 def light_records(lights: tuple[Light, ...], eye: NDArray[np.float64]) -> NDArray[np.void]:
