@@ -18,7 +18,7 @@ from viewer.lighting.directions import (
 
 UNIT_LUMINANCE: Final = 25.0
 """kcd/m2 of radiance 1."""
-TURBIDITY: Final = 3.0
+TURBIDITY: Final = 4.0
 """Haze of the atmosphere: 2 is very clear, 6 is hazy."""
 SUN_RADIUS: Final = math.radians(0.2666)
 """Half the angle that the sun's disk is seen under."""

@@ -26,7 +26,7 @@ class EnvironmentMaps:
         what, memory = f"an environment of {panorama_width} x {panorama_width // 2}", context.memory
         table = np.ascontiguousarray(brdf_table(), np.float32)
         with memory.transaction():
-            self.panorama = memory.texture(what, (panorama_width, panorama_width // 2), 3, dtype="f4")
+            self.panorama = memory.texture(what, (panorama_width, panorama_width // 2), 3, dtype="f2", alignment=2)
             self.maps = memory.texture(what, size.texture_size, 4, dtype="f4")
             self.table = memory.texture(what, (table.shape[1], table.shape[0]), 2, table.tobytes(), dtype="f4")
         for texture in (self.panorama, self.maps, self.table):
@@ -46,7 +46,7 @@ class EnvironmentMaps:
 
     def write_panorama(self, pixels: NDArray[np.float32]) -> None:
         """Replace the panorama by `pixels` [H, 2 H, 3], row 0 on top, and the irradiance that follows from it."""
-        self.panorama.write(np.ascontiguousarray(pixels, np.float32).tobytes())
+        self.panorama.write(np.ascontiguousarray(pixels, np.float16).tobytes())
         self.harmonics = irradiance_harmonics(pixels).astype(np.float32)
 
     def bind(self, program: moderngl.Program, turn: float) -> None:
