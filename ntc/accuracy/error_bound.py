@@ -43,7 +43,9 @@ class ErrorBound:
     """Whether a number may leave the range of the format it is kept in."""
 
 
-def _bound(layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: Arithmetic, channels: int) -> ErrorBound:
+def _bound(
+    layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: Arithmetic, channels: list[int]
+) -> ErrorBound:
     first, second, third = layers
     read = bounds.error
     if arithmetic.factors_are_half:
@@ -104,10 +106,10 @@ def _bound(layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: A
     if arithmetic.factors_are_half:
         halves = max(halves, float((bounds.magnitude + read).max()))
     overflows = not (halves <= LARGEST_HALF and singles <= LARGEST_SINGLE)
-    worst = float(error[:channels].max()) * OWN_ROUNDING
+    worst = float(error[channels].max()) * OWN_ROUNDING
     if overflows or not worst < 1.0:
         worst = 1.0
-    inputs = min(float(position[:channels].max()) * OWN_ROUNDING, worst)
+    inputs = min(float(position[channels].max()) * OWN_ROUNDING, worst)
     return ErrorBound(worst, inputs, (activations[0], activations[1], activations[2]), overflows)
 
 
@@ -119,7 +121,7 @@ def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> Error
     bounds = input_bounds(texture, pack.grid_config)
     # Sums that leave float64 are sums that leave fp32.
     with np.errstate(over="ignore", invalid="ignore"):
-        return _bound(layers, bounds, pack.grid_config.leaky_slope, arithmetic, texture.channels)
+        return _bound(layers, bounds, pack.grid_config.leaky_slope, arithmetic, texture.places(pack.config))
 
 
 def worst_of(bounds: list[ErrorBound]) -> ErrorBound:

@@ -75,4 +75,4 @@ def decode_texels_in_half(
     decoder = pack.grid_decoders[texture.group]
     with np.errstate(over="ignore", invalid="ignore"):
         values = run_decoder_in_half(decoder, inputs, pack.grid_config.leaky_slope, texture.adapter, accumulate)
-    return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, : texture.channels]
+    return np.clip(np.where(np.isnan(values), np.float32(0.0), values), 0.0, 1.0)[:, texture.places(pack.config)]

@@ -89,7 +89,7 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
             if precision == "fp16":
                 decoder, adapter = _stored_decoder(decoder), _stored_adapter(adapter)
             found = np.clip(run_decoder(decoder, inputs, pack.grid_config.leaky_slope, adapter), 0.0, 1.0)
-            found = found[:, : texture.channels]
+            found = found[:, texture.places(pack.config)]
         worst = max(worst, float(np.abs(found - exact).max(initial=0.0)))
     return worst
 

@@ -74,4 +74,6 @@ def running_bounds(
     inputs = decoder_inputs(stored, texture, uv, lod, texture.wrap)
     error = input_bounds(texture, stored.grid_config, lod_error).error
     with np.errstate(over="ignore", invalid="ignore"):
-        return _running(layers, inputs, error, stored.grid_config.leaky_slope, arithmetic)[:, : texture.channels]
+        return _running(layers, inputs, error, stored.grid_config.leaky_slope, arithmetic)[
+            :, texture.places(stored.config)
+        ]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import to_8bit, to_linear
+from ntc.codec.color import alpha_channel, srgb8_to_linear_table, to_8bit, to_linear
 from ntc.codec.config import ColorSpace
 from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName, map_slices
 
@@ -98,6 +98,24 @@ def _space(name: MapName, color_space: ColorSpace) -> ColorSpace:
     if name == "base":
         return color_space
     return "srgb" if name in SRGB_MAPS else "linear"
+
+
+def srgb_channels(maps: Sequence[MapName], channels: int, color_space: ColorSpace) -> list[bool]:
+    """By channel of a texture of `maps`, whose base is of `color_space`: whether it is sRGB-coded."""
+    found = []
+    for name, place in map_slices(maps, channels).items():
+        count = place.stop - place.start
+        found += [_space(name, color_space) == "srgb" and number != alpha_channel(count) for number in range(count)]
+    return found
+
+
+def hardware_filtered(
+    pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName]
+) -> NDArray[np.float32]:
+    """[H, W, C] float32 in [0, 1]: what hardware blends between texels of a mip: linear light, all else as it is stored."""
+    table = srgb8_to_linear_table()
+    coded = srgb_channels(maps, pixels.shape[2], color_space)
+    return np.where(coded, table[pixels], pixels / np.float32(255.0))
 
 
 def mip_chain(

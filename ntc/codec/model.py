@@ -69,6 +69,11 @@ class EncodedTexture:
     maps: tuple[MapName, ...] = BASE_ALONE
     """Those of `AnyCodec.maps` that the texture has; more than `base` alone: a material set."""
 
+    map_psnr_db: tuple[float | None, ...] = ()
+    """Of a material set: PSNR in dB of mip 0 of each of `maps`, as `psnr_db`; empty where it is not known."""
+    normal_degrees: tuple[float, float] | None = None
+    """Of a material set with normals: mean and 95th percentile of the angle in degrees between decoded and original ones."""
+
     def places(self, config: AnyCodec) -> list[int]:
         """Which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
         return list(channel_places(self.maps, self.channels, config.maps, config.output_channels))

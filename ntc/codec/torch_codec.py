@@ -101,7 +101,7 @@ class TorchCodec:
                 self._pack.grid_config, latents, cells, texels, same, wrapped, level.clamp(0.0, last)
             )
             decoded = self._decoders(torch.cat(features, dim=-1)[None], group, self._adapters[texture_index])[0]
-            parts.append(decoded.clamp(0.0, 1.0)[:, : texture.channels].cpu().numpy())
+            parts.append(decoded.clamp(0.0, 1.0)[:, texture.places(self._pack.config)].cpu().numpy())
         return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:

@@ -114,5 +114,5 @@ def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: Im
     if source.pixels.shape != expected:
         raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it again")
     levels = len(latent_levels(encoded.width, encoded.height, pack.config))
-    mips = mip_chain(source.pixels, source.color_space)[:levels]
+    mips = mip_chain(source.pixels, source.color_space, source.maps)[:levels]
     return tuple(psnr_db(decode(texture_index, level), mip) for level, mip in enumerate(mips))

@@ -1,7 +1,7 @@
 """Quality and size of packs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,6 +118,8 @@ class PsnrTable:
             lines.append(
                 f"{row['name'][:40]:40} {size:>11} {row['group']:>5} {psnr:>8} {row['latent_bits_per_texel']:>10.2f}"
             )
+            if len(row["maps"]) > 1 or row["maps"][0] != "base":
+                lines.append(f"    {_map_line(row)}")
         if self.summary is not None:
             lines.append(
                 f"PSNR: mean {self.summary.mean_db:.2f} dB, median {self.summary.median_db:.2f} dB, "
@@ -128,6 +130,17 @@ class PsnrTable:
         sizes = ", ".join(f"{size / 1e6:.2f} MB {name}" for name, size in parts.items() if size or name != "adapters")
         lines.append(f"size: {self.bits_per_texel:.2f} bits/texel in all ({sizes})")
         return lines
+
+
+def _map_line(row: Mapping[str, Any]) -> str:
+    """The maps of a material set, with the quality of each where it is known."""
+    found, degrees = row["map_psnr_db"], row["normal_degrees"]
+    parts = []
+    for name in row["maps"]:
+        quality = "" if name not in found else " exact" if found[name] is None else f" {found[name]:.2f} dB"
+        angle = f" ({degrees[0]:.2f} degrees, 95 % below {degrees[1]:.2f})" if name == "normal" and degrees else ""
+        parts.append(f"{name}{quality}{angle}")
+    return ", ".join(parts)
 
 
 def _adapter_bytes(adapter: Adapter) -> int:
@@ -165,6 +178,8 @@ def psnr_table(pack: Pack) -> PsnrTable:
             "category": texture.category,
             "group": texture.group,
             "psnr_db": texture.psnr_db,
+            "map_psnr_db": dict(zip(texture.maps, map(finite_or_none, texture.map_psnr_db), strict=False)),
+            "normal_degrees": list(texture.normal_degrees) if texture.normal_degrees else None,
             "latent_bits_per_texel": 8.0
             * len(texture.latents)
             * pack.config.cell_bytes

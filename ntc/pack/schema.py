@@ -26,10 +26,13 @@ LARGEST_SIDE = 32768
 LARGEST_COUNT = 65535
 """Most textures of a pack; the visibility buffer has 16 bits for a texture id."""
 LARGEST_DECIBELS = 1000.0
+LARGEST_DEGREES = 180.0
 
 # Text that can be printed: JSON can hold half of a surrogate pair, which no output accepts.
 Text = Annotated[str, Meta(max_length=4096, pattern="^[^\ud800-\udfff]*$")]
 Side = Annotated[int, Meta(ge=1, le=LARGEST_SIDE)]
+Decibels = Annotated[float, Meta(ge=-LARGEST_DECIBELS, le=LARGEST_DECIBELS)]
+Degrees = Annotated[float, Meta(ge=0.0, le=LARGEST_DEGREES)]
 T = TypeVar("T")
 
 
@@ -44,8 +47,10 @@ class TextureMetadata(msgspec.Struct, frozen=True):
     color_space: ColorSpace
     wrap: tuple[WrapMode, WrapMode]
     category: Text | None
-    psnr_db: Annotated[float, Meta(ge=-LARGEST_DECIBELS, le=LARGEST_DECIBELS)] | None
+    psnr_db: Decibels | None
     maps: tuple[MapName, ...] = BASE_ALONE
+    map_psnr_db: tuple[Decibels | None, ...] = ()
+    normal_degrees: tuple[Degrees, Degrees] | None = None
 
 
 class GroupingMetadata(msgspec.Struct, frozen=True):
@@ -85,31 +90,39 @@ class _Version(msgspec.Struct):
     format_version: int
 
 
-def _without_base_alone(found: dict[str, Any]) -> dict[str, Any]:
+SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_degrees": None}
+"""What material sets added, and what stands for its absence."""
+
+
+def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
     """Files without material sets are as they were before there were any."""
-    return {name: value for name, value in found.items() if (name, value) != ("maps", BASE_ALONE)}
+    return {name: value for name, value in found.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
 
 
 def _codec_json(config: AnyCodec) -> dict[str, Any]:
     # Files of codec `grid` are as they were before there was another one.
-    found = _without_base_alone(asdict(config))
+    found = _without_set_fields(asdict(config))
     return found if isinstance(config, CodecConfig) else {KIND: config.kind, **found}
+
+
+def _finite(decibels: float | None) -> float | None:
+    return decibels if decibels is not None and math.isfinite(decibels) else None
 
 
 def metadata_json(pack: Pack) -> str:
     """The metadata of `pack`; the same pack gives the same text. Raises ValueError for numbers that are not finite."""
     textures = [{name: getattr(t, name) for name in TextureMetadata.__struct_fields__} for t in pack.textures]
     for texture in textures:
-        if texture["psnr_db"] is not None and not math.isfinite(texture["psnr_db"]):
-            # Equal pictures have an infinite PSNR.
-            texture["psnr_db"] = None
+        # Equal pictures have an infinite PSNR.
+        texture["psnr_db"] = _finite(texture["psnr_db"])
+        texture["map_psnr_db"] = tuple(map(_finite, texture["map_psnr_db"]))
     grouping = {name: getattr(pack.grouping, name) for name in GroupingMetadata.__struct_fields__}
     document = {
         "format_version": FORMAT_VERSION,
         "codec": _codec_json(pack.config),
         "grouping": {**grouping, "parameters": dict(pack.grouping.parameters)},
         "decoders": len(pack.decoders),
-        "textures": list(map(_without_base_alone, textures)),
+        "textures": list(map(_without_set_fields, textures)),
         "training": dict(pack.training),
     }
     return json.dumps(document, sort_keys=True, allow_nan=False)
@@ -170,6 +183,8 @@ def parse_metadata(text: str) -> PackMetadata:
                 f"metadata.textures[{index}].channels is {texture.channels}, the codec has "
                 f"{metadata.codec.output_channels} output channels: {error}"
             ) from error
+        if len(texture.map_psnr_db) not in (0, len(texture.maps)):
+            raise MetadataError(f"metadata.textures[{index}].map_psnr_db: does not fit {len(texture.maps)} maps")
     groups = metadata.grouping.groups
     if len(groups) != len(metadata.textures) or not all(0 <= group < metadata.decoders for group in groups):
         raise MetadataError(

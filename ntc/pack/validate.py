@@ -13,7 +13,7 @@ from ntc.codec.block_pack import latent_rows
 from ntc.codec.config import CodecConfig
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Adapter, AnyCodec, AnyDecoder, Decoder, EncodedTexture, Grouping, Pack
-from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_SIDE
+from ntc.pack.schema import LARGEST_DECIBELS, LARGEST_DEGREES, LARGEST_SIDE
 
 LARGEST_BLOCK_NUMBER = 16.0
 """Size at most of means, axes and basis scales of codec `block`: an encoder's are below 2, and no code decodes beyond fp32."""
@@ -37,8 +37,13 @@ def _check_texture(texture: EncodedTexture, config: AnyCodec) -> None:
     if not (1 <= texture.width <= LARGEST_SIDE and 1 <= texture.height <= LARGEST_SIDE):
         raise ValueError(f"{texture.name}: is {texture.width} x {texture.height} texels")
     texture.places(config)
-    if texture.psnr_db is not None:
-        check_decibels(texture.psnr_db)
+    for decibels in (texture.psnr_db, *texture.map_psnr_db):
+        if decibels is not None:
+            check_decibels(decibels)
+    if len(texture.map_psnr_db) not in (0, len(texture.maps)):
+        raise ValueError(f"{texture.name}: has {len(texture.map_psnr_db)} PSNRs of {len(texture.maps)} maps")
+    if not all(0.0 <= angle <= LARGEST_DEGREES for angle in texture.normal_degrees or ()):
+        raise ValueError(f"{texture.name}: normals are off by {texture.normal_degrees} degrees")
 
 
 def check_encoded(texture: EncodedTexture, config: CodecConfig) -> None:

@@ -244,7 +244,7 @@ class TrainingBatch:
         read = _side_by_side([self._table.read(part.index, part.weights) for part in parts], len(chosen))
         read.requires_grad_(not rounded)
         losses = self._losses(chosen, parts, read, None if rounded else self._noise_step)
-        used = self._data.channel_mask[chosen].sum() * self.per_texture
+        used = self._data.channel_mask[chosen].square().sum() * self.per_texture
         loss = (losses * self._weights(chosen)).sum() / used
         torch.autograd.backward(loss)
         self._interruption()
@@ -283,7 +283,7 @@ class TrainingBatch:
         return weights / weights.mean()
 
     def _remember(self, chosen: Tensor, losses: Tensor) -> None:
-        share = losses / (self._data.channel_mask[chosen].sum(dim=1) * self.per_texture)
+        share = losses / (self._data.channel_mask[chosen].square().sum(dim=1) * self.per_texture)
         before = self._running[chosen]
         self._running[chosen] = torch.where(
             torch.isnan(before), share, LOSS_MEMORY * before + (1.0 - LOSS_MEMORY) * share

@@ -16,7 +16,8 @@ from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.reference import decode_image
 from ntc.codec.block_pack import block_texture
 from ntc.codec.model import EncodedTexture
-from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse
+from ntc.metrics.map_quality import measured_texture
+from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from ntc.training.encode_blocks import BlockGroup, BlockStage, encoding_record, encoding_stages
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget, TrainingRequest
@@ -99,7 +100,7 @@ class BlockTrainer:
         self._host.interruption()
         pixels = self._request.textures[index].pixels
         decoded = decode_image(block_texture(texture, self._codec), decoder, self._codec)
-        return replace(texture, psnr_db=psnr_db(decoded[..., texture.places(self._codec)], pixels))
+        return measured_texture(texture, decoded[..., texture.places(self._codec)], pixels)
 
     def _is_last(self, stage: BlockStage) -> bool:
         """Whether the budget is spent. All groups are encoded once, whatever the budget."""

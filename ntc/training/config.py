@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ntc.codec.config import CodecConfig, CodecKind, RecipeName
+from ntc.codec.maps import BASE_ALONE, MapName
 
 DEFAULT_BITS = 2.0
 """Bits per texel of codec `block` where none are asked for."""
@@ -101,16 +102,19 @@ def recipe_codec_kind(name: RecipeName) -> CodecKind:
     return "grid" if name == "paper" else "block"
 
 
-def recipe_codec(name: RecipeName, output_channels: int, levels: int | None) -> CodecConfig:
+def recipe_codec(
+    name: RecipeName, output_channels: int, levels: int | None, maps: tuple[MapName, ...] = BASE_ALONE
+) -> CodecConfig:
     """The settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels,
     and adapters."""
     if name == "paper":
-        return CodecConfig(levels=levels, output_channels=output_channels)
+        return CodecConfig(levels=levels, output_channels=output_channels, maps=maps)
     return CodecConfig(
         latent_channels=8,
         latent_bits=4,
         levels=levels,
         output_channels=output_channels,
+        maps=maps,
         weight_bits=16,
         adapters=True,
         adapter_output=True,

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.color import alpha_channel, to_linear
 from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.mips import mip_chain
+from ntc.codec.maps import channel_places
+from ntc.codec.mips import hardware_filtered, mip_chain, srgb_channels
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_sampling import PyramidTable, positional_encoding, trilinear_corners, with_lod
 from ntc.training.progress import Interruption, no_interruption
@@ -116,6 +118,13 @@ class Samples:
     """[T N, output_channels] in the texture's colour space, in [0, 1]."""
 
 
+def _in_places(values: NDArray[Any], places: list[int], channels: int) -> NDArray[Any]:
+    """[texels, channels]: `values` [H, W, C] with its channels in `places`, 0 in all others."""
+    found = np.zeros((values.shape[0] * values.shape[1], channels), values.dtype)
+    found[:, places] = values.reshape(-1, values.shape[2])
+    return found
+
+
 class TrainingData:
     """The mip chains of some textures in one flat array, and their latent geometry."""
 
@@ -145,25 +154,23 @@ class TrainingData:
         rows, coded_rows = [], []
         for texture, levels in zip(textures, pyramids, strict=True):
             interruption()
-            for mip in mip_chain(texture.pixels, texture.color_space)[: len(levels)]:
-                missing = ((0, 0), (0, channels - mip.shape[2]))
-                coded_rows.append(np.pad(mip.reshape(-1, mip.shape[2]), missing))
+            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            for mip in mip_chain(texture.pixels, texture.color_space, texture.maps)[: len(levels)]:
+                coded_rows.append(_in_places(mip, own, channels))
                 if config.levels != 1:
-                    linear = to_linear(mip, texture.color_space).reshape(-1, mip.shape[2])
-                    rows.append(np.pad(linear, missing).astype(np.float16))
+                    linear = hardware_filtered(mip, texture.color_space, texture.maps)
+                    rows.append(_in_places(linear, own, channels).astype(np.float16))
         # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
         self._linear = torch.from_numpy(np.concatenate(rows)).to(device) if rows else None
         self._coded = torch.from_numpy(np.concatenate(coded_rows)).to(device)
-        used = torch.tensor([[channel < t.pixels.shape[2] for channel in range(channels)] for t in textures])
-        self.channel_mask = used.to(device=device, dtype=torch.float32)
-        """[T, output_channels]: 1 for the channels that a texture has."""
-        coded = torch.tensor(
-            [
-                [t.color_space == "srgb" and channel != alpha_channel(t.pixels.shape[2]) for channel in range(channels)]
-                for t in textures
-            ]
-        )
-        self._srgb_coded = coded.to(device)
+        worth, coded = np.zeros((len(textures), channels), np.float32), np.zeros((len(textures), channels), bool)
+        for number, texture in enumerate(textures):
+            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            worth[number, own] = np.sqrt(texture.map_weights.of_channels(texture.maps, texture.channels))
+            coded[number, own] = srgb_channels(texture.maps, texture.channels, texture.color_space)
+        self.channel_mask = torch.from_numpy(worth).to(device)
+        """[T, output_channels]: 0 for the channels that a texture lacks, else the square root of what a squared error is worth."""
+        self._srgb_coded = torch.from_numpy(coded).to(device)
         weights = torch.clamp(
             LEVEL_FALL ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
         )

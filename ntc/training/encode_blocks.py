@@ -23,7 +23,8 @@ from ntc.codec.block_pack import encoded_block_texture
 from ntc.codec.model import EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
-from ntc.metrics.metrics import PsnrSummary, psnr_db
+from ntc.metrics.map_quality import measured_texture
+from ntc.metrics.metrics import PsnrSummary
 from ntc.training.progress import CancelQuestion
 from ntc.training.request import check_textures
 from ntc.training.snapshot import group_members
@@ -250,7 +251,7 @@ def encode_member(
     blocks = encode_texture(source, decoder, config, quantizer, words)
     found = encoded_block_texture(source, group, blocks, config)
     decoded = decode_image(blocks, decoder, config)[..., found.places(config)]
-    return replace(found, psnr_db=psnr_db(decoded, source.pixels))
+    return measured_texture(found, decoded, source.pixels)
 
 
 def _progress(stage: BlockStage, seconds: float) -> BlockProgress:

@@ -42,7 +42,7 @@ def image_latents(texture: SourceTexture, config: CodecConfig, generator: torch.
     """
     levels = latent_levels(*texture.size, config)
     described: list[Tensor] = []
-    for level, mip in zip(levels, mip_chain(texture.pixels, texture.color_space), strict=False):
+    for level, mip in zip(levels, mip_chain(texture.pixels, texture.color_space, texture.maps), strict=False):
         planes = mip.astype(np.float32) / 255.0
         grey = planes.mean(axis=2, keepdims=True)
         moments = _pooled(np.concatenate([planes, grey, grey * grey], axis=2), level.height, level.width)

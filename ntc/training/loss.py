@@ -52,7 +52,7 @@ class _SquaredError(torch.autograd.Function):
                 values.append(torch.nn.functional.leaky_relu_(made, slope) if number + 1 < len(layers) else made)
             back = values.pop().sub_(targets[textures, rows]).mul_(mask[textures].unsqueeze(1))
             losses[textures] += back.square().sum(dim=(1, 2))
-            back.mul_(2.0)
+            back.mul_(2.0 * mask[textures].unsqueeze(1))
             for number in reversed(range(len(layers))):
                 weight = layers[number][0][textures]
                 # The few columns first: several times faster than the other way round for three outputs.
@@ -85,9 +85,10 @@ def squared_error(
     mask: Tensor,
     interruption: Interruption = no_interruption,
 ) -> Tensor:
-    """[T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs].
+    """[T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs], each times `mask`.
 
-    Inputs are `latents` [T, N, channels] and `known` [T, N, rest]; `mask` [T, outputs] is 1 for channels that count.
+    Inputs are `latents` [T, N, channels] and `known` [T, N, rest]; `mask` [T, outputs] is 0 for channels that do not count, else the
+    square root of what a squared error is worth: 1 where there is one map.
     Differentiable in layers and latents. `interruption` is called before each piece.
     """
     parameters = [tensor for layer in layers for tensor in layer]

@@ -20,7 +20,8 @@ from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
-from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse
+from ntc.metrics.map_quality import measured_texture
+from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from ntc.training.batch import StepReport, TrainingBatch
 from ntc.training.checkpoint import BatchProgress, TrainingState, load_state, save_state, training_settings
 from ntc.training.config import TrainingConfig
@@ -290,7 +291,7 @@ class Trainer:
         pack = Pack(self._request.codec, Grouping("single", (0,) * len(own)), own, (decoder,))
         codec = TorchCodec(pack, self._device, self._host.interruption)
         return tuple(
-            replace(texture, psnr_db=psnr_db(codec.decode_image(index), source.pixels))
+            measured_texture(texture, codec.decode_image(index), source.pixels)
             for index, (texture, source) in enumerate(zip(textures, sources, strict=True))
         )
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
+from ntc.codec.maps import MapName, map_slices
+from ntc.codec.mips import normal_vectors
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
@@ -35,6 +37,17 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
             return GlTexelDecoder(create_headless_context(), pack, options.precision).decode_image
 
 
+def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapName, NDArray[np.uint8]]:
+    """By map its picture [H, W, C], of `pixels` [H, W, channels of all maps]; normals with z as (n + 1) / 2 in blue."""
+    images: dict[MapName, NDArray[np.uint8]] = {}
+    for name, place in map_slices(maps, pixels.shape[2]).items():
+        images[name] = np.ascontiguousarray(pixels[..., place])
+        if name == "normal":
+            z = normal_vectors(images[name])[..., 2:] * 0.5 + 0.5
+            images[name] = np.concatenate([images[name], np.rint(z * 255.0).astype(np.uint8)], axis=-1)
+    return images
+
+
 def image_file_names(names: Sequence[str]) -> tuple[str, ...]:
     """File names for textures: as in the pack where a file system allows, made unique by a number where they repeat."""
     result: list[str] = []
@@ -55,10 +68,14 @@ def decode(options: DecodeOptions) -> int:
     if options.precision != "fp32" and options.backend != "gl":
         raise InputError(f"--precision {options.precision}: only --backend gl has it")
     pack = read_pack(options.pack)
-    decode_level = _decoder(pack, options)
+    decode_level, written = _decoder(pack, options), 0
     for index, file_name in enumerate(image_file_names([texture.name for texture in pack.textures])):
         texture = pack.textures[index]
         last = len(latent_levels(texture.width, texture.height, pack.config)) - 1
-        write_png(options.out / file_name, decode_level(index, min(options.level, last)))
-    sys.stdout.write(f"wrote {len(pack.textures)} images to {options.out} ({options.backend})\n")
+        images = map_images(texture.maps, decode_level(index, min(options.level, last)))
+        for name, image in images.items():
+            path = options.out / file_name
+            write_png(path if name == "base" else path.with_suffix(f".{name}.png"), image)
+        written += len(images)
+    sys.stdout.write(f"wrote {written} images to {options.out} ({options.backend})\n")
     return 0

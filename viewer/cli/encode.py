@@ -18,7 +18,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.block.targets import BlockTarget, SizeTarget
+from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import CodecKind
+from ntc.codec.map_weights import MAP_WEIGHTS, MapWeightsName
+from ntc.codec.maps import joint_maps
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
@@ -40,7 +43,7 @@ from viewer.locations import features_cache
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import reduce_texture, source_textures
+from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 from viewer.state.pack_files import PACK_SUFFIX
 
 LINES_PER_RUN = 20
@@ -89,6 +92,13 @@ def _asked_of_training(options: EncodeOptions) -> dict[str, object]:
     return {name: value for name, value in own.items() if value is not None}
 
 
+def _maps(options: EncodeOptions) -> MapChoice:
+    """The maps that are asked for, or those that codec and grouping take by themselves."""
+    if options.maps is not None:
+        return options.maps
+    return "all" if _codec_kind(options) == "block" and options.grouping != UNIVERSAL else "base"
+
+
 def _codec_kind(options: EncodeOptions) -> CodecKind:
     """The codec that is named, or the one that the other options stand for."""
     if options.codec is not None:
@@ -105,8 +115,14 @@ class Source:
     """None for a folder of images."""
 
 
-def read_source(source: Path, texture_size: int | None) -> Source:
-    """The textures of a scene file or of a folder of images, reduced to `texture_size` texels. Raises InputError."""
+def read_source(
+    source: Path,
+    texture_size: int | None,
+    maps: MapChoice = "base",
+    weights: MapWeightsName = EncodeOptions.map_weights,
+) -> Source:
+    """The textures of a scene file or of a folder of images, reduced to `texture_size` texels: base colours, or whole material sets
+    whose errors are worth `weights`. Raises InputError."""
     scene = None
     if source.is_dir():
         textures = folder_textures(source)
@@ -114,7 +130,8 @@ def read_source(source: Path, texture_size: int | None) -> Source:
             textures = tuple(reduce_texture(texture, texture_size) for texture in textures)
     else:
         scene = load_scene(source)
-        textures = source_textures(scene, texture_size)
+        chosen = MAP_WEIGHTS[weights]
+        textures = tuple(replace(each, map_weights=chosen) for each in source_textures(scene, texture_size, maps))
     if not textures:
         raise InputError(f"{source}: holds no texture to encode (constant images are factors and need no encoding)")
     return Source(textures, scene)
@@ -140,7 +157,8 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    return views.all_then_release()
+    # Textures without a base colour, which have the last ids, may be left out.
+    return tuple(np.where(view < len(source.textures), view, -1) for view in views.all_then_release())
 
 
 def training_config(options: EncodeOptions) -> TrainingConfig:
@@ -234,7 +252,7 @@ def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
     console = Console(stderr=True, soft_wrap=True)
-    source = read_source(options.source, options.texture_size)
+    source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
     inputs = grouping_inputs(source, options)
     grouping = make_grouping(options.grouping_config(), source.textures, inputs)
     kind = _codec_kind(options)
@@ -252,7 +270,8 @@ def encode(options: EncodeOptions) -> int:
 
 
 def _train(options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console) -> int:
-    codec = recipe_codec(options.recipe, max(texture.pixels.shape[2] for texture in textures), options.levels)
+    maps, channels = joint_maps((texture.maps, texture.channels) for texture in textures)
+    codec = recipe_codec(options.recipe, channels, options.levels, maps)
     console.print(
         f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
         highlight=False,

@@ -9,6 +9,8 @@ import tyro
 
 from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
+from ntc.codec.map_weights import MapWeightsName
+from viewer.scene.source_textures import MapChoice
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
@@ -213,6 +215,11 @@ class EncodeOptions:
     """Codec block: megabytes of 10^6 bytes that the file may have at most. With --views, textures seen in more pixels get more."""
     preset: PresetName | None = None
     """Codec block: 1bit to 8bit stand for --bits; fast decodes in at most 100 multiply-adds a texel, at about 2 bits."""
+    maps: MapChoice | None = None
+    """all: whole materials, the maps of each encoded together. base: base colours alone. None: all for codec block, but for grouping
+    universal, whose decoder serves base colours alone."""
+    map_weights: MapWeightsName = "seen"
+    """What errors in the maps of a material are worth: seen, by how much they change the lit picture, or equal."""
     recipe: RecipeName = "best"
     """best: codec block, or with --codec grid the fastest training found to good quality. paper: codec grid with the learning rates,
     batch and freezing of the paper."""

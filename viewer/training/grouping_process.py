@@ -5,6 +5,8 @@ The process ends with its one answer, and with the program that started it."""
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import GroupingConfig
 from ntc.codec.model import Grouping
@@ -45,12 +47,14 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     scene = load_scene(job.scene)
-    hashes = {texture.pixel_hash for texture in scene.textures}
+    hashes = {own for texture in scene.textures for own in (texture.pixel_hash, texture.set_hash)}
     if not hashes >= {texture.pixel_hash for texture in job.textures}:
         # Views of one scene cannot group the textures of another.
         raise InputError(f"{job.scene}: has changed since it was opened; open it again")
     views = scene_views(scene, ViewSource(seed=job.config.seed))
-    return GroupingInputs(views.all_then_release(), {}, features)
+    # Textures without a base colour, which have the last ids, may be left out.
+    seen = tuple(np.where(view < len(job.textures), view, -1) for view in views.all_then_release())
+    return GroupingInputs(seen, {}, features)
 
 
 def group_textures(request: tuple[GroupingJob, str] | None) -> Grouping | None:

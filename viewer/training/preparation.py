@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.block.universal import UNIVERSAL
 from ntc.codec.config import GroupingConfig
+from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import AnyCodec, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -13,7 +14,7 @@ from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import moved_texture, unchanged_groups
 from viewer.jobs.job import JobReport
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import reduce_texture, source_textures
+from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 from viewer.training.grouping_process import GroupingProcess
 from viewer.training.settings import TrainingSettings, budget_text
 
@@ -111,8 +112,12 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
 
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
+    # The decoder that ships serves base colours alone, and materials are encoded fastest in codec `block`.
+    maps: MapChoice = "all" if settings.codec_kind == "block" and settings.strategy != UNIVERSAL else "base"
     with GroupingProcess(_grouping_config(settings)) as process:
-        textures = tuple(_reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None))
+        textures = tuple(
+            _reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None, maps)
+        )
         if not textures:
             raise InputError(
                 f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)"
@@ -148,6 +153,8 @@ def _check_clusters(settings: TrainingSettings, textures: tuple[SourceTexture, .
 def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTexture, ...]:
     """The scene's textures as `pack` was made from them, in its order."""
     by_hash = {texture.pixel_hash: texture for texture in source_textures(scene, None)}
+    if pack.config.maps != BASE_ALONE:
+        by_hash |= {texture.pixel_hash: texture for texture in source_textures(scene, None, "all")}
     found = []
     for encoded in pack.textures:
         source = by_hash.get(encoded.pixel_hash)

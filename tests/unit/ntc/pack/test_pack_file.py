@@ -39,7 +39,7 @@ def assert_equal(a: Pack, b: Pack) -> None:
                 value, twin = (value.scales, value.biases), (twin.scales, twin.biases)
             if isinstance(value, np.ndarray):
                 value, twin = (value,), (twin,)
-            if isinstance(value, tuple) and isinstance(value[0], np.ndarray):
+            if isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):
                 for left, right in zip(value, twin, strict=True):
                     assert (left.dtype, left.shape, left.tobytes()) == (right.dtype, right.shape, right.tobytes())
             else:
