@@ -227,6 +227,22 @@ class RateStudyOptions:
 
 
 @dataclass(frozen=True)
+class MaterialStudyOptions:
+    """Whole materials: maps together against each alone, ASTC of each map at equal bits in all, and BC7 with BC5 (extra `lab`)."""
+
+    sources: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="SCENE ..."), tyro.conf.Positional]
+    """glTF scenes; their materials with normals and one more map are measured."""
+    out: Path
+    """Folder for materials.md, .csv, .json and .png."""
+    texture_size: int = 512
+    """Maps are reduced to at most this many texels a side."""
+    bits: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0, 12.0)
+    """Bits per texel of all maps of a material together, of all mips and tables."""
+    most: int = 16
+    """Materials at most: evenly chosen among all of them."""
+
+
+@dataclass(frozen=True)
 class PaperStudyOptions(TrainingStudyOptions):
     """The paper's Table 2 again: PSNR of textures by grouping, for its recipe and for best, beside BC1 and BC7."""
 

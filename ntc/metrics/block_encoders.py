@@ -14,6 +14,9 @@ from ntc.errors import InputError
 Effort = Literal["medium", "thorough"]
 """How long encoders search: `thorough` takes 4 (ASTC), 15 (BC1) or 2 (BC7) times as long as `medium`."""
 
+AstcKind = Literal["srgb", "linear", "normal"]
+"""What is encoded: colours, linear data, or normals, as two channels in astcenc's normal mode."""
+
 BC1_LEVELS: dict[Effort, int] = {"medium": 8, "thorough": 18}
 """Quicktex's, up to 18."""
 BC7_UBER_LEVELS: dict[Effort, int] = {"medium": 1, "thorough": 4}
@@ -61,6 +64,25 @@ def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np
     return np.asarray(Image.frombytes("RGBA", (width, height), blocks, "bcn", number))
 
 
+def encode_bc5(rgba: NDArray[np.uint8]) -> bytes:
+    """BC5 blocks of red and green of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
+    try:
+        from quicktex import RawTexture
+        from quicktex.s3tc.bc5 import BC5Encoder
+    except ImportError as error:
+        raise InputError(_MISSING.format(error)) from error
+    return bytes(BC5Encoder(0, 1).encode(RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0])))
+
+
+def decode_bc5(blocks: bytes, width: int, height: int) -> NDArray[np.uint8]:
+    """[height, width, 2] uint8 of BC5 blocks, whole blocks. Raises InputError where Pillow is not installed."""
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise InputError(_MISSING.format(error)) from error
+    return np.asarray(Image.frombytes("RGB", (width, height), blocks, "bcn", 5))[..., :2]
+
+
 def _astc_package() -> ModuleType:
     try:
         return import_module("astc_encoder")
@@ -69,22 +91,28 @@ def _astc_package() -> ModuleType:
 
 
 @lru_cache(maxsize=CONTEXTS_KEPT)
-def _astc_context(block: tuple[int, int], effort: Effort, _thread: int) -> Any:
+def _astc_context(block: tuple[int, int], effort: Effort, kind: AstcKind, _thread: int) -> Any:
     """A context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
     astc = _astc_package()
-    return astc.ASTCContext(astc.ASTCConfig(astc.ASTCProfile.LDR_SRGB, *block, 1, ASTC_QUALITIES[effort]))
+    profile = astc.ASTCProfile.LDR_SRGB if kind == "srgb" else astc.ASTCProfile.LDR
+    flags = astc.ASTCConfigFlags.MAP_NORMAL if kind == "normal" else astc.ASTCConfigFlags(0)
+    return astc.ASTCContext(astc.ASTCConfig(profile, *block, 1, ASTC_QUALITIES[effort], flags))
 
 
-def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort) -> bytes:
-    """ASTC LDR sRGB blocks of (width, height) `block` of `rgba` [H, W, 4]. Raises InputError without astc-encoder-py."""
-    astc, context = _astc_package(), _astc_context(block, effort, get_ident())
+def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort, kind: AstcKind = "srgb") -> bytes:
+    """ASTC LDR blocks of (width, height) `block` of `rgba` [H, W, 4], of normals the xy in red and green. Raises InputError without
+    astc-encoder-py."""
+    astc, context = _astc_package(), _astc_context(block, effort, kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
-    return bytes(context.compress(image, astc.ASTCSwizzle.from_str("RGBA")))
+    return bytes(context.compress(image, astc.ASTCSwizzle.from_str("RRRG" if kind == "normal" else "RGBA")))
 
 
-def decode_astc(blocks: bytes, width: int, height: int, block: tuple[int, int]) -> NDArray[np.uint8]:
-    """[height, width, 4] uint8 of ASTC LDR sRGB blocks, whole blocks. Raises InputError without astc-encoder-py."""
-    astc, context = _astc_package(), _astc_context(block, "medium", get_ident())
+def decode_astc(
+    blocks: bytes, width: int, height: int, block: tuple[int, int], kind: AstcKind = "srgb"
+) -> NDArray[np.uint8]:
+    """[height, width, 4] uint8 of ASTC LDR blocks, whole blocks; of normals x in red and y in alpha. Raises InputError without
+    astc-encoder-py."""
+    astc, context = _astc_package(), _astc_context(block, "medium", kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, width, height, 1)
     context.decompress(blocks, image, astc.ASTCSwizzle.from_str("RGBA"))
     if image.data is None or len(image.data) != 4 * width * height:

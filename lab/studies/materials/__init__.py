@@ -1,0 +1,1 @@
+"""Whole materials: maps encoded together, each alone, and in the formats of graphics hardware."""

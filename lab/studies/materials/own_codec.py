@@ -1,0 +1,80 @@
+"""Material sets in codec `block`: maps together, and each part alone in the same bits."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from lab.studies.materials.coding import CodedMaps, Coding, Part, joined, mean_psnr_db, part_of
+from lab.studies.materials.hardware import present_parts
+from lab.studies.set_quality import pack_bits_per_texel, texels_with_mips
+from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.map_weights import EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsName
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_block import torch_codec
+from ntc.grouping.by_maps import kinds_of
+from ntc.training.encode_blocks import encode_blocks
+
+LARGEST_BITS = 7.5
+"""More take blocks of 4x4 texels: codes of 8x8 texels have no more than 8 bits a texel."""
+SHARES: tuple[tuple[float, float, float, float], ...] = (
+    (0.40, 0.30, 0.30, 0.40),
+    (0.35, 0.35, 0.30, 0.35),
+    (0.35, 0.30, 0.35, 0.35),
+)
+"""By part, in the order of PARTS: what each gets of the bits where maps are encoded alone. The best of them counts."""
+Report = Callable[[str], None]
+
+
+def _encoded(textures: Sequence[SourceTexture], bits: float) -> tuple[list[CodedMaps], float]:
+    """(each texture decoded, stored bits in all) where textures of one kind share a decoder."""
+    kinds = kinds_of(textures)
+    labels = {index: kind for kind, members in enumerate(kinds) for index in members}
+    grouping = Grouping.of_labels("by maps", [labels[index] for index in range(len(textures))], {})
+    config = config_for_bits(bits, texture_set(textures, grouping.group_count), 8 if bits <= LARGEST_BITS else 4)
+    pack = encode_blocks(textures, grouping, config)
+    codec = torch_codec(pack, "cpu")
+    coded = [
+        CodedMaps.of(texture.maps, codec.decode_image(index), texture.pixels) for index, texture in enumerate(textures)
+    ]
+    return coded, pack_bits_per_texel(pack) * texels_with_mips([texture.size for texture in textures])
+
+
+def together(textures: Sequence[SourceTexture], bits: float, weights: MapWeightsName) -> Coding:
+    """All maps of a material as one texture."""
+    coded, stored = _encoded([replace(texture, map_weights=MAP_WEIGHTS[weights]) for texture in textures], bits)
+    return Coding(tuple(coded), stored)
+
+
+def _part_alone(textures: Sequence[SourceTexture], part: Part, bits: float) -> Coding:
+    owned = [part_of(texture, part) for texture in textures]
+    coded, stored = _encoded([replace(own, map_weights=EQUAL_WEIGHTS) for own in owned if own is not None], bits)
+    found = iter(coded)
+    return Coding(tuple(None if own is None else next(found) for own in owned), stored)
+
+
+def _bits_of_parts(textures: Sequence[SourceTexture], parts: Mapping[Part, float], bits: float) -> dict[Part, float]:
+    """Bits a texel of each part, whose shares are `parts`, that come to `bits` a texel of the materials."""
+    whole, taken = texels_with_mips([texture.size for texture in textures]), 0.0
+    for part, share in parts.items():
+        own = [texture.size for texture in textures if part_of(texture, part) is not None]
+        taken += share * texels_with_mips(own) / whole
+    return {part: round(bits * share / taken, 3) for part, share in parts.items()}
+
+
+def alone(textures: Sequence[SourceTexture], bits: float, report: Report) -> Coding:
+    """Each part of the materials as textures of their own, in the best of SHARES."""
+    present, known = present_parts(textures), dict[tuple[Part, float], Coding]()
+    best: Coding | None = None
+    for shares in SHARES:
+        given = dict(zip(present, shares, strict=False))
+        chosen = []
+        for part, own in _bits_of_parts(textures, given, bits).items():
+            if (part, own) not in known:
+                report(f"{' '.join(part)} alone, {own:g} bits")
+                known[part, own] = _part_alone(textures, part, own)
+            chosen.append(known[part, own])
+        coding = joined(chosen)
+        if best is None or mean_psnr_db(coding) > mean_psnr_db(best):
+            best = coding
+    assert best is not None
+    return best
