@@ -10,6 +10,7 @@ from ntc.errors import InputError
 CONFIG_FOLDER_VARIABLE = "NTC_VIEWER_CONFIG_DIR"
 CACHE_FOLDER_VARIABLE = "NTC_VIEWER_CACHE_DIR"
 SCENE_ROOTS_VARIABLE = "NTC_VIEWER_SCENE_ROOTS"
+BUILTIN_SCENES = ("courtyard", "gallery")
 
 
 def config_folder() -> Path:
@@ -58,5 +59,15 @@ def shaders_folder() -> Path:
 
 
 def assets_folder() -> Path:
-    """Folder of the built-in scene and its packs."""
+    """Folder of the built-in scenes and the courtyard's packs."""
     return _installed_folder("assets")
+
+
+def builtin_scene_path(name: str = BUILTIN_SCENES[0]) -> Path:
+    """Path of a built-in scene: the one that is opened when none is named, or another of BUILTIN_SCENES."""
+    return assets_folder() / f"{name}.glb"
+
+
+def named_scene(path: Path) -> Path:
+    """Path of the scene that `path` names: a built-in one by its name where there is no such file."""
+    return builtin_scene_path(str(path)) if str(path) in BUILTIN_SCENES and not path.exists() else path

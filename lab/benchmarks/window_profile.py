@@ -25,8 +25,8 @@ from lab.bench.scene import nudged
 from lab.benchmarks.measuring import median, report, size_of
 from ntc.io import write_text
 from tests.support.driven_app import DrivenApp
-from viewer.cli.sources import builtin_scene_path
 from viewer.gl.timer import PassTimer
+from viewer.locations import builtin_scene_path
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings

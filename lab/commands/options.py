@@ -21,7 +21,7 @@ class BenchOptions:
     json: Annotated[Path, tyro.conf.arg(metavar="F.json")]
     """The record. Tables (.md) and plots (.png) are written beside it, each as soon as it is done."""
     scene: OptionalScene = None
-    """glTF scene. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to time besides those found beside the scene (NAME.*.ntc)."""
     what: Literal["all", "worst-case", "scene", "scaling"] = "all"
@@ -67,7 +67,7 @@ class ClusterStudyOptions:
     out: Path
     """Folder for clusters.md, clusters.csv, clusters.json and clusters.png."""
     scene: OptionalScene = None
-    """glTF scene. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
     clusters: tuple[int, ...] = (1, 2, 5, 10, 20)
@@ -97,7 +97,7 @@ class FilteringStudyOptions:
     out: Path
     """Folder for filtering.md, filtering.csv, filtering.json and filtering.png."""
     scene: OptionalScene = None
-    """glTF scene. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
@@ -115,7 +115,7 @@ class StabilityStudyOptions:
     out: Path
     """Folder for stability.md, stability.csv, stability.json and stability.png."""
     scene: OptionalScene = None
-    """glTF scene. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
     grouping: tuple[str, ...] = ("clustered", "single")

@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.ntc.training.test_encode_blocks import waves
 from viewer import cli
-from viewer.cli.sources import builtin_scene_path
+from viewer.locations import builtin_scene_path
 from viewer.scene.images import read_image, write_png
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ntc.codec.color import linear_to_srgb8
 from ntc.io import write_text
 from ntc.pack.file import read_pack
-from viewer.cli.sources import builtin_scene_path
 from viewer.gl.context import create_headless_context
+from viewer.locations import builtin_scene_path
 from viewer.render.frame_result import read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import read_image, write_png

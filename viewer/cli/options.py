@@ -92,7 +92,7 @@ class ViewOptions:
     """Open a scene in a window. Without a display, pictures are written to a folder instead."""
 
     scene: OptionalScene = None
-    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
+    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to open besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
@@ -122,7 +122,7 @@ class RenderOptions:
     out: Path
     """Folder for color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
     scene: OptionalScene = None
-    """glTF scene. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None

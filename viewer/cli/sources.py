@@ -19,7 +19,7 @@ from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
 from viewer.gl.context import GraphicsContext
-from viewer.locations import assets_folder, blocks_cache
+from viewer.locations import blocks_cache, builtin_scene_path, named_scene
 from viewer.render.resources.precision import EVERYWHERE, supported_precisions
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
@@ -32,14 +32,9 @@ MISSING_SHOWN = 3
 """Missing things that are listed one by one; the others are only counted."""
 
 
-def builtin_scene_path() -> Path:
-    """Path of the scene that is opened when none is named."""
-    return assets_folder() / "courtyard.glb"
-
-
 def open_scene(path: Path | None) -> Scene:
-    """Load the scene at `path`, or the built-in one, and print notes about missing parts. Raises InputError."""
-    scene = load_scene(path if path is not None else builtin_scene_path())
+    """Load the scene that `path` names, or the courtyard, and print notes about missing parts. Raises InputError."""
+    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path())
     missing = scene.report.missing
     for line in missing[:MISSING_SHOWN]:
         sys.stderr.write(f"note: {line}\n")

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from tests.gl.small_scenes import SCENES, objects, textures
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
-from viewer.cli.sources import builtin_scene_path
 from viewer.gl.context import GraphicsContext
+from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.load import load_scene

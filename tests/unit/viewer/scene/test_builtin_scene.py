@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.maps import PLANES
 from ntc.pack.file import read_pack
 from ntc.pack.match import match_pack
-from viewer.cli.sources import builtin_scene_path
+from viewer.locations import builtin_scene_path
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -52,6 +53,39 @@ def test_it_uses_what_the_renderer_has_to_show(scene: Scene) -> None:
     assert max(Counter(scene.instances.primitive.tolist()).values()) > 1
     assert any("KHR_texture_transform" in line for line in scene.report.honoured)
     assert not scene.report.missing
+
+
+def test_materials_are_whole(scene: Scene) -> None:
+    for texture in scene.textures:
+        expected = {"base", "normal", "roughness", "occlusion"}
+        if texture.category == "metal" or texture.name == "roofing_corrugated":
+            expected |= {"metalness"}
+        if texture.name == "metal_sign":
+            expected |= {"emissive"}
+        assert set(texture.maps) == expected, texture.name
+        assert all(pixels.std() > 0.5 for pixels in texture.further_maps.values()), texture.name
+        xy = texture.further_maps["normal"] / 127.5 - 1
+        # Bumps lean no way on the whole, but for tiles that overlap, and few stand steeper than 60 degrees.
+        assert texture.category == "roofing" or np.abs(xy.mean(axis=(0, 1))).max() < 0.03, texture.name
+        assert (np.square(xy).sum(axis=2) > 0.75).mean() < 0.15, texture.name
+    used = [material for material in scene.materials if material.name != "glass"]
+    assert all(material.surface is not None and material.emission is not None for material in used)
+    for material in used:
+        assert {material.plane_texture(plane) for plane in PLANES} == {material.texture_id}, material.name
+    assert max(material.factors.emissive[0] for material in used) > 1.0
+
+
+def test_normals_follow_the_triangles(scene: Scene) -> None:
+    geometry = scene.geometry
+    assert geometry.normals is not None
+    for primitive in scene.primitives:
+        rows = geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count].astype(int)
+        corners = geometry.positions[rows + primitive.base_vertex].reshape(-1, 3, 3).astype(np.float64)
+        own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        normals = geometry.normals[rows + primitive.base_vertex].reshape(-1, 3, 3)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-5)
+        assert np.einsum("tck,tk->tc", normals, own).min() > 0.75, primitive.name
 
 
 def test_named_cameras_are_in_both_files(scene: Scene) -> None:

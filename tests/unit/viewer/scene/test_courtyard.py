@@ -1,16 +1,21 @@
 """What the scripts in assets/build make: sound geometry, textures without seams, a well-formed file."""
 
 from collections import defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from assets.build.__main__ import encode_image
 from assets.build.courtyard import cameras
+from assets.build.gallery import SHOWN, sphere
 from assets.build.glb import GlbWriter
+from assets.build.gltf_materials import encode_image
 from assets.build.materials import recipes
-from viewer.locations import assets_folder
+from assets.build.patterns import SIZE
+from assets.build.shapes import Shape
+from assets.build.surfaces import normal_image
+from viewer.locations import assets_folder, builtin_scene_path, named_scene
 from viewer.scene.images import decode_image
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -106,7 +111,79 @@ def test_textures_are_those_of_the_scripts(scene: Scene, name: str) -> None:
 
 
 def test_the_file_stays_small() -> None:
-    assert (assets_folder() / "courtyard.glb").stat().st_size < 12e6
+    assert (assets_folder() / "courtyard.glb").stat().st_size < 26e6
+
+
+def test_normals_of_a_height_field_point_away_from_its_bumps() -> None:
+    rows, columns = np.indices((SIZE, SIZE))
+    bump = 20 * np.exp(-((rows - 256) ** 2 + (columns - 256) ** 2) / 800)
+    image = normal_image(bump).astype(int)
+    assert image[256, 256].tolist() == image[0, 0].tolist() == [128, 128, 255]
+    # Right of the bump red points right; above it, in the rows before, green points up.
+    assert image[256, 276, 0] > 180
+    assert image[236, 256, 1] > 180
+    assert image[256, 236, 0] < 75
+    assert image[276, 256, 1] < 75
+    vectors = image / 127.5 - 1
+    np.testing.assert_allclose(np.linalg.norm(vectors, axis=2), 1.0, atol=0.012)
+
+
+def test_patches_are_rounded_but_for_edges() -> None:
+    shape = Shape()
+    shape.lathe((0, 0, 0), [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], 1.0, 32)
+    positions, normals, uvs, indices = shape.arrays()
+    assert len(positions) == len(normals) == len(uvs)
+    used = np.unique(indices)
+    rim = used[np.isclose(positions[used, 1], 1.0) & np.isclose(np.hypot(positions[used, 0], positions[used, 2]), 1.0)]
+    assert sorted(set(np.round(normals[rim, 1], 6).tolist())) == [0.0, 1.0]
+    side = rim[np.isclose(normals[rim, 1], 0.0)]
+    np.testing.assert_allclose(normals[side][:, [0, 2]], positions[side][:, [0, 2]], atol=1e-6)
+
+
+def test_gallery_is_small_and_whole() -> None:
+    path = builtin_scene_path("gallery")
+    assert path.stat().st_size < 2e6
+    scene = load_scene(path)
+    assert not scene.report.missing
+    assert not scene.report.ignored
+    assert scene.cameras[0].name == "gallery"
+    names = {material.name: material.factors for material in scene.materials}
+    assert [names[f"metal_{step}"].roughness for step in (0, 3, 6)] == [0.0, 0.5, 1.0]
+    assert (names["metal_3"].metalness, names["dielectric_3"].metalness) == (1.0, 0.0)
+    assert names["clearcoat"].clearcoat == 1.0
+    assert names["emission"].emissive[0] == 4.0
+    assert names["transmission"].transmission > 0.0
+    sets = [texture for texture in scene.textures if "normal" in texture.maps]
+    assert len(sets) == len(scene.textures) == len(SHOWN) + 1
+    assert scene.geometry.tangents is not None
+
+
+def test_tangents_of_spheres_run_along_u() -> None:
+    positions, normals, tangents, uvs, indices = sphere(2.0)
+    np.testing.assert_allclose(np.einsum("vk,vk->v", normals, tangents[:, :3]), 0.0, atol=1e-12)
+    corners, places = positions[indices].reshape(-1, 3, 3), uvs[indices].reshape(-1, 3, 2)
+    own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("tk,tk->t", own, normals[indices].reshape(-1, 3, 3).mean(axis=1)) > 0).all()
+    # From two edges: where the surface goes with growing u, and with growing v, which is down.
+    (e, f), (a, b) = (
+        (corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2),
+        (places[:, 1:] - places[:, :1]).transpose(1, 0, 2),
+    )
+    area = (a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1])[:, None]
+    along = (e * b[:, 1:] - f * a[:, 1:]) / area
+    upwards = -(f * a[:, :1] - e * b[:, :1]) / area
+    means, normal = tangents[indices].reshape(-1, 3, 4).mean(axis=1), normals[indices].reshape(-1, 3, 3).mean(axis=1)
+    assert (np.einsum("tk,tk->t", along, means[:, :3]) > 0).all()
+    bitangents = np.cross(normal, means[:, :3]) * means[:, 3:]
+    assert (np.einsum("tk,tk->t", upwards, bitangents) > 0).all()
+
+
+def test_built_in_scenes_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert named_scene(Path("gallery")) == builtin_scene_path("gallery")
+    assert named_scene(Path("other")) == Path("other")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gallery").write_bytes(b"a file of that name")
+    assert named_scene(Path("gallery")) == Path("gallery")
 
 
 def test_writer_aligns_views() -> None:
