@@ -1,6 +1,7 @@
 """What panels show of the last frame: gathered from the picture, and read back from it where a panel asks for it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from imgui_bundle import imgui
@@ -11,6 +12,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, BlockReader
 from viewer.inspect.comparison import LiveFigures
+from viewer.inspect.map_errors import errors_by_map
 from viewer.inspect.measurement import SlotPicture, measure_slot
 from viewer.inspect.pixel_content import PixelContent, PixelReader
 from viewer.render.frame_times import FrameTimes
@@ -82,7 +84,11 @@ class FactsReader:
             memory = renderer.memory(slot)
             blocks = self._session.compressed_as(slot.source)
             size = memory.total if memory else blocks.stored_bytes if blocks else None
-            results[side] = measure_slot(slot.source, seen, pack, match, size)
+            measured = measure_slot(slot.source, seen, pack, match, size)
+            if view.material_view != "base" and pack is not None:
+                errors = errors_by_map(renderer, slot)
+                measured = replace(measured, psnr_by_map={e.maps: e.psnr_db for e in errors if e.maps != "all"})
+            results[side] = measured
         return results
 
     def take_problems(self) -> tuple[str, ...]:

@@ -171,6 +171,9 @@ class RenderOptions:
     """--view lit: in stops; 1 is twice as bright."""
     tone_map: ToneMap = Lighting.tone_map
     """--view lit: Khronos PBR Neutral, AgX, or clipping alone."""
+    error_by_map: Switch = False
+    """Also say in stats.json what the error of each decoded map alone does to the picture, and write it as error.MAP.png. Not with
+    --view base."""
     aovs: Switch = False
     """Also write aovs.exr: the maps of the visible surfaces, and with --view lit normals, as channels of floats."""
     require_gpu: Switch = False

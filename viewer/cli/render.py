@@ -22,9 +22,11 @@ from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.metrics.metrics import finite_or_none, psnr_db
 from viewer.capture.aovs import material_aovs, write_aovs
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
+from viewer.cli.map_errors import map_error_statistics, write_map_errors
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
+from viewer.inspect.map_errors import errors_by_map
 from viewer.inspect.measurement import decoder_ids
 from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture
@@ -180,6 +182,8 @@ def chosen_lighting(options: RenderOptions) -> Lighting:
 
 def render(options: RenderOptions) -> int:
     """Run `ntc-viewer render`. Raises InputError for bad input."""
+    if options.error_by_map and options.view == "base":
+        raise InputError("--error-by-map: the view base shows one map alone; add --view lit, orm or another one")
     if not 0.0 <= options.opacity <= 1.0:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
     if options.out.exists() and not options.out.is_dir():
@@ -218,6 +222,7 @@ def render(options: RenderOptions) -> int:
         )
         renderer.render(replace(view, size=(-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR))))
         picture = draw(renderer, chosen, view)
+        map_errors = errors_by_map(renderer, slot) if options.error_by_map else ()
         if options.aovs:
             write_aovs(options.out / "aovs.exr", material_aovs(renderer, slot))
         if picture.frame.is_short:
@@ -226,6 +231,9 @@ def render(options: RenderOptions) -> int:
                 f"{source}: the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
             )
     stats = statistics(picture, view, context.info.renderer)
+    if map_errors:
+        stats["error_by_map"] = map_error_statistics(map_errors, scene)
+        write_map_errors(options.out, map_errors)
     if compressed is not None:
         stats["block_compression"] = compression_statistics(compressed)
     write_picture(options.out, picture, stats, options.overlay, options.palette)

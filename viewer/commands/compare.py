@@ -13,6 +13,7 @@ from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
 from viewer.state.view_state import (
     REFERENCE,
     CompareMode,
+    DecodedMaps,
     DifferenceKind,
     PathChoice,
     Side,
@@ -142,6 +143,13 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
         raise InputError(f"slot {side.upper()} shows {shown}, which has no precision; show a pack in it first")
     else:
         session.requests.precision |= {side}
+
+
+@command("slot.maps", "Maps of a slot", "decode all maps of a slot, or one among the original ones", "Compare")
+def set_maps(
+    session: Session, side: SlotSide, maps: Annotated[DecodedMaps, Arg("which are decoded: all, or one alone")]
+) -> None:
+    _change_slot(session, side, maps=maps)
 
 
 TEXELS = "exact: all texels of a footprint; stochastic: one at random, accumulated at rest"

@@ -14,7 +14,7 @@ from viewer.scene.model import Camera, Scene
 from viewer.state.camera_motion import Motion
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, CompareMode, Overlay, Side, Slot, ViewState
+from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Overlay, Side, Slot, ViewState
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
@@ -43,6 +43,9 @@ class SlotMeasurement:
     """None for images."""
     gpu_bytes: int | None
     """Latents, decoders and tables on the GPU; blocks of a block format, as hardware would take them; None for the reference."""
+    psnr_by_map: Mapping[DecodedMaps, float | None] = field(default_factory=dict)
+    """The same PSNR with one map decoded among the original ones, by map; None where that shows no error. Empty in the view `base`,
+    and for images."""
 
 
 @dataclass(frozen=True)

@@ -241,10 +241,19 @@ def _figures(ui: UiFrame) -> None:
         rows["path"].append("-" if is_image_source(slot.source) else ui.facts.paths.get(slot, slot.path))
         rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
         rows["decode ms"].append(f"{ui.facts.slot_ms[slot]:.2f}" if slot in ui.facts.slot_ms else "-")
+    rows |= _figures_by_map(ui)
     for name, values in rows.items():
         imgui.table_next_row()
         cells(name, *values)
     imgui.end_table()
+
+
+def _figures_by_map(ui: UiFrame) -> dict[str, list[str]]:
+    """Rows of the PSNR with one decoded map among the original ones: which map the error of the lit picture comes from."""
+    sides = [ui.session.inspection.measurements.get(side) for side in ui.session.view.slots]
+    found = [dict(figure.psnr_by_map) if figure else {} for figure in sides]
+    names = dict.fromkeys(name for maps in found for name in maps)
+    return {f"{name} alone dB": [decibels(m[name]) if name in m else "-" for m in found] for name in names}
 
 
 def draw_compare_panel(ui: UiFrame) -> None:

@@ -6,7 +6,7 @@ from typing import get_args
 from imgui_bundle import imgui
 
 from viewer.commands.materials import VIEWS
-from viewer.state.view_state import ELEVATION_RANGE, SKY, MaterialView, ToneMap
+from viewer.state.view_state import ELEVATION_RANGE, REFERENCE, SKY, DecodedMaps, MaterialView, ToneMap
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo
 
@@ -86,6 +86,20 @@ def _draw_light(ui: UiFrame) -> None:
     imgui.text_disabled("Shift + drag over the picture moves the sun")
 
 
+def _draw_decoded_maps(ui: UiFrame) -> None:
+    """Which maps a slot decodes: one alone shows what its error does to the picture."""
+    for side, slot in ui.session.view.slots.items():
+        if slot.source == REFERENCE:
+            continue
+        letter = side.upper()
+        _label(
+            f"{letter} decodes", "All maps, or one among the original ones: what its error alone does to the picture"
+        )
+        chosen = combo(f"{letter} maps", slot.maps, get_args(DecodedMaps), ui.rects)
+        if chosen != slot.maps:
+            ui.emit("slot.maps", side, chosen)
+
+
 def draw_light_panel(ui: UiFrame) -> None:
     """All of it; what lights is shown where it has an effect."""
     view = ui.session.view.material_view
@@ -93,6 +107,8 @@ def draw_light_panel(ui: UiFrame) -> None:
     chosen = combo("materials", view, get_args(MaterialView), ui.rects)
     if chosen != view:
         ui.emit("materials.view", chosen)
+    if view != "base":
+        _draw_decoded_maps(ui)
     if view == "lit":
         _draw_light(ui)
     else:
