@@ -4,9 +4,10 @@
 
 layout(binding = UNIT_ENVIRONMENT) uniform sampler2D environment_maps;
 layout(binding = UNIT_BRDF_TABLE) uniform sampler2D brdf_table;
-// Of the octahedral map of each roughness: left, top and side in shares of the texture.
-uniform vec4 environment_tiles[ENVIRONMENT_LEVELS];
-uniform vec3 harmonics[9];
+// Of the cube map of each roughness, and of irradiance: left, top, width and height of the first face, in shares of the texture.
+uniform vec4 environment_tiles[ENVIRONMENT_LEVELS + 1];
+// Between faces, two borders.
+uniform float face_gap;
 // Cosine and sine of the environment's turn about the vertical axis.
 uniform vec2 environment_turn;
 
@@ -15,24 +16,22 @@ vec3 to_environment(vec3 direction) {
     return vec3(turn.x * direction.x + turn.y * direction.z, direction.y, turn.x * direction.z - turn.y * direction.x);
 }
 
+vec3 read_map(int level, vec3 place) {
+    vec4 tile = environment_tiles[level];
+    vec2 at = vec2(tile.x + place.x * (tile.z + face_gap) + place.y * tile.z, tile.y + place.z * tile.w);
+    return textureLod(environment_maps, at, 0.0).rgb;
+}
+
 vec3 specular_radiance(vec3 direction, float roughness) {
-    vec2 place = map_place(to_environment(direction));
+    vec3 place = cube_place(to_environment(direction));
     float level = clamp(roughness, 0.0, 1.0) * float(ENVIRONMENT_LEVELS - 1);
     int lower = min(int(level), ENVIRONMENT_LEVELS - 2);
-    vec4 near = environment_tiles[lower];
-    vec4 far = environment_tiles[lower + 1];
-    vec3 sharp = textureLod(environment_maps, near.xy + place * near.zw, 0.0).rgb;
-    vec3 blurred = textureLod(environment_maps, far.xy + place * far.zw, 0.0).rgb;
-    return mix(sharp, blurred, level - float(lower));
+    return mix(read_map(lower, place), read_map(lower + 1, place), level - float(lower));
 }
 
 // Over pi.
 vec3 irradiance_around(vec3 normal) {
-    vec3 n = to_environment(normal);
-    vec3 sum = harmonics[0] + harmonics[1] * n.y + harmonics[2] * n.z + harmonics[3] * n.x
-        + harmonics[4] * (n.x * n.y) + harmonics[5] * (n.y * n.z) + harmonics[6] * (3.0 * n.z * n.z - 1.0)
-        + harmonics[7] * (n.x * n.z) + harmonics[8] * (n.x * n.x - n.y * n.y);
-    return max(sum, 0.0);
+    return read_map(ENVIRONMENT_LEVELS, cube_place(to_environment(normal)));
 }
 
 vec2 lobe_albedo(float cosine, float roughness) {

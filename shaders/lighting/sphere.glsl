@@ -1,4 +1,4 @@
-// All directions as pictures: equirectangular and octahedral (viewer/lighting/directions.py). Y is up, north is -Z.
+// All directions as pictures: equirectangular, octahedral, cubes (viewer/lighting/directions.py). Y is up, north is -Z.
 
 const float PI = 3.14159265358979;
 
@@ -17,13 +17,26 @@ vec2 map_place(vec3 direction) {
     return (scaled.y >= 0.0 ? scaled.xz : folded) * 0.5 + 0.5;
 }
 
-// Also up to half a map beyond its edges, where the sphere goes on.
 vec3 map_direction(vec2 place) {
     vec2 planar = place * 2.0 - 1.0;
-    bvec2 outside = greaterThan(abs(planar), vec2(1.0));
-    vec2 mirrored = mix(planar, map_sign(planar) * 2.0 - planar, outside);
-    planar = mix(mirrored, -mirrored, outside.yx);
     float y = 1.0 - abs(planar.x) - abs(planar.y);
     vec2 across = y >= 0.0 ? planar : (1.0 - abs(planar.yx)) * map_sign(planar);
     return normalize(vec3(across.x, y, across.y));
+}
+
+// Faces of a cube: 0 to 5 are +X, +Y, +Z, -X, -Y, -Z; a place runs along the two axes that follow the face's own.
+// x: the face, yz: the place in [0, 1].
+vec3 cube_place(vec3 direction) {
+    vec3 size = abs(direction);
+    bool is_x = size.x >= size.y && size.x >= size.z;
+    bool is_y = !is_x && size.y >= size.z;
+    vec3 turned = is_x ? direction : (is_y ? direction.yzx : direction.zxy);
+    float face = (is_x ? 0.0 : (is_y ? 1.0 : 2.0)) + (turned.x < 0.0 ? 3.0 : 0.0);
+    return vec3(face, turned.yz / max(abs(turned.x), 1e-30) * 0.5 + 0.5);
+}
+
+vec3 cube_direction(int face, vec2 place) {
+    vec3 turned = vec3(face < 3 ? 1.0 : -1.0, place * 2.0 - 1.0);
+    int axis = face % 3;
+    return normalize(axis == 0 ? turned : (axis == 1 ? turned.zxy : turned.yzx));
 }

@@ -1,4 +1,4 @@
-"""Directions in world space (Y up; north is -Z, east is +X), and the two pictures of all of them: equirectangular and octahedral.
+"""Directions in world space (Y up; north is -Z, east is +X), and pictures of all of them: equirectangular, octahedral, cubes.
 
 An equirectangular panorama has north in its middle column, east right of it, and up in its top row. The octahedral map (Engelhardt and
 Dachsbacher 2008) lays the upper half of the sphere into a diamond and folds the lower one into the corners.
@@ -59,22 +59,43 @@ def _fold(planar: Array) -> Array:
 
 def octahedral_coordinates(directions: Array) -> Array:
     """[..., 2] in [0, 1] where `directions` [..., 3], not zero, lie in the octahedral map."""
-    scaled = directions / np.sum(np.abs(directions), axis=-1, keepdims=True)
+    scaled = directions / np.maximum(np.sum(np.abs(directions), axis=-1, keepdims=True), 1e-30)
     planar = scaled[..., [0, 2]]
     return np.where(scaled[..., 1:2] >= 0.0, planar, _fold(planar)) * 0.5 + 0.5
 
 
 def octahedral_directions(coordinates: Array) -> Array:
-    """[..., 3] unit vectors of places [..., 2] in the octahedral map, [0, 1] and up to half a map beyond.
-
-    Beyond its edges the map goes on as the sphere does: there lies what is mirrored at the middle of the edge.
-    """
+    """[..., 3] unit vectors of places [..., 2] in the octahedral map, in [0, 1]."""
     planar = coordinates * 2.0 - 1.0
-    outside = np.abs(planar) > 1.0
-    mirrored = np.where(outside, np.sign(planar) * 2.0 - planar, planar)
-    planar = np.where(outside[..., ::-1], -mirrored, mirrored)
     y = 1.0 - np.abs(planar[..., 0]) - np.abs(planar[..., 1])
     flat = np.where(y[..., None] >= 0.0, planar, _fold(planar))
     unnormalized = np.stack([flat[..., 0], y, flat[..., 1]], axis=-1)
     directions: Array = unnormalized / np.linalg.norm(unnormalized, axis=-1, keepdims=True)
     return directions
+
+
+def cube_coordinates(directions: Array) -> tuple[NDArray[np.int64], Array]:
+    """([...] faces 0 to 5: +X, +Y, +Z, -X, -Y, -Z; [..., 2] places on them in [0, 1]) that `directions` [..., 3] meet.
+
+    On a face a place runs along the two axes that follow the face's own in the order X, Y, Z, X, Y.
+    """
+    size = np.abs(directions)
+    axis = np.argmax(size, axis=-1)
+    own = np.take_along_axis(directions, axis[..., None], axis=-1)
+    others = np.stack([axis + 1, axis + 2], axis=-1) % 3
+    places = np.take_along_axis(directions, others, axis=-1) / np.maximum(np.abs(own), 1e-30)
+    return axis + 3 * (own[..., 0] < 0.0), places * 0.5 + 0.5
+
+
+def cube_directions(side: int) -> Array:
+    """[side + 2, 6, side + 2, 3] unit vectors through the texels of the six faces and of a border of one texel around each, where
+    the face goes on."""
+    place = ((np.arange(-1, side + 1) + 0.5) / side) * 2.0 - 1.0
+    down, across = np.meshgrid(place, place, indexing="ij")
+    directions = np.zeros((side + 2, 6, side + 2, 3))
+    for face in range(6):
+        axis = face % 3
+        directions[:, face, :, axis] = 1.0 if face < 3 else -1.0
+        directions[:, face, :, (axis + 1) % 3] = across
+        directions[:, face, :, (axis + 2) % 3] = down
+    return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))

@@ -1,7 +1,7 @@
 """An environment as the shading reads it, in float64: the twin of shaders/passes/prefilter.
 
-Specular reflections read octahedral maps, each the environment convolved with GGX at one roughness; the diffuse one reads nine
-spherical harmonics (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps").
+Specular reflections read cube maps, each the environment convolved with GGX at one roughness; the diffuse one reads a cube map of
+irradiance. Cubes, since coarse octahedral maps show creases where their mapping has them.
 """
 
 from dataclasses import dataclass
@@ -13,77 +13,79 @@ from numpy.typing import NDArray
 from viewer.lighting.brdf import half_vectors, hammersley, normalized
 from viewer.lighting.directions import (
     Array,
+    cube_coordinates,
+    cube_directions,
     octahedral_coordinates,
     octahedral_directions,
     panorama_coordinates,
-    panorama_directions,
     panorama_solid_angles,
 )
-from viewer.lighting.panorama import reduced
 
 ENVIRONMENT_LEVELS: Final = 7
 """Roughnesses from 0 to 1 that an environment is prefiltered for."""
 MOST_SAMPLES: Final = 256
-IRRADIANCE_WIDTH: Final = 256
-"""Texels across of the panorama that irradiance is integrated over."""
+IRRADIANCE_ROWS: Final = 64
+"""Rows of directions, and half the columns, that irradiance is integrated over."""
 
 
 @dataclass(frozen=True)
 class PrefilterSize:
     """How finely an environment is prefiltered."""
 
+    source_side: int
+    """Of the octahedral map that all others are made of: a power of 2."""
     sides: tuple[int, ...]
-    """Of the octahedral map of each roughness from 0 to 1 in equal steps, in texels, borders left out. The first shows the
-    environment itself, and is the source of the others: a power of 2."""
+    """Of a face of the cube map of each roughness from 0 to 1 in equal steps, in texels, borders left out."""
     samples: int
     """Directions that each texel is the mean of."""
+    irradiance_side: int
+    """Of a face of the cube map of irradiance."""
 
     @property
-    def tiles(self) -> tuple[tuple[int, int], ...]:
-        """(left, top) of each map in their common texture, of its border."""
-        places, top = [(0, 0)], 0
-        for side in self.sides[1:]:
-            places.append((self.sides[0] + 2, top))
-            top += side + 2
-        return tuple(places)
+    def all_sides(self) -> tuple[int, ...]:
+        """Of all maps, that of irradiance last."""
+        return (*self.sides, self.irradiance_side)
+
+    @property
+    def tops(self) -> tuple[int, ...]:
+        """First row of each map in their common texture, where its faces lie side by side."""
+        return tuple(sum(side + 2 for side in self.all_sides[:level]) for level in range(len(self.all_sides)))
 
     @property
     def texture_size(self) -> tuple[int, int]:
         """(width, height) of that texture."""
-        return self.sides[0] + self.sides[1] + 4, max(self.sides[0] + 2, sum(side + 2 for side in self.sides[1:]))
+        return 6 * (max(self.all_sides) + 2), sum(side + 2 for side in self.all_sides)
 
 
-SKY_SIZE: Final = PrefilterSize((128, 64, 32, 32, 16, 16, 16), 32)
+SKY_SIZE: Final = PrefilterSize(128, (64, 32, 16, 16, 8, 8, 8), 32, 8)
 """Of the sky: smooth, and prefiltered again when the sun moves."""
-PANORAMA_SIZE: Final = PrefilterSize((512, 128, 64, 64, 32, 32, 32), 256)
+PANORAMA_SIZE: Final = PrefilterSize(512, (256, 64, 32, 32, 16, 16, 16), 256, 16)
 
 
-def irradiance_harmonics(panorama: NDArray[np.float32]) -> Array:
-    """[9, 3] factors of 1, y, z, x, xy, yz, 3zz-1, xz, xx-yy of a normal: their sum is the irradiance over pi.
+def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
+    """[side + 2, 6, side + 2, 3] irradiance over pi of surfaces that face the directions of a cube map, `cube_directions`.
 
-    `panorama`: [H, 2 H, 3] linear radiance, equirectangular.
+    `panorama`: [H, 2 H, 3] linear radiance, equirectangular. Its light is summed up in blocks of texels first, each of which shines
+    from the mean direction of its light.
     """
-    pixels = reduced(panorama, IRRADIANCE_WIDTH)
-    height = pixels.shape[0]
-    directions, solid_angles = panorama_directions(height), panorama_solid_angles(height)
-    integral = np.zeros((9, 3))
-    for row in range(height):
-        integral += solid_angles[row] * (_harmonics(directions[row]).T @ pixels[row].astype(np.float64))
-    # Squares of the constants that make the basis orthonormal, times the cosine lobe's factors 1, 2/3, 1/4.
-    squares = np.array([0.282095, *[0.488603] * 3, *[1.092548] * 2, 0.315392, 1.092548, 0.546274]) ** 2
-    lobe = np.array([1.0, *[2.0 / 3.0] * 3, *[0.25] * 5])
-    return np.asarray(integral * (squares * lobe)[:, None])
+    height = panorama.shape[0]
+    rows = min(IRRADIANCE_ROWS, -(-height // 4))
+    down, across = np.arange(rows) * height // rows, np.arange(2 * rows) * height // rows
 
+    def in_blocks(texels: NDArray[np.float32]) -> Array:
+        along = np.add.reduceat(texels, across, axis=1, dtype=np.float64)
+        return np.asarray(np.add.reduceat(along, down, axis=0).reshape(2 * rows * rows, -1))
 
-def _harmonics(normals: Array) -> Array:
-    x, y, z = np.moveaxis(normals, -1, 0)
-    terms = [np.ones_like(x), y, z, x, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y]
-    return np.stack(terms, axis=-1)
-
-
-def irradiance(harmonics: Array, normals: Array) -> Array:
-    """[N, 3] irradiance over pi around unit `normals` [N, 3], at least 0."""
-    return np.asarray(np.maximum(_harmonics(normals) @ harmonics, 0.0))
+    light = panorama * panorama_solid_angles(height)[:, None, None].astype(np.float32)
+    # Where there is no light any direction will do.
+    brightness = light.sum(axis=2) + np.float32(1e-12)
+    elevation = ((0.5 - (np.arange(height) + 0.5) / height) * np.pi).astype(np.float32)[:, None]
+    azimuth = (((np.arange(2 * height) + 0.5) / height - 1.0) * np.pi).astype(np.float32)
+    flat = brightness * np.cos(elevation)
+    parts = flat * np.sin(azimuth), brightness * np.sin(elevation), flat * -np.cos(azimuth)
+    towards = normalized(np.concatenate([in_blocks(part) for part in parts], axis=1))
+    cosines = np.maximum(cube_directions(side).reshape(-1, 3) @ towards.T, 0.0)
+    return np.asarray((cosines @ in_blocks(light) / np.pi).reshape(side + 2, 6, side + 2, 3))
 
 
 def sample_bilinear(image: Array, x: Array, y: Array, repeat_x: bool = False) -> Array:
@@ -186,31 +188,39 @@ class PrefilteredEnvironment:
 
     size: PrefilterSize
     maps: Array
-    """[H, W, 3] the octahedral maps of all roughnesses in their places, each with a border of one texel."""
-    harmonics: Array
-    """[9, 3], see `irradiance_harmonics`."""
+    """[H, W, 3] the cube maps of all roughnesses, and of irradiance, in their places, each face with a border of one texel."""
 
     def specular(self, directions: Array, roughness: Array) -> Array:
         """[N, 3] prefiltered radiance in unit `directions` [N, 3] at `roughness` [N, 1]: two maps, each filtered bilinearly."""
-        places = octahedral_coordinates(normalized(directions))
         level = np.clip(roughness[:, 0], 0.0, 1.0) * (len(self.size.sides) - 1)
-        result = np.zeros((len(places), 3))
-        for number, (side, (left, top)) in enumerate(zip(self.size.sides, self.size.tiles, strict=True)):
+        result = np.zeros((len(directions), 3))
+        for number in range(len(self.size.sides)):
             weight = np.maximum(1.0 - np.abs(level - number), 0.0)[:, None]
-            x, y = left + 1.0 + places[:, 0] * side, top + 1.0 + places[:, 1] * side
-            result += weight * sample_bilinear(self.maps, x, y)
+            result += weight * self._sample(number, directions)
         return result
+
+    def irradiance(self, normals: Array) -> Array:
+        """[N, 3] irradiance over pi around unit `normals` [N, 3]."""
+        return self._sample(len(self.size.sides), normals)
+
+    def _sample(self, level: int, directions: Array) -> Array:
+        faces, places = cube_coordinates(directions)
+        side = self.size.all_sides[level]
+        left = 1.0 + faces * (side + 2)
+        return sample_bilinear(self.maps, left + places[:, 0] * side, self.size.tops[level] + 1.0 + places[:, 1] * side)
 
 
 def prefilter(panorama: NDArray[np.float32], size: PrefilterSize) -> PrefilteredEnvironment:
     """Prefilter a panorama [H, 2 H, 3], slowly."""
-    chain = mip_chain(octahedral_source(panorama.astype(np.float64), size.sides[0]))
+    chain = mip_chain(octahedral_source(panorama.astype(np.float64), size.source_side))
     width, height = size.texture_size
     maps = np.zeros((height, width, 3))
-    for level, (side, (left, top)) in enumerate(zip(size.sides, size.tiles, strict=True)):
-        places = (np.arange(-1, side + 1) + 0.5) / side
-        columns, rows = np.meshgrid(places, places)
-        directions = octahedral_directions(np.stack([columns, rows], axis=-1)).reshape(-1, 3)
-        found = prefiltered(chain, directions, level / (len(size.sides) - 1), size.samples)
-        maps[top : top + side + 2, left : left + side + 2] = found.reshape(side + 2, side + 2, 3)
-    return PrefilteredEnvironment(size, maps, irradiance_harmonics(panorama))
+    for level, side in enumerate(size.all_sides):
+        if level < len(size.sides):
+            directions = cube_directions(side).reshape(-1, 3)
+            found = prefiltered(chain, directions, level / (len(size.sides) - 1), size.samples)
+        else:
+            found = irradiance_map(panorama, side)
+        top = size.tops[level]
+        maps[top : top + side + 2, : 6 * (side + 2)] = found.reshape(side + 2, 6 * (side + 2), 3)
+    return PrefilteredEnvironment(size, maps)

@@ -21,7 +21,7 @@ from viewer.lighting.brdf import (
     table_lookup,
 )
 from viewer.lighting.directions import Array, turned
-from viewer.lighting.prefilter import PrefilteredEnvironment, around, irradiance
+from viewer.lighting.prefilter import PrefilteredEnvironment, around
 from viewer.scene.model import Light, SurfaceFactors
 
 SMALLEST_TANGENT: Final = 1e-4
@@ -133,7 +133,7 @@ class _Lobes:
     def environment(self, sources: LightSources, views: Array) -> Array:
         mirrored = 2.0 * dot(self.normals, views) * self.normals - views
         specular = sources.environment.specular(_environment(sources, mirrored), self.surface.roughness)
-        diffuse = irradiance(sources.environment.harmonics, _environment(sources, self.normals))
+        diffuse = sources.environment.irradiance(_environment(sources, self.normals))
         return environment_response(self.surface, self.table, specular, diffuse)
 
     def lights(self, sources: LightSources, samples: SurfaceSamples, sun_share: Array) -> Array:

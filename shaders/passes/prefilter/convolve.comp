@@ -1,5 +1,5 @@
 #version 430
-// The octahedral map of one roughness, with its border: means of the source around each direction under GGX
+// The cube map of one roughness, with borders: means of the source around each direction under GGX
 // (Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling").
 #include "generated/layout.glsl"
 #include "lighting/sphere.glsl"
@@ -11,19 +11,21 @@ layout(binding = IMAGE_ENVIRONMENT, rgba32f) uniform writeonly image2D environme
 layout(std140, binding = UNIFORM_SAMPLES) uniform Samples {
     vec4 lobe[MOST_SAMPLES];
 };
-uniform ivec3 tile;     // left and top of its border, side without
+uniform int top;        // first row of its border
+uniform int side;       // of a face, without
 uniform int samples;
 
 void main() {
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
-    if (max(texel.x, texel.y) >= tile.z + 2) return;
-    vec3 axis = map_direction((vec2(texel) - 0.5) / float(tile.z));
+    if (texel.x >= 6 * (side + 2) || texel.y >= side + 2) return;
+    int face = texel.x / (side + 2);
+    vec3 axis = cube_direction(face, (vec2(texel.x - face * (side + 2), texel.y) - 0.5) / float(side));
     // Duff et al. 2017, "Building an Orthonormal Basis, Revisited".
-    float side = axis.z >= 0.0 ? 1.0 : -1.0;
-    float a = -1.0 / (side + axis.z);
+    float turn = axis.z >= 0.0 ? 1.0 : -1.0;
+    float a = -1.0 / (turn + axis.z);
     float b = axis.x * axis.y * a;
-    vec3 first = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);
-    vec3 second = vec3(b, side + axis.y * axis.y * a, -axis.y);
+    vec3 first = vec3(1.0 + turn * axis.x * axis.x * a, turn * b, -turn * axis.x);
+    vec3 second = vec3(b, turn + axis.y * axis.y * a, -axis.y);
     vec3 sum = vec3(0.0);
     float weights = 0.0;
     for (int i = 0; i < samples; ++i) {
@@ -31,5 +33,5 @@ void main() {
         sum += lobe[i].z * textureLod(source, map_place(direction), lobe[i].w).rgb;
         weights += lobe[i].z;
     }
-    imageStore(environment_maps, tile.xy + texel, vec4(sum / weights, 1.0));
+    imageStore(environment_maps, texel + ivec2(0, top), vec4(sum / weights, 1.0));
 }

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from ntc.metrics.block_cache import SUFFIX, BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, lobe_samples, source_samples
+from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, irradiance_map, lobe_samples, source_samples
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, TextureUnit, UniformBinding
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 
-VERSION = 1
+VERSION = 2
 """Of prefiltered environments in the cache: changes with what the shaders write."""
 
 
@@ -54,6 +54,7 @@ class PrefilterPass:
                 output.maps.write(found)
                 return
         self._draw(output)
+        self._write_irradiance(inputs.panorama, output)
         if cache is not None and path is not None:
             cache.write(path, output.maps.read())
             cache.trim()
@@ -71,13 +72,20 @@ class PrefilterPass:
             self._source.repeat_x = self._source.repeat_y = False
         return self._source
 
+    @staticmethod
+    def _write_irradiance(panorama: NDArray[np.float32], output: EnvironmentMaps) -> None:
+        side = output.size.irradiance_side
+        pixels = np.ones((side + 2, 6, side + 2, 4), np.float32)
+        pixels[..., :3] = irradiance_map(panorama, side)
+        output.maps.write(pixels.tobytes(), viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
+
     def _draw(self, output: EnvironmentMaps) -> None:
         gl, size = self._context.gl, output.size
-        source = self._source_of(size.sides[0])
+        source = self._source_of(size.source_side)
         output.panorama.use(int(TextureUnit.PANORAMA))
         source.bind_to_image(int(ImageUnit.ENVIRONMENT), read=False, write=True)
-        set_uniforms(self._source_program, {"steps": source_samples(output.panorama_width, size.sides[0])})
-        self._source_program.run(*[-(-size.sides[0] // GROUP_SIDE)] * 2)
+        set_uniforms(self._source_program, {"steps": source_samples(output.panorama_width, size.source_side)})
+        self._source_program.run(*[-(-size.source_side // GROUP_SIDE)] * 2)
         gl.memory_barrier()
         self._context.memory.build_mipmaps("an octahedral map", source)
         source.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
@@ -86,11 +94,11 @@ class PrefilterPass:
         if self._samples is None:
             self._samples = self._context.memory.buffer("directions of a lobe", reserve=MOST_SAMPLES * 16, dynamic=True)
         self._samples.bind_to_uniform_block(int(UniformBinding.SAMPLES))
-        for level, (side, (left, top)) in enumerate(zip(size.sides, size.tiles, strict=True)):
-            lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.sides[0])
+        for level, (side, top) in enumerate(zip(size.sides, size.tops[:-1], strict=True)):
+            lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.source_side)
             self._samples.write(lobe.astype("<f4").tobytes())
-            set_uniforms(self._program, {"tile": (left, top, side), "samples": len(lobe)})
-            self._program.run(*[-(-(side + 2) // GROUP_SIDE)] * 2)
+            set_uniforms(self._program, {"top": top, "side": side, "samples": len(lobe)})
+            self._program.run(-(-6 * (side + 2) // GROUP_SIDE), -(-(side + 2) // GROUP_SIDE))
         gl.memory_barrier()
 
     def release(self) -> None:

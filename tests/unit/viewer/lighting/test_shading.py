@@ -11,7 +11,7 @@ from viewer.lighting.shading import LightSources, SurfaceSamples, light_at, shad
 from viewer.lighting.sky import sky_radiance
 from viewer.scene.model import DEFAULT_FACTORS, Light, SurfaceFactors
 
-SMALL = PrefilterSize((16, 16, 8, 8), 16)
+SMALL = PrefilterSize(16, (16, 16, 8, 8), 16, 8)
 
 
 def constant(radiance: float) -> PrefilteredEnvironment:

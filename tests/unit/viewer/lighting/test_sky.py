@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from viewer.lighting.directions import (
+    cube_coordinates,
+    cube_directions,
     direction_towards,
     octahedral_coordinates,
     octahedral_directions,
@@ -12,7 +14,7 @@ from viewer.lighting.directions import (
     panorama_solid_angles,
     turned,
 )
-from viewer.lighting.prefilter import irradiance, irradiance_harmonics
+from viewer.lighting.prefilter import PrefilteredEnvironment, PrefilterSize, irradiance_map
 from viewer.lighting.sky import sky_radiance, sun_irradiance
 from viewer.lighting.sun import environment_turn, sun_of
 from viewer.state.view_state import Lighting
@@ -23,6 +25,15 @@ def some_directions(count: int = 500) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
+def irradiance(panorama: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """[N, 3] irradiance over pi, read as the shading reads it."""
+    size = PrefilterSize(1, (1, 1), 1, 16)
+    width, height = size.texture_size
+    maps = np.zeros((height, width, 3))
+    maps[size.tops[-1] :] = irradiance_map(panorama, 16).reshape(18, width, 3)
+    return PrefilteredEnvironment(size, maps).irradiance(normals)
+
+
 def test_azimuth_runs_from_north_to_east() -> None:
     np.testing.assert_allclose(direction_towards(0.0, 0.0), (0.0, 0.0, -1.0), atol=1e-12)
     np.testing.assert_allclose(direction_towards(90.0, 0.0), (1.0, 0.0, 0.0), atol=1e-12)
@@ -30,7 +41,7 @@ def test_azimuth_runs_from_north_to_east() -> None:
     np.testing.assert_allclose(turned(np.array([[0.0, 0.3, -1.0]]), 90.0), [[1.0, 0.3, 0.0]], atol=1e-12)
 
 
-def test_both_maps_have_one_place_for_each_direction() -> None:
+def test_maps_have_one_place_for_each_direction() -> None:
     directions = some_directions()
     np.testing.assert_allclose(octahedral_directions(octahedral_coordinates(directions)), directions, atol=1e-12)
     height = 16
@@ -40,13 +51,17 @@ def test_both_maps_have_one_place_for_each_direction() -> None:
     assert panorama_solid_angles(height).sum() * 2 * height == pytest.approx(4.0 * np.pi)
 
 
-def test_the_octahedral_map_goes_on_beyond_its_edges() -> None:
-    inside = np.array([[0.01, 0.3], [0.7, 0.99], [0.02, 0.02], [0.98, 0.01]])
-    outside = np.array([[-0.01, 0.7], [0.3, 1.01], [-0.02, 0.98], [0.02, -0.01]])
-    np.testing.assert_allclose(octahedral_directions(outside), octahedral_directions(inside), atol=1e-12)
-    np.testing.assert_allclose(
-        octahedral_directions(np.array([[-0.02, -0.02]])), octahedral_directions(np.array([[0.98, 0.98]])), atol=1e-12
-    )
+def test_cubes_have_one_place_for_each_direction_and_go_on_beyond_their_faces() -> None:
+    side = 5
+    directions = cube_directions(side)
+    faces, places = cube_coordinates(directions[1:-1, :, 1:-1])
+    assert (faces == np.arange(6)[:, None]).all()
+    centres = (np.arange(side) + 0.5) / side
+    np.testing.assert_allclose(places[:, :, :, 0], np.broadcast_to(centres, (side, 6, side)), atol=1e-12)
+    np.testing.assert_allclose(places[:, 2, 3, 1], centres, atol=1e-12)
+    # Beyond +X along +Y lies the face +Y.
+    assert cube_coordinates(directions[3, 0, side + 1])[0] == 1
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0)
 
 
 @pytest.mark.parametrize("elevation", [-90.0, -12.0, -0.1, 0.0, 3.0, 40.0, 89.9, 90.0])
@@ -69,7 +84,7 @@ def test_a_sky_is_brightest_and_bluest_where_it_should_be() -> None:
 
 
 def test_noon_lights_a_white_floor_to_about_one_and_night_is_dark() -> None:
-    sky = irradiance(irradiance_harmonics(sky_radiance(50.0)), np.array([[0.0, 1.0, 0.0]]))[0]
+    sky = irradiance(sky_radiance(50.0), np.array([[0.0, 1.0, 0.0]]))[0]
     sun = np.array(sun_irradiance(50.0)) / np.pi * np.sin(np.radians(50.0))
     assert ((sky + sun > 0.7) & (sky + sun < 1.7)).all()
     assert sky_radiance(-20.0).max() < 1e-3
@@ -89,11 +104,21 @@ def test_skies_turn_with_their_sun_and_panoramas_as_they_are_told() -> None:
     assert environment_turn(Lighting("a.hdr", sun_azimuth=30.0, environment_turn=5.0)) == 5.0
 
 
-def test_harmonics_give_the_irradiance_of_simple_environments() -> None:
-    directions = panorama_directions(32)
-    even = irradiance_harmonics(np.ones((32, 64, 3), np.float32))
-    np.testing.assert_allclose(irradiance(even, some_directions()), 1.0, atol=2e-3)
-    # Radiance 1 + y has irradiance pi (1 + 2/3 ny).
-    slope = irradiance_harmonics(np.repeat(1.0 + directions[..., 1:2], 3, axis=2).astype(np.float32))
+def test_irradiance_of_simple_environments_is_known() -> None:
     normals = some_directions()
-    np.testing.assert_allclose(irradiance(slope, normals)[:, 0], 1.0 + 2.0 / 3.0 * normals[:, 1], atol=5e-3)
+    np.testing.assert_allclose(irradiance(np.ones((128, 256, 3), np.float32), normals), 1.0, atol=5e-3)
+    # Radiance 1 + y has irradiance pi (1 + 2/3 ny).
+    up = panorama_directions(128)[..., 1:2]
+    slope = irradiance(np.repeat(1.0 + up, 3, axis=2).astype(np.float32), normals)
+    np.testing.assert_allclose(slope[:, 0], 1.0 + 2.0 / 3.0 * normals[:, 1], atol=1e-2)
+
+
+@pytest.mark.parametrize("height", [64, 101, 200])
+def test_small_suns_light_what_faces_them(height: int) -> None:
+    panorama = np.zeros((height, 2 * height, 3), np.float32)
+    row, column = height // 4, height // 3
+    panorama[row, column] = 1e4
+    sun = panorama_directions(height)[row, column]
+    normals = some_directions()
+    expected = np.maximum(normals @ sun, 0.0) * 1e4 * panorama_solid_angles(height)[row] / np.pi
+    np.testing.assert_allclose(irradiance(panorama, normals)[:, 1], expected, atol=0.05 * expected.max())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import set_uniforms
 from viewer.lighting.brdf import brdf_table
-from viewer.lighting.prefilter import PrefilterSize, irradiance_harmonics
+from viewer.lighting.prefilter import PrefilterSize
 from viewer.render.resources.layout import TextureUnit
 
 LINEAR = (moderngl.LINEAR, moderngl.LINEAR)
@@ -21,8 +21,6 @@ class EnvironmentMaps:
     def __init__(self, context: GraphicsContext, size: PrefilterSize, panorama_width: int) -> None:
         """`panorama_width`: texels across, twice the height. Raises GpuMemoryError."""
         self.size, self.panorama_width = size, panorama_width
-        self.harmonics: NDArray[np.float32] = np.zeros((9, 3), np.float32)
-        """[9, 3] for `harmonics` of shaders/lighting/environment.glsl."""
         what, memory = f"an environment of {panorama_width} x {panorama_width // 2}", context.memory
         table = np.ascontiguousarray(brdf_table(), np.float32)
         with memory.transaction():
@@ -36,18 +34,17 @@ class EnvironmentMaps:
 
     @property
     def tiles(self) -> NDArray[np.float32]:
-        """[levels, 4]: left, top, width and height of each octahedral map without its border, in shares of `maps`."""
+        """[levels + 1, 4]: left, top, width and height of each map's first face without its border, in shares of `maps`."""
         width, height = self.size.texture_size
         rows = [
-            ((left + 1) / width, (top + 1) / height, side / width, side / height)
-            for (left, top), side in zip(self.size.tiles, self.size.sides, strict=True)
+            (1.0 / width, (top + 1) / height, side / width, side / height)
+            for top, side in zip(self.size.tops, self.size.all_sides, strict=True)
         ]
         return np.array(rows, np.float32)
 
     def write_panorama(self, pixels: NDArray[np.float32]) -> None:
-        """Replace the panorama by `pixels` [H, 2 H, 3], row 0 on top, and the irradiance that follows from it."""
+        """Replace the panorama by `pixels` [H, 2 H, 3], row 0 on top."""
         self.panorama.write(np.ascontiguousarray(pixels, np.float16).tobytes())
-        self.harmonics = irradiance_harmonics(pixels).astype(np.float32)
 
     def bind(self, program: moderngl.Program, turn: float) -> None:
         """Bind all for shaders/lighting/environment.glsl, turned by `turn` degrees from north towards east."""
@@ -56,7 +53,7 @@ class EnvironmentMaps:
         self.table.use(int(TextureUnit.BRDF_TABLE))
         values = {
             "environment_tiles": self.tiles.tobytes(),
-            "harmonics": self.harmonics.tobytes(),
+            "face_gap": 2.0 / self.size.texture_size[0],
             "environment_turn": (math.cos(math.radians(turn)), math.sin(math.radians(turn))),
         }
         set_uniforms(program, values)
