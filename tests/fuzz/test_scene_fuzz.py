@@ -5,6 +5,7 @@ import json
 import math
 import random
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ VALUES: tuple[Any, ...] = (
 def rich_builder() -> GltfBuilder:
     """A file that uses nearly everything that is read."""
     builder = GltfBuilder()
-    builder.json["extensionsUsed"] = ["KHR_texture_transform", "EXT_mesh_gpu_instancing"]
+    builder.json["extensionsUsed"] = ["KHR_texture_transform", "EXT_mesh_gpu_instancing", "KHR_lights_punctual"]
     image, cut = builder.image(png(noise(8, 8))), builder.image(png(noise(8, 8, 4)), extras={"category": "leaf"})
     sampler = builder.add("samplers", wrapS=33071, minFilter=9729)
     transform = {"KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1.0, "scale": [2, 2], "texCoord": 1}}
@@ -37,7 +38,31 @@ def rich_builder() -> GltfBuilder:
     builder.json["textures"][1]["sampler"] = sampler
     glossiness = {"diffuseTexture": {"index": 0}, "diffuseFactor": [1, 1, 1, 1]}
     third = builder.material(extensions={"KHR_materials_pbrSpecularGlossiness": glossiness, "KHR_materials_unlit": {}})
-    plain = builder.triangle(first, TEXCOORD_1=np.ones((3, 2), np.float32), COLOR_0=np.ones((3, 4), np.uint8))
+    frames = {"NORMAL": np.eye(3, dtype=np.float32), "TANGENT": np.ones((3, 4), np.float32)}
+    plain = builder.triangle(first, TEXCOORD_1=np.ones((3, 2), np.float32), COLOR_0=np.ones((3, 4), np.uint8), **frames)
+    packed = builder.add("textures", source=builder.image(png(noise(4, 8, seed=2))))
+    bump = builder.add("textures", source=builder.image(png(noise(8, 8, seed=3))), sampler=sampler)
+    turned = {"KHR_texture_transform": {"offset": [0, 0.5], "rotation": -1.0, "scale": [0.5, 3]}}
+    builder.json["materials"][first] |= {
+        "normalTexture": {"index": bump, "scale": 0.5, "texCoord": 1},
+        "occlusionTexture": {"index": packed, "strength": 0.5},
+        "emissiveTexture": {"index": 0, "extensions": turned},
+        "emissiveFactor": [1, 0.5, 0],
+        "extensions": {
+            "KHR_materials_emissive_strength": {"emissiveStrength": 3},
+            "KHR_materials_ior": {"ior": 1.4},
+            "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 1, 2]},
+            "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.1},
+            "KHR_materials_transmission": {"transmissionFactor": 0.5},
+        },
+    }
+    builder.json["materials"][first]["pbrMetallicRoughness"] |= {
+        "metallicRoughnessTexture": {"index": packed, "texCoord": 1},
+        "roughnessFactor": 0.5,
+        "metallicFactor": 0.75,
+    }
+    lights = [{"type": "directional"}, {"type": "spot", "color": [1, 1, 0], "intensity": 9, "range": 4, "spot": {}}]
+    builder.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
     strip = {**builder.triangle(second), "indices": builder.accessor(np.array([0, 1, 2, 1], np.uint16)), "mode": 5}
     sparse = builder.triangle(third)
     builder.json["accessors"][sparse["attributes"]["POSITION"]]["sparse"] = {
@@ -50,7 +75,8 @@ def rich_builder() -> GltfBuilder:
     lens = builder.add("cameras", type="perspective", perspective={"yfov": 1.0, "znear": 0.1})
     flat = builder.add("cameras", type="orthographic", orthographic={"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 9})
     builder.add("nodes", name="root", children=[1, 2, 3], scale=[2, 2, 2])
-    builder.add("nodes", mesh=mesh, rotation=[0, math.sin(1), 0, math.cos(1)])
+    shines = {"KHR_lights_punctual": {"light": 1}}
+    builder.add("nodes", mesh=mesh, extensions=shines, rotation=[0, math.sin(1), 0, math.cos(1)])
     builder.add("nodes", mesh=mesh, extensions={"EXT_mesh_gpu_instancing": {"attributes": moves}})
     builder.add("nodes", camera=lens, children=[4])
     builder.add("nodes", camera=flat, matrix=[float(value) for value in np.eye(4).reshape(-1)])
@@ -88,7 +114,31 @@ def check_scene(scene: Scene) -> None:
         assert indices.max() < primitive.vertex_count
         assert primitive.base_vertex + primitive.vertex_count <= len(geometry.positions)
         assert 0 <= primitive.material < len(scene.materials)
-    assert all(-1 <= material.texture_id < len(scene.textures) for material in scene.materials)
+    for name in ("normals", "tangents", "second_uvs"):
+        values = getattr(geometry, name)
+        assert values is None or (len(values) == len(geometry.positions) and np.isfinite(values).all())
+    for material in scene.materials:
+        assert -1 <= material.texture_id < len(scene.textures)
+        check_numbers(asdict(material.factors))
+        for plane in (material.surface, material.emission):
+            if plane is not None:
+                assert set(plane.maps) <= set(scene.textures[plane.texture_id].maps)
+                check_numbers(plane.uv_transform)
+                assert not plane.second_uvs or geometry.second_uvs is not None
+    for texture in scene.textures:
+        sizes = {texture.pixels.shape[:2], *(pixels.shape[:2] for pixels in texture.further_maps.values())}
+        assert len(sizes) == 1
+    for light in scene.lights:
+        check_numbers([light.color, light.position, light.direction, light.reach, light.inner_cone, light.outer_cone])
+
+
+def check_numbers(value: Any) -> None:
+    """Every number in `value` fits into single precision."""
+    if isinstance(value, float):
+        assert abs(value) < 3e38
+    elif isinstance(value, dict | list | tuple):
+        for child in value.values() if isinstance(value, dict) else value:
+            check_numbers(child)
 
 
 def places(value: Any) -> Iterator[tuple[Any, Any]]:

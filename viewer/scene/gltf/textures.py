@@ -24,6 +24,8 @@ MINIFY: dict[int, tuple[bool, Literal["none", "nearest", "linear"]]] = {
 }
 LEAST_DETERMINANT = 1e-12
 """A transform that shrinks areas more than this is taken to be without an inverse."""
+LARGEST_TERM = 1e30
+"""Terms of a combined transform above it do not fit into single precision with UVs."""
 
 Affine = tuple[float, float, float, float, float, float]
 """Rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
@@ -55,7 +57,7 @@ class UvTransform:
 
 
 def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affine | None:
-    """What takes UVs that `first` was applied to to those that `second` gives; None where `first` has no inverse."""
+    """What takes UVs that `first` was applied to to those that `second` gives; None without an inverse, and on overflow."""
     if first == second:
         return IDENTITY
     a, b, c, d, e, f = IDENTITY if first is None else first.affine
@@ -64,7 +66,11 @@ def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affi
         return None
     inverse = np.array([[e, -b, b * f - c * e], [-d, a, c * d - a * f], [0.0, 0.0, determinant]]) / determinant
     wanted = np.array([*(IDENTITY if second is None else second.affine), 0.0, 0.0, 1.0]).reshape(3, 3)
-    u, v, _ = (wanted @ inverse).tolist()
+    with np.errstate(over="ignore", invalid="ignore"):
+        combined = wanted @ inverse
+    if not (np.abs(combined) < LARGEST_TERM).all():
+        return None
+    u, v, _ = combined.tolist()
     return u[0], u[1], u[2], v[0], v[1], v[2]
 
 

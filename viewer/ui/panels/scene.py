@@ -15,6 +15,8 @@ def _material_text(number: int, material: Material, scene: Scene) -> str:
     texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
     extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
     extras += ["double-sided"] if material.double_sided else []
+    planes = (plane for plane in (material.surface, material.emission) if plane is not None)
+    extras += [name for plane in planes for name in plane.maps]
     factor = (
         ""
         if all(value == 1.0 for value in material.factor)

@@ -286,9 +286,10 @@ def test_a_second_set_of_uvs_is_kept_and_a_third_is_left_out() -> None:
     assert "occlusion maps by a third set of UVs: materials" in scene.report.ignored
 
 
-def test_a_base_colour_whose_transform_has_no_inverse_leaves_the_others_their_uvs() -> None:
+@pytest.mark.parametrize("scale", [[0.0, 1.0], [1e-38, 1e30]])
+def test_a_base_colour_whose_transform_has_no_inverse_leaves_the_others_their_uvs(scale: list[float]) -> None:
     maps = Maps()
-    flat = {"KHR_texture_transform": {"scale": [0.0, 1.0]}}
+    flat = {"KHR_texture_transform": {"scale": scale}}
     maps.material(baseColorTexture=maps.info(noise(), extensions=flat), normalTexture=maps.info(normals()))
     material, _, scene = one(maps)
     assert material.surface is not None
