@@ -29,7 +29,7 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     Code code;
     code.first_word = level.first_cell;
     code.lists = tables;
-    code.basis = tables + LISTS_BLOCKS + PLANE_PLACE * BASIS_BLOCKS;
+    code.basis = tables + LISTS_BLOCKS;
 #if CODE_SIZES > 1
     // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
     int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
@@ -63,6 +63,9 @@ struct Reader {
     uint bit;          // of `low`: the next one to be read
     uint state;        // of the trellis
     int list;
+#if ROW_CHANNELS
+    uvec4 entries;     // of the last four coefficients
+#endif
 };
 
 Reader reader_of(Code code) {
@@ -77,7 +80,7 @@ Reader reader_of(Code code) {
 }
 
 // The coefficient whose index is in the lowest bits of `bits`; they are taken away. `entry`: scale as float32 with the depth in its
-// lowest bits.
+// lowest bits; where each row of the basis is of one channel (ROW_CHANNELS), above the depth its component and plane.
 float next_coefficient(inout Reader reader, inout uint bits, uint entry) {
     uint depth = entry & 7u;
     uint index = bits & ((1u << depth) - 1u);
@@ -86,15 +89,22 @@ float next_coefficient(inout Reader reader, inout uint bits, uint entry) {
     uint branch = index & 1u;
     uint subset = (TRELLIS_SUBSETS >> (4u * reader.state + 2u * branch)) & 3u;
     reader.state = depth == 0u ? reader.state : ((reader.state << 1) & 6u) | branch;
+#if ROW_CHANNELS
+    // Of another plane: nothing of it is shown.
+    if (((entry >> 5) & 3u) != uint(PLANE)) return 0.0;
+#endif
     // Depth 0 reads block 0, which is 0.
     vec4 level = uintBitsToFloat(table_block(int(((1u << depth) >> 1) + (index >> 1))));
     float value = (subset < 2u ? (subset == 0u ? level.x : level.y) : (subset == 2u ? level.z : level.w));
-    return value * uintBitsToFloat(entry & ~7u);
+    return value * uintBitsToFloat(entry & ~ENTRY_MASK);
 }
 
 // The next four coefficients of `code`: number 4 `part` and those after it. Once all bits are read, those that follow are 0.
 vec4 next_coefficients(inout Reader reader, Code code, int part) {
     uvec4 entries = table_block(reader.list + part);
+#if ROW_CHANNELS
+    reader.entries = entries;
+#endif
     uint bits = (reader.low >> reader.bit) | ((reader.high << 1) << (31u - reader.bit));
     vec4 values;
     values.x = next_coefficient(reader, bits, entries.x);
@@ -110,6 +120,42 @@ vec4 next_coefficients(inout Reader reader, Code code, int part) {
     return values;
 }
 
+#if ROW_CHANNELS
+// Four coefficients, by the component that they add to.
+struct Four {
+    mat4 columns;    // column k: coefficient k, in its component
+    bool any;        // whether one of them is of this plane
+};
+
+vec4 in_component(float value, uint entry) {
+    uint component = (entry >> 3) & 3u;
+    return vec4(equal(uvec4(component), uvec4(0u, 1u, 2u, 3u))) * value;
+}
+
+Four next_four(inout Reader reader, Code code, int part) {
+    vec4 values = next_coefficients(reader, code, part);
+    uvec4 entries = reader.entries;
+    Four four;
+    four.any = any(equal((entries >> 5) & 3u, uvec4(PLANE)));
+    four.columns = mat4(
+        in_component(values.x, entries.x), in_component(values.y, entries.y),
+        in_component(values.z, entries.z), in_component(values.w, entries.w)
+    );
+    return four;
+}
+
+// Adds the products of four coefficients with their bytes of the basis for one texel.
+void add_texel(inout CHANNELS_T sum, Four four, Code code, int part, int texel) {
+    if (!four.any) return;
+    uvec4 texels = table_block(code.basis + part * (BLOCK_SIDE * BLOCK_SIDE / 4) + (texel >> 2));
+    uvec2 pair = (texel & 2) == 0 ? texels.xy : texels.zw;
+    int bits = int((texel & 1) == 0 ? pair.x : pair.y);
+    sum += CHANNELS_T(four.columns * vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24));
+}
+#else
+#define Four vec4
+#define next_four next_coefficients
+
 // One texel's row of the basis: a signed byte for each channel.
 CHANNELS_T basis_row(uint word) {
     int bits = int(word);
@@ -117,10 +163,12 @@ CHANNELS_T basis_row(uint word) {
 }
 
 // Adds the products of four coefficients with the rows of one texel.
-void add_rows(inout CHANNELS_T sum, vec4 values, uvec4 rows) {
+void add_texel(inout CHANNELS_T sum, vec4 values, Code code, int part, int texel) {
+    uvec4 rows = table_block(code.basis + part * BLOCK_SIDE * BLOCK_SIDE + texel);
     sum += values.x * basis_row(rows.x) + values.y * basis_row(rows.y);
     sum += values.z * basis_row(rows.z) + values.w * basis_row(rows.w);
 }
+#endif
 
 // What the transform gives for four texels of a block, channels that the codec lacks as 0.
 struct Texels {
@@ -134,12 +182,11 @@ Texels block_texels(Code code, ivec4 texels) {
     Texels sums = Texels(CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0));
     Reader reader = reader_of(code);
     for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
-        vec4 values = next_coefficients(reader, code, part);
-        int basis = code.basis + part * BLOCK_SIDE * BLOCK_SIDE;
-        add_rows(sums.first, values, table_block(basis + texels.x));
-        add_rows(sums.second, values, table_block(basis + texels.y));
-        add_rows(sums.third, values, table_block(basis + texels.z));
-        add_rows(sums.fourth, values, table_block(basis + texels.w));
+        Four values = next_four(reader, code, part);
+        add_texel(sums.first, values, code, part, texels.x);
+        add_texel(sums.second, values, code, part, texels.y);
+        add_texel(sums.third, values, code, part, texels.z);
+        add_texel(sums.fourth, values, code, part, texels.w);
     }
     return sums;
 }
@@ -149,8 +196,7 @@ CHANNELS_T block_texel(Code code, int texel) {
     CHANNELS_T sum = CHANNELS_T(0.0);
     Reader reader = reader_of(code);
     for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
-        vec4 values = next_coefficients(reader, code, part);
-        add_rows(sum, values, table_block(code.basis + part * BLOCK_SIDE * BLOCK_SIDE + texel));
+        add_texel(sum, next_four(reader, code, part), code, part, texel);
     }
     return sum;
 }

@@ -3,11 +3,13 @@
 First a block of zeros and the levels of the trellis, which all decoders share. Then for each decoder, four coefficients to a block,
 - for each size of a code, for each mode its list of coefficients: a word for each, its scale as float32, whose lowest three bits hold
   its depth;
-- for each plane of the codec's maps, for each four coefficients, for each texel, their rows of the basis: a word for each, a signed
-  byte for each component of the plane.
+- for each four coefficients, for each texel, their rows of the basis: a word for each, a signed byte for each channel.
+
+Of a codec for material sets each row is of one channel. Above a depth stand the component (2 bits) and the plane (2 bits) that the
+coefficient adds to, and the basis is a word for each four coefficients and texel, a signed byte for each coefficient.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -17,14 +19,15 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_SIZES, BlockCodecConfig
 from ntc.codec.block.model import BlockDecoder, scale_values
 from ntc.codec.block.trellis import branch_tables, level_table
-from ntc.codec.maps import plane_channels
+from ntc.codec.maps import PLANES, plane_channels
 from viewer.render.resources.layout import by_plane
 
 Words = NDArray[np.uint32]
 AT_ONCE = 4
 """Coefficients that shaders read at once."""
+DEPTH_BITS = 3
 DEPTH_MASK = np.uint32(7)
-"""Bits of a scale that give way to a depth: a relative error of 2^-22."""
+SET_MASK = np.uint32(127)
 CHANNEL_TYPES = ("float", "vec2", "vec3", "vec4")
 
 
@@ -49,6 +52,21 @@ def trellis_subsets() -> int:
     return sum(int(subset) << (2 * place) for place, subset in enumerate(subsets.reshape(-1)))
 
 
+def entry_mask(config: BlockCodecConfig) -> np.uint32:
+    """Bits of a scale that give way to a depth, and for material sets to the row's component and plane: a relative error of 2^-22, or
+    2^-18."""
+    return SET_MASK if config.has_sets else DEPTH_MASK
+
+
+def _row_places(config: BlockCodecConfig) -> Words:
+    """[channels] uint32: component, and plane times 4, of each channel."""
+    found = np.zeros(config.output_channels, np.uint32)
+    for plane, channels in plane_channels(config.maps, config.output_channels).items():
+        for component, channel in channels.items():
+            found[channel] = component + 4 * PLANES.index(plane)
+    return found
+
+
 class BlockTables:
     """Where the tables of one decoder lie."""
 
@@ -62,23 +80,29 @@ class BlockTables:
         self.first_block = len(trellis_blocks())
         self.list_blocks = -(-config.coefficients // AT_ONCE)
         self.basis = len(config.block_words) * config.modes * self.list_blocks
-        self.basis_blocks = self.list_blocks * config.block_texels
-        self._planes = plane_channels(config.maps, config.output_channels)
-        self.blocks = self.basis + len(self._planes) * self.basis_blocks
+        texels_a_block = AT_ONCE if config.has_sets else 1
+        self.blocks = self.basis + self.list_blocks * config.block_texels // texels_a_block
 
     def _lists(self, decoder: BlockDecoder) -> Words:
         exact = scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)
         scales = exact.astype("<f4").view("<u4")
         depths = decoder.depths(self._config)
-        words = ((scales + (DEPTH_MASK + 1) // 2) & ~DEPTH_MASK) | depths
+        mask = entry_mask(self._config)
+        words = ((scales + (mask + 1) // 2) & ~mask) | depths
+        if self._config.has_sets:
+            words |= _row_places(self._config)[decoder.row_channels] << DEPTH_BITS
         active = np.where(depths > 0, words, 0).astype(np.uint32)
         return self._padded(active, axis=2).reshape(-1, AT_ONCE)
 
-    def _basis(self, decoder: BlockDecoder, channels: Mapping[int, int]) -> Words:
-        """Of one plane, whose components show these channels."""
+    def _basis(self, decoder: BlockDecoder) -> Words:
         config = self._config
+        if config.has_sets:
+            own = decoder.basis[np.arange(config.coefficients), :, decoder.row_channels]
+            padded = np.pad(own, ((0, -len(own) % AT_ONCE), (0, 0)))
+            four = np.ascontiguousarray(padded.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1))
+            return four.view("<u4").reshape(-1, AT_ONCE)
         rows = np.zeros((config.coefficients, config.block_texels, 4), np.int8)
-        rows[..., list(channels)] = decoder.basis[..., list(channels.values())]
+        rows[..., : config.output_channels] = decoder.basis
         words = self._padded(rows.view("<u4")[..., 0], axis=0)
         return np.ascontiguousarray(words.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1)).reshape(
             -1, AT_ONCE
@@ -91,8 +115,7 @@ class BlockTables:
 
     def decoder_bytes(self, decoder: BlockDecoder) -> bytes:
         """The tables of one decoder."""
-        planes = [self._basis(decoder, channels) for channels in self._planes.values()]
-        return np.concatenate([self._lists(decoder), *planes]).astype("<u4").tobytes()
+        return np.concatenate([self._lists(decoder), self._basis(decoder)]).astype("<u4").tobytes()
 
     def all_bytes(self, decoders: Sequence[BlockDecoder]) -> bytes:
         """The whole buffer."""
@@ -128,7 +151,8 @@ def block_glsl(config: BlockCodecConfig) -> str:
         "LIST_BLOCKS": tables.list_blocks,
         "MODE_BITS": f"{config.mode_bits}u",
         "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
-        "BASIS_BLOCKS": tables.basis_blocks,
+        "ENTRY_MASK": f"{int(entry_mask(config))}u",
+        "ROW_CHANNELS": int(config.has_sets),
     }
     lines = [f"#define {name} {value}" for name, value in values.items()]
     lines += by_plane(config, lambda _, channels: _channel_defines(max(channels) + 1))

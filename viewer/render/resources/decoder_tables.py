@@ -5,6 +5,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.maps import plane_channels
 from ntc.codec.model import Adapter, EncodedTexture, Pack
 from viewer.render.resources.block_tables import BlockTables, block_glsl
 from viewer.render.resources.network import (
@@ -93,8 +94,8 @@ class BlockPackTables(BlockTables):
 
     def fill_record(self, record: np.void, texture: EncodedTexture) -> None:
         """Write the texture's mean and axes into its record; components that the codec lacks stay 0."""
-        first = 0
-        for place, channels in enumerate(self._planes.values()):
+        first, planes = 0, plane_channels(self._config.maps, self._config.output_channels)
+        for place, channels in enumerate(planes.values()):
             components, count = list(channels), len(channels)
             record["mean"][place][components] = texture.offset[list(channels.values())]
             axes = texture.scale[first : first + count * count].reshape(count, count)
