@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.blocks import sample_textures
-from ntc.codec.block.config import LARGEST_SIZES, LARGEST_WORDS, BlockCodecConfig
+from ntc.codec.block.config import LARGEST_SET_WORDS, LARGEST_SIZES, LARGEST_WORDS, BlockCodecConfig
 from ntc.codec.block.quantizer import TrellisQuantizer
 from ntc.codec.block.rate import FEWEST_COEFFICIENTS, config_for_bits, config_for_bytes, config_for_words, texture_set
 from ntc.codec.block.sharing import RateCurve, Sharing, best_block_words, price_at_error
@@ -51,6 +51,8 @@ LEAST_ERROR = 1e-3
 """Mean square error in 8-bit steps squared: rate curves are not asked for less."""
 SIZE_LADDER = ((1, 2, 3, 4), (5, 6, 8, 10), (12, 14, LARGEST_WORDS))
 """Sizes of codes that are compared before four are chosen."""
+SET_SIZE_LADDER = ((1, 2, 4, 6), (8, 10, 12, 16), (20, 26, LARGEST_SET_WORDS))
+"""Those of material sets."""
 LOST_SHARE = 0.5
 """Of the error asked for, at most: what coefficients stand for that the tables leave out. Most of it would get no bits."""
 NEARLY = 0.9
@@ -166,8 +168,9 @@ def _prospects(
     textures: Sequence[SourceTexture], fitted: Sequence[FittedGroup], config: BlockCodecConfig, seed: int
 ) -> list[_Prospect]:
     """Those of all textures, group by group."""
-    steps = [replace(config, block_words=step) for step in SIZE_LADDER]
-    sizes, found = tuple(size for step in SIZE_LADDER for size in step), []
+    ladder = SET_SIZE_LADDER if config.has_sets else SIZE_LADDER
+    steps = [replace(config, block_words=step) for step in ladder]
+    sizes, found = tuple(size for step in ladder for size in step), []
     for each in fitted:
         for sample in sample_textures([textures[index] for index in each.members], config, seed):
             errors = np.concatenate([rate_curve(sample, each.decoder, step).errors for step in steps], axis=1)
@@ -186,7 +189,7 @@ def config_for_quality(
 ) -> BlockCodecConfig:
     """Settings whose sizes of codes take the least words where each texture is to reach `target_db`."""
     known = texture_set(textures, grouping.stored_decoders, levels)
-    first = config_for_words(LARGEST_WORDS, known)
+    first = config_for_words(known.largest_words, known)
     if known.groups:
         first = replace(first, coefficients=first.block_values)
     check_textures(textures, grouping, first)
@@ -198,7 +201,7 @@ def config_for_quality(
     sizes = best_block_words(curves, [max(price, LEAST_PRICE * error) for price in prices], LARGEST_SIZES)
     # The largest, for textures that come near to it.
     if max(needed) > NEARLY * sizes[-1]:
-        sizes = (*sizes[:-1], LARGEST_WORDS)
+        sizes = (*sizes[:-1], known.largest_words)
     found = replace(config_for_words(max(needed), known), block_words=sizes)
     blocks = sum(curve.block_count for curve in curves)
     words = sum(need * curve.block_count for need, curve in zip(needed, curves, strict=True)) / blocks

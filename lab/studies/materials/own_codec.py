@@ -6,16 +6,18 @@ from dataclasses import replace
 from lab.studies.materials.coding import CodedMaps, Coding, Part, joined, mean_psnr_db, part_of
 from lab.studies.materials.hardware import present_parts
 from lab.studies.set_quality import pack_bits_per_texel, texels_with_mips
+from lab.studies.settings import BlockSide
 from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.map_weights import EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsName
+from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_block import torch_codec
 from ntc.grouping.by_maps import kinds_of
 from ntc.training.encode_blocks import encode_blocks
 
-LARGEST_BITS = 7.5
-"""More take blocks of 4x4 texels: codes of 8x8 texels have no more than 8 bits a texel."""
+LARGEST_BITS = 15.0
+"""More take blocks of 4x4 texels: codes of 8x8 texels have no more than 16 bits a texel, those of base colours alone 8."""
 SHARES: tuple[tuple[float, float, float, float], ...] = (
     (0.40, 0.30, 0.30, 0.40),
     (0.35, 0.35, 0.30, 0.35),
@@ -25,12 +27,18 @@ SHARES: tuple[tuple[float, float, float, float], ...] = (
 Report = Callable[[str], None]
 
 
+def _side(textures: Sequence[SourceTexture], bits: float) -> BlockSide:
+    """Texels of a block along one side."""
+    alone = all(texture.maps == BASE_ALONE for texture in textures)
+    return 8 if bits <= (0.5 if alone else 1.0) * LARGEST_BITS else 4
+
+
 def _encoded(textures: Sequence[SourceTexture], bits: float) -> tuple[list[CodedMaps], float]:
     """(each texture decoded, stored bits in all) where textures of one kind share a decoder."""
     kinds = kinds_of(textures)
     labels = {index: kind for kind, members in enumerate(kinds) for index in members}
     grouping = Grouping.of_labels("by maps", [labels[index] for index in range(len(textures))], {})
-    config = config_for_bits(bits, texture_set(textures, grouping.group_count), 8 if bits <= LARGEST_BITS else 4)
+    config = config_for_bits(bits, texture_set(textures, grouping.group_count), _side(textures, bits))
     pack = encode_blocks(textures, grouping, config)
     codec = torch_codec(pack, "cpu")
     coded = [

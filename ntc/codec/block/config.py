@@ -7,8 +7,10 @@ from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_ch
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
-LARGEST_WORDS = 16
-"""Words of a block's code at most."""
+LARGEST_WORDS, LARGEST_SET_WORDS = 16, 32
+"""Words of a block's code at most; of codecs for material sets, which have more to say."""
+LARGEST_MODES, LARGEST_SET_MODES = 64, 128
+"""Modes at most, likewise."""
 LARGEST_SIZES = 4
 """Sizes of codes at most: two bits name one."""
 DIRECTORY_RUN = 16
@@ -38,7 +40,7 @@ class BlockCodecConfig:
     coefficients: int = 96
     """Rows of the group's basis: coefficients that a block may spend bits on, in order of falling variance."""
     modes: int = 32
-    """Bit allocations of a group; each block names one of them. A power of two, at most 64."""
+    """Bit allocations of a group; each block names one of them. A power of two, at most 64, or 128 with material sets."""
     output_channels: int = 3
     """Channels that the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
     maps: tuple[MapName, ...] = BASE_ALONE
@@ -52,10 +54,11 @@ class BlockCodecConfig:
             "block_words": 1 <= len(self.block_words) <= LARGEST_SIZES
             and list(self.block_words) == sorted(set(self.block_words))
             and self.block_words[0] >= 1
-            and self.block_words[-1] <= LARGEST_WORDS,
-            "mean_words": 0.0 < self.mean_words <= LARGEST_WORDS,
+            and self.block_words[-1] <= self.largest_words,
+            "mean_words": 0.0 < self.mean_words <= self.largest_words,
             "coefficients": 1 <= self.coefficients <= self.block_values,
-            "modes": 1 <= self.modes <= 64 and self.modes & (self.modes - 1) == 0,
+            "modes": 1 <= self.modes <= (LARGEST_SET_MODES if self.has_sets else LARGEST_MODES)
+            and self.modes & (self.modes - 1) == 0,
             "maps": ordered_maps(self.maps),
             "output_channels": maps_fit(self.maps, self.output_channels),
             "levels": self.levels is None or 1 <= self.levels <= 16,
@@ -108,6 +111,11 @@ class BlockCodecConfig:
     def has_sets(self) -> bool:
         """Whether textures may be material sets: each row of the basis is then of one channel."""
         return self.maps != BASE_ALONE
+
+    @property
+    def largest_words(self) -> int:
+        """Words of a block's code at most."""
+        return LARGEST_SET_WORDS if self.has_sets else LARGEST_WORDS
 
     @property
     def row_bytes(self) -> int:

@@ -5,7 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_WORDS, BlockCodecConfig
+from ntc.codec.block.config import (
+    DIRECTORY_RUN,
+    LARGEST_DEPTH,
+    LARGEST_SET_MODES,
+    LARGEST_SET_WORDS,
+    LARGEST_WORDS,
+    BlockCodecConfig,
+)
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, universal_channels
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
@@ -20,8 +27,8 @@ texel there."""
 COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
 """Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
 MODES = 32
-SET_COEFFICIENTS_PER_WORD, SET_MODES = 36, 64
-"""Of material sets, whose rows of the basis are of one channel and take less room, and whose maps each want other bits."""
+SET_COEFFICIENTS_PER_WORD = 36
+"""Of material sets, whose rows of the basis are of one channel and take less room."""
 TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
@@ -44,6 +51,11 @@ class TextureSet:
     """Encoded mips; None: all."""
     maps: tuple[MapName, ...] = BASE_ALONE
     """Those that any of the textures has."""
+
+    @property
+    def largest_words(self) -> int:
+        """Words of a block's code at most."""
+        return LARGEST_WORDS if self.maps == BASE_ALONE else LARGEST_SET_WORDS
 
 
 def texture_set(textures: Sequence[SourceTexture], groups: int, levels: int | None = None) -> TextureSet:
@@ -74,23 +86,23 @@ def block_count(sizes: Sizes, config: BlockCodecConfig) -> int:
     return sum(level.cells for size in sizes for level in latent_levels(*size, config))
 
 
-def _code_sizes(words: float, side: int) -> tuple[int, ...]:
+def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
     """`BlockCodecConfig.block_words` for codes of `words` words on average."""
     if side == 4:
         near = abs(words - round(words)) < WHOLE_WORDS and round(words) >= 1
         found = {round(words)} if near else {int(words), int(words) + 1}
-        return tuple(sorted({min(max(size, 1), LARGEST_WORDS) for size in found}))
+        return tuple(sorted({min(max(size, 1), largest) for size in found}))
     sizes: list[int] = []
     for ratio in SIZE_RATIOS:
         sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
-    return tuple(sorted({min(size, LARGEST_WORDS) for size in sizes}))
+    return tuple(sorted({min(size, largest) for size in sizes}))
 
 
 def config_for_words(
     words: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
 ) -> BlockCodecConfig:
     """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
-    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side)
+    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, textures.largest_words)
     if not textures.groups:
         if textures.maps != BASE_ALONE:
             raise InputError(
@@ -109,7 +121,8 @@ def config_for_words(
         block_side=side,
         block_words=block_words,
         coefficients=1,
-        modes=SET_MODES if textures.maps != BASE_ALONE else MODES,
+        # Each map of a set wants other bits: many ways of sharing them pay.
+        modes=LARGEST_SET_MODES if textures.maps != BASE_ALONE else MODES,
         output_channels=textures.channels,
         maps=textures.maps,
         levels=textures.levels,
@@ -171,7 +184,7 @@ def config_for_bits(
     )
     # No more words are left than the largest codes have, whatever is asked for.
     config = _settled_config(min(bits, 64.0) * texels, textures, side, multiply_adds)
-    most = _stored_bits(LARGEST_WORDS, textures, config) / texels
+    most = _stored_bits(textures.largest_words, textures, config) / texels
     if not 0.0 < bits <= most:
         raise InputError(f"--bits {bits:g}: set it above 0 and up to {most:.2f}, what the largest codes take here")
     return config

@@ -218,3 +218,19 @@ def test_until_it_is_encoded_a_set_has_the_mean_of_each_map() -> None:
     means = [decode_image(pack, 0, level).mean((0, 1)) for level in range(2)]
     np.testing.assert_allclose(means[0], source.pixels.mean((0, 1)), atol=1.0)
     assert all((one == other).all() for one, other in pairwise(means))
+
+
+def test_sets_have_room_for_larger_codes_and_more_modes() -> None:
+    assert replace(SETS, block_words=(16, 32), mean_words=32.0, modes=128).largest_words == 32
+    plain = BlockCodecConfig()
+    for field, value in (("block_words", (17,)), ("mean_words", 17.0), ("modes", 128)):
+        with pytest.raises(ValueError, match=field):
+            replace(plain, **{field: value})  # type: ignore[arg-type]
+    source = material(WHOLE, (128, 128))
+    pack = encode_blocks([source], Grouping("single", (0,)), config_for_bits(12.0, texture_set([source], 1)))
+    assert bits_with_mips(pack) == pytest.approx(12.0, rel=0.02)
+    assert pack.block_config.block_words[-1] > 16
+    fast = TorchBlockCodec(pack, "cpu").decode_image(0)
+    assert np.abs(decode_image(pack, 0).astype(int) - fast).max() <= 1
+    assert pack.textures[0].psnr_db is not None
+    assert pack.textures[0].psnr_db > 40.0
