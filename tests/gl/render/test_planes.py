@@ -22,7 +22,9 @@ from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, PlaneTexture, SceneTexture
 from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, ViewState
 
-BLOCK = BlockCodecConfig(block_words=(3, 5, 8), mean_words=5.0, modes=8, coefficients=88, output_channels=11, maps=MAPS)
+BLOCK = BlockCodecConfig(
+    block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
+)
 GRID = CodecConfig(hidden_width=12, positional_octaves=1, output_channels=11, maps=MAPS)
 KINDS: tuple[tuple[MapName, ...], ...] = (MAPS, ("base", "normal", "occlusion"), ("normal", "roughness", "metalness"))
 """Maps of each texture of `random_block_pack`."""
