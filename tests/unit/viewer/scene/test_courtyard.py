@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from assets.build.courtyard import cameras
 from assets.build.gallery import SHOWN, sphere
 from assets.build.glb import GlbWriter
-from assets.build.gltf_materials import encode_image
+from assets.build.gltf_materials import encode_images
 from assets.build.materials import recipes
 from assets.build.patterns import SIZE
 from assets.build.shapes import Shape
@@ -103,11 +103,17 @@ def test_names_of_cameras_and_textures_are_those_of_the_scripts(scene: Scene) ->
 @pytest.mark.parametrize("name", ["brick_red", "metal_lattice", "wood_sign"])
 def test_textures_are_those_of_the_scripts(scene: Scene, name: str) -> None:
     number = [recipe.name for recipe in recipes()].index(name)
-    _, content = encode_image(number)
-    made = decode_image(content, name)[..., :3]
-    (shipped,) = (texture.pixels for texture in scene.textures if texture.name == name)
-    # Another JPEG library or another sine may round differently.
-    assert np.abs(made.astype(int) - shipped.astype(int)).mean() < 1.0
+    made = {kind: decode_image(content, name)[..., :3] for kind, (_, content) in encode_images(number).items()}
+    (shipped,) = (texture for texture in scene.textures if texture.name == name)
+    pairs = [
+        (made["base"], shipped.pixels),
+        (made["normal"][..., :2], shipped.further_maps["normal"]),
+        (made["packed"][..., :1], shipped.further_maps["occlusion"]),
+        (made["packed"][..., 1:2], shipped.further_maps["roughness"]),
+    ]
+    for expected, found in pairs:
+        # Another JPEG library or another sine may round differently.
+        assert np.abs(expected.astype(int) - found.astype(int)).mean() < 1.0
 
 
 def test_the_file_stays_small() -> None:
