@@ -1,6 +1,7 @@
 """Panoramas from HDR and EXR files."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -49,19 +50,31 @@ def _checked_size(path: Path, width: int, height: int, channels: int, byte_count
         raise InputError(f"{path}: {width} x {height} texels in {byte_count} bytes; the file is broken, replace it")
 
 
+def _message(take: Callable[[], str]) -> str:
+    """The first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
+    try:
+        return (take() or "truncated").splitlines()[0]
+    except UnicodeDecodeError:
+        return "broken"
+
+
 def _read_pixels(path: Path, byte_count: int) -> NDArray[np.float32]:
     image = OpenImageIO.ImageInput.open(str(path))
     if image is None:
-        OpenImageIO.geterror()
+        _message(OpenImageIO.geterror)
         raise InputError(f"{path}: not an image that can be read; give a panorama as HDR or EXR")
     try:
         spec = image.spec()
         _checked_size(path, spec.width, spec.height, spec.nchannels, byte_count)
+        if (spec.x, spec.y, spec.full_width, spec.full_height) != (0, 0, spec.width, spec.height) or spec.deep:
+            raise InputError(
+                f"{path}: holds a part of a picture, or samples at depths; write the panorama as one flat picture"
+            )
         if spec.depth > 1 or str(spec.format) not in ("float", "half", "double"):
             raise InputError(f"{path}: holds {spec.format} colours and no radiance; give a panorama as HDR or EXR")
         pixels: Any = image.read_image(0, 0, 0, min(spec.nchannels, 3), "float")
         if pixels is None or image.has_error:
-            reason = (image.geterror() or "truncated").splitlines()[0]
+            reason = _message(image.geterror)
             raise InputError(f"{path}: the panorama does not decode ({reason}); replace it")
         found = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
     finally:

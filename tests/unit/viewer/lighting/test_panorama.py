@@ -110,6 +110,18 @@ def test_faulty_files_are_one_line(tmp_path: Path, fault: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_part_of_a_panorama_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "part.exr"
+    spec = OpenImageIO.ImageSpec(64, 32, 3, "float")
+    spec.x, spec.y, spec.full_width, spec.full_height = 10, 4, 128, 64
+    output: Any = OpenImageIO.ImageOutput.create(str(path))
+    assert output.open(str(path), spec)
+    output.write_image(radiance(32))
+    output.close()
+    with pytest.raises(InputError, match="holds a part of a picture"):
+        load_panorama(path)
+
+
 def test_a_header_that_lies_about_its_size_is_refused_before_memory_is_taken(tmp_path: Path) -> None:
     path = tmp_path / "liar.hdr"
     path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4096 +X 8192\n" + bytes(64))
