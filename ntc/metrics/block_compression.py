@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from ntc.features.pixels import as_rgb, check_image
 from ntc.metrics import block_encoders
+from ntc.metrics.block_encoders import AstcKind as AstcKind
 from ntc.metrics.block_encoders import Effort as Effort
 
 BlockFormat = Literal[
@@ -53,10 +54,10 @@ def block_bytes(block_format: BlockFormat) -> int:
     return 8 if block_format == "bc1" else 16
 
 
-def compressed_bytes(width: int, height: int, block_format: BlockFormat) -> int:
-    """Bytes of all blocks of a picture of so many texels, those over the edge included."""
+def compressed_bytes(width: int, height: int, block_format: BlockFormat, kind: AstcKind = "srgb") -> int:
+    """Bytes of all blocks of a picture of so many texels, those over the edge included; normals beside BC1 and BC7 are in BC5."""
     across, down = block_size(block_format)
-    return -(-width // across) * -(-height // down) * block_bytes(block_format)
+    return -(-width // across) * -(-height // down) * (16 if kind == "normal" else block_bytes(block_format))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,35 +86,54 @@ def _padded_rgba(pixels: NDArray[np.uint8], block: tuple[int, int], with_alpha: 
     return np.pad(rgba, ((0, -height % block[1]), (0, -width % block[0]), (0, 0)), mode="edge")
 
 
-def compressed_blocks(pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough") -> bytes:
-    """The blocks of `pixels`, as of `compress`, which raises the same."""
+def compressed_blocks(
+    pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough", kind: AstcKind = "srgb"
+) -> bytes:
+    """The blocks of `pixels`, as of `compress`, which raises the same; of `kind` normal [H, W, 2] the xy: BC5 beside BC1 and BC7, two
+    channels in its normal mode of ASTC."""
     check_image(pixels)
     block = block_size(block_format)
+    if kind == "normal":
+        both = np.pad(pixels, ((0, -pixels.shape[0] % block[1]), (0, -pixels.shape[1] % block[0]), (0, 0)), mode="edge")
+        opaque = np.full((*both.shape[:2], 2), 255, np.uint8)
+        rgba = np.ascontiguousarray(np.concatenate([both, opaque], axis=2))
+        is_bc = block_format in ("bc1", "bc7")
+        return block_encoders.encode_bc5(rgba) if is_bc else block_encoders.encode_astc(rgba, block, effort, kind)
     rgba = _padded_rgba(pixels, block, with_alpha=block_format != "bc1")
     if block_format == "bc1":
         return block_encoders.encode_bc1(rgba, effort)
     if block_format == "bc7":
         return block_encoders.encode_bc7(rgba, effort)
-    return block_encoders.encode_astc(rgba, block, effort)
+    return block_encoders.encode_astc(rgba, block, effort, kind)
 
 
-def decompress(blocks: bytes, shape: tuple[int, int, int], block_format: BlockFormat) -> NDArray[np.uint8]:
+def decompress(
+    blocks: bytes, shape: tuple[int, int, int], block_format: BlockFormat, kind: AstcKind = "srgb"
+) -> NDArray[np.uint8]:
     """[H, W, C] uint8: what hardware reads from the blocks of a picture of `shape` (H, W, C); of BC1 without its alpha.
 
     Raises InputError for blocks of another number, and where the decoder is not installed.
     """
     height, width, channels = shape
     block = block_size(block_format)
-    if len(blocks) != compressed_bytes(width, height, block_format):
+    if len(blocks) != compressed_bytes(width, height, block_format, kind):
         raise InputError(f"{block_format}: {len(blocks)} bytes are not the blocks of {width}x{height} texels")
     whole = (width + -width % block[0], height + -height % block[1])
+    if kind == "normal":
+        if block_format in ("bc1", "bc7"):
+            normals = block_encoders.decode_bc5(blocks, *whole)
+        else:
+            normals = block_encoders.decode_astc(blocks, *whole, block, kind)[..., [0, 3]]
+        return np.ascontiguousarray(normals[:height, :width])
     kept = [1] if channels <= 2 else [0, 1, 2]
     if block_format == "bc1":
         decoded = block_encoders.decode_bc(blocks, *whole, 1)
     else:
         is_bc7 = block_format == "bc7"
         decoded = (
-            block_encoders.decode_bc(blocks, *whole, 7) if is_bc7 else block_encoders.decode_astc(blocks, *whole, block)
+            block_encoders.decode_bc(blocks, *whole, 7)
+            if is_bc7
+            else block_encoders.decode_astc(blocks, *whole, block, kind)
         )
         kept = kept + [3] * (channels % 2 == 0)
     return np.ascontiguousarray(decoded[:height, :width, kept])

@@ -1,6 +1,5 @@
 """Textures in a format of graphics hardware, with all mips: their blocks, and what hardware reads from them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace
+from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import hash_pixels
 from ntc.metrics.block_cache import BlockCache
 from ntc.metrics.block_compression import (
+    AstcKind,
     BlockFormat,
     Effort,
     compressed_blocks,
@@ -36,6 +37,8 @@ class CompressedTexture:
     """Of each mip down to 1x1 texel, as hardware takes them."""
     psnr_db: float
     """Of mip 0 over 8-bit values; infinite when equal."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """What its channels are: alone a base colour, normals or emission, or linear maps together."""
 
     @property
     def stored_bytes(self) -> int:
@@ -50,7 +53,10 @@ class CompressedTexture:
     def mips(self) -> tuple[NDArray[np.uint8], ...]:
         """[h, w, C] uint8 of each mip, as hardware reads it. Raises InputError where the decoder is not installed."""
         shapes = mip_shapes(self.shape)
-        return tuple(decompress(own, shape, self.block_format) for own, shape in zip(self.blocks, shapes, strict=True))
+        kind = kind_of(self.maps)
+        return tuple(
+            decompress(own, shape, self.block_format, kind) for own, shape in zip(self.blocks, shapes, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +65,19 @@ class CompressedTextures:
 
     block_format: BlockFormat
     textures: tuple[CompressedTexture, ...]
+    """Base colours; of a material set without one, its first picture."""
+    further: tuple[tuple[CompressedTexture, ...], ...] = ()
+    """By texture: the other pictures of its maps (`viewer.scene.map_pictures`); empty where base colours alone were encoded."""
 
     @property
     def stored_bytes(self) -> int:
         """Bytes of all blocks of all mips."""
-        return sum(texture.stored_bytes for texture in self.textures)
+        further = sum(picture.stored_bytes for pictures in self.further for picture in pictures)
+        return sum(texture.stored_bytes for texture in self.textures) + further
 
     @property
     def bits_per_texel(self) -> float:
-        """Bits of all blocks per texel of all mips."""
+        """Bits of all blocks of all maps per texel of all mips."""
         return 8.0 * self.stored_bytes / max(1, sum(texture.texels for texture in self.textures))
 
     @property
@@ -94,17 +104,27 @@ class CompressionRequest:
     """Folder that keeps blocks. None: nothing is kept."""
     effort: Effort = EFFORT
     color_space: ColorSpace = "srgb"
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """What the first channels are; further ones are unused."""
+
+
+def kind_of(maps: tuple[MapName, ...]) -> AstcKind:
+    """What a picture of `maps` is to encoders."""
+    if maps == ("normal",):
+        return "normal"
+    return "srgb" if maps[0] in SRGB_MAPS else "linear"
 
 
 def _cache_path(cache: BlockCache, request: CompressionRequest) -> Path:
-    return cache.path(f"{hash_pixels(request.pixels)} {request.color_space}", request.block_format, request.effort)
+    what = request.color_space if request.maps == BASE_ALONE else "-".join(request.maps)
+    return cache.path(f"{hash_pixels(request.pixels)} {what}", request.block_format, request.effort)
 
 
 def _compressed(request: CompressionRequest, blocks: tuple[bytes, ...]) -> CompressedTexture:
     height, width, channels = request.pixels.shape
-    decoded = decompress(blocks[0], (height, width, channels), request.block_format)
+    decoded = decompress(blocks[0], (height, width, channels), request.block_format, kind_of(request.maps))
     quality = psnr_db(decoded, request.pixels[..., : decoded.shape[2]])
-    return CompressedTexture(request.block_format, (height, width, channels), blocks, quality)
+    return CompressedTexture(request.block_format, (height, width, channels), blocks, quality, request.maps)
 
 
 def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
@@ -113,7 +133,8 @@ def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
         return None
     cache = BlockCache(request.cache)
     height, width, channels = request.pixels.shape
-    sizes = [compressed_bytes(w, h, request.block_format) for h, w, _ in mip_shapes((height, width, channels))]
+    kind, shapes = kind_of(request.maps), mip_shapes((height, width, channels))
+    sizes = [compressed_bytes(w, h, request.block_format, kind) for h, w, _ in shapes]
     kept = cache.read(_cache_path(cache, request), sum(sizes))
     if kept is None:
         return None
@@ -126,18 +147,13 @@ def compress_texture(request: CompressionRequest) -> CompressedTexture:
     kept = kept_texture(request)
     if kept is not None:
         return kept
-    chain = mip_chain(request.pixels, request.color_space)
-    blocks = tuple(compressed_blocks(mip, request.block_format, request.effort) for mip in chain)
+    kind = kind_of(request.maps)
+    if kind == "normal":
+        chain = mip_chain(request.pixels, "linear", request.maps)
+    else:
+        chain = mip_chain(request.pixels, "linear" if kind == "linear" else request.color_space)
+    blocks = tuple(compressed_blocks(mip, request.block_format, request.effort, kind) for mip in chain)
     if request.cache is not None:
         cache = BlockCache(request.cache)
         cache.write(_cache_path(cache, request), b"".join(blocks))
     return _compressed(request, blocks)
-
-
-def compression_requests(
-    textures: Sequence[NDArray[np.uint8]], block_format: BlockFormat, cache: Path | None
-) -> tuple[CompressionRequest, ...]:
-    """One for each of `textures`; files that the cache has no room for are removed first."""
-    if cache is not None:
-        BlockCache(cache).trim()
-    return tuple(CompressionRequest(pixels, block_format, cache) for pixels in textures)

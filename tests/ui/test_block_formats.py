@@ -107,7 +107,7 @@ def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
     assert not np.isinf(near)
     # Only the images of what slots show stay on the GPU.
     assert driven.frontend.picture.renderer is not None
-    assert set(driven.frontend.picture.renderer.images._passes) == {"astc-12x12"}
+    assert set(driven.frontend.picture.renderer.images._passes) == {("astc-12x12", "base")}
 
 
 def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldProcess) -> None:

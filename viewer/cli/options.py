@@ -165,8 +165,8 @@ class RenderOptions:
         Lighting.sun_elevation,
     )
     """--view lit: where the sun stands, in degrees from north (-Z) towards east (+X), and above the horizon."""
-    sun_strength: float = Lighting.sun_strength
-    """--view lit: times the sun's own strength; 0 leaves it out."""
+    sun_strength: float | None = None
+    """--view lit: times the sun's own strength; 0 leaves it out. None: 1 in the sky, 0 with a panorama: it has lights of its own."""
     exposure: float = Lighting.exposure
     """--view lit: in stops; 1 is twice as bright."""
     tone_map: ToneMap = Lighting.tone_map

@@ -169,7 +169,9 @@ def chosen_lighting(options: RenderOptions) -> Lighting:
         "environment": SKY if options.environment is None else str(options.environment),
         "sun_azimuth": options.sun[0] % 360.0 if math.isfinite(options.sun[0]) else options.sun[0],
         "sun_elevation": options.sun[1],
-        "sun_strength": options.sun_strength,
+        "sun_strength": options.sun_strength
+        if options.sun_strength is not None
+        else float(options.environment is None),
         "exposure": options.exposure,
         "tone_map": options.tone_map,
     }

@@ -15,7 +15,7 @@ from ntc.codec.config import Precision, PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests
+from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
 from viewer.gl.context import GraphicsContext
@@ -23,6 +23,7 @@ from viewer.locations import blocks_cache, builtin_scene_path, named_scene
 from viewer.render.resources.precision import EVERYWHERE, supported_precisions
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
+from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
@@ -86,20 +87,21 @@ def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTexture
 
     Raises InputError where the encoder is not installed.
     """
-    requests = compression_requests([texture.pixels for texture in scene.textures], block_format, blocks_cache())
+    requests = compression_requests(scene, block_format, blocks_cache())
+    pictures = [request for own in requests for request in own]
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"encoding {block_format}", total=len(requests))
+        task = bar.add_task(f"encoding {block_format}", total=len(pictures))
         pool = ThreadPoolExecutor(os.cpu_count() or 1)
         try:
             found = []
-            for texture in pool.map(compress_texture, requests):
+            for texture in pool.map(compress_texture, pictures):
                 found.append(texture)
                 bar.advance(task)
         finally:
             # After an error, and Ctrl-C, nothing more is begun.
             pool.shutdown(cancel_futures=True)
-    return CompressedTextures(block_format, tuple(found))
+    return compressed_scene(block_format, requests, found)
 
 
 def choose_camera(scene: Scene, options: RenderOptions) -> Camera:

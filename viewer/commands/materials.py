@@ -94,8 +94,9 @@ def use_environment(session: Session, file: Path) -> None:
     """Light the scene by the panorama in `file`. Raises InputError for whatever is wrong with it; the light stays as it is then."""
     path = session.file_to_read(file)
     load_panorama(path)
-    _light(session, environment=str(path))
-    notify(session, f"lit by {path.name}")
+    # A panorama has lights of its own.
+    _light(session, environment=str(path), sun_strength=0.0)
+    notify(session, f"lit by {path.name} alone: the sun is out")
 
 
 @command("light.environment", "Environment", "light the scene by a panorama", "View")
@@ -104,7 +105,7 @@ def set_environment(
     file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky` for the sky that the sun makes")],
 ) -> None:
     if file == Path(SKY):
-        _light(session, environment=SKY)
+        _light(session, environment=SKY, sun_strength=1.0)
         return
     use_environment(session, file)
 

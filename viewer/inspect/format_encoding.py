@@ -5,10 +5,11 @@ from functools import partial
 from pathlib import Path
 
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, compression_requests, kept_texture
+from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, kept_texture
 from viewer.jobs.background import Background
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import JobReport
+from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, TexturesCompressed
 from viewer.state.message_log import details_of
@@ -62,13 +63,14 @@ class FormatEncoding:
 
     def _compressed(self, scene: Scene, block_format: BlockFormat, report: JobReport) -> CompressedTextures:
         """A job. Raises InputError where the encoder is not installed."""
-        requests = compression_requests([texture.pixels for texture in scene.textures], block_format, self._cache)
+        requests = compression_requests(scene, block_format, self._cache)
+        pictures = [request for own in requests for request in own]
         found = []
-        for number, request in enumerate(requests):
+        for number, request in enumerate(pictures):
             # No process is started for what is there already.
             found.append(kept_texture(request) or self._process.call(request).future.result())
-            report.progress(number + 1, len(requests))
-        return CompressedTextures(block_format, tuple(found))
+            report.progress(number + 1, len(pictures))
+        return compressed_scene(block_format, requests, found)
 
     def close(self) -> None:
         """End the process, in the middle of a texture too."""

@@ -11,6 +11,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.passes.reference import ReferencePass
 from viewer.render.resources.visibility_buffer import PlaneReading
+from viewer.scene.map_pictures import compressed_plane_mips
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
@@ -24,7 +25,7 @@ class ImageSources:
             plane: ReferencePass(context, programs, scene, materials, reading=self._reading(plane)) for plane in PLANES
         }
         self._compressed: Mapping[str, CompressedTextures] = {}
-        self._passes: dict[str, ReferencePass] = {}
+        self._passes: dict[tuple[str, Plane], ReferencePass] = {}
 
     def _reading(self, plane: Plane) -> PlaneReading:
         geometry = self._scene.geometry
@@ -36,25 +37,26 @@ class ImageSources:
         return sum(images.images_not_uploaded for images in self._reference.values())
 
     def holds(self, source: str, plane: Plane) -> bool:
-        """Whether a source has images of a plane: formats of graphics hardware are there for base colours."""
-        return source == REFERENCE or plane == "base"
+        """Whether a source has images of a plane: formats of graphics hardware may be there for base colours alone."""
+        return source == REFERENCE or plane == "base" or bool(self._compressed[source].further)
 
     def of(self, source: str, plane: Plane) -> ReferencePass:
         """The pass of a source that holds the plane. Raises KeyError where its textures have not been given."""
         if source == REFERENCE:
             return self._reference[plane]
-        if source not in self._passes:
+        key = source, plane
+        if key not in self._passes:
             textures = self._compressed[source]
-            self._passes[source] = ReferencePass(
+            self._passes[key] = ReferencePass(
                 self._context,
                 self._programs,
                 self._scene,
                 self._materials,
-                lambda texture_id: textures.textures[texture_id].mips(),
+                lambda texture_id: compressed_plane_mips(textures, texture_id, plane),
                 source,
                 self._reading(plane),
             )
-        return self._passes[source]
+        return self._passes[key]
 
     def set_compressed(self, compressed: Mapping[BlockFormat, CompressedTextures]) -> None:
         """The formats that slots may name from now on, with the scene's textures in their order."""
@@ -63,8 +65,8 @@ class ImageSources:
 
     def keep_only(self, sources: Collection[str]) -> None:
         """Free the images of all other formats."""
-        for source in [source for source in self._passes if source not in sources]:
-            self._passes.pop(source).release()
+        for key in [key for key in self._passes if key[0] not in sources]:
+            self._passes.pop(key).release()
 
     def release(self) -> None:
         """Free everything on the GPU."""

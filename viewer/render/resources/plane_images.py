@@ -3,12 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import PLANE_COMPONENTS, Plane
+from ntc.codec.maps import PLANE_COMPONENTS, MapName, Plane, map_slices
 from ntc.codec.mips import mip_chain
+from viewer.scene.map_pictures import plane_of_maps
 from viewer.scene.model import SceneTexture
-
-NEUTRAL = 255
-"""Of components that a texture lacks, which nothing reads."""
 
 
 def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], ...]:
@@ -19,13 +17,10 @@ def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], 
     """
     if plane == "base":
         return mip_chain(texture.pixels, "srgb")
-    places = PLANE_COMPONENTS[plane]
-    maps = tuple(name for name in texture.maps if name in places)
+    maps = tuple(name for name in texture.maps if name in PLANE_COMPONENTS[plane])
     pixels = np.concatenate([texture.further_maps[name] for name in maps], axis=2)
-    components = [places[name] + number for name in maps for number in range(texture.further_maps[name].shape[2])]
-    chain = []
-    for mip in mip_chain(pixels, "srgb", maps):
-        whole = np.full((*mip.shape[:2], 4), NEUTRAL, np.uint8)
-        whole[..., components] = mip
-        chain.append(whole)
-    return tuple(chain)
+    mips = mip_chain(pixels, "srgb", maps)
+    chains: dict[MapName, list[NDArray[np.uint8]]] = {
+        name: [mip[..., place] for mip in mips] for name, place in map_slices(maps, pixels.shape[2]).items()
+    }
+    return plane_of_maps(plane, chains)

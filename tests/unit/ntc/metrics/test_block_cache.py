@@ -10,12 +10,11 @@ from ntc.codec.mips import mip_chain
 from ntc.errors import InputError
 from ntc.metrics import compressed_textures
 from ntc.metrics.block_cache import BlockCache
-from ntc.metrics.block_compression import BlockFormat, compress, compressed_blocks
+from ntc.metrics.block_compression import AstcKind, BlockFormat, Effort, compress, compressed_blocks
 from ntc.metrics.compressed_textures import (
     CompressedTextures,
     CompressionRequest,
     compress_texture,
-    compression_requests,
     mip_shapes,
 )
 
@@ -28,9 +27,9 @@ def encodings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Formats in which a mip was encoded, in turn."""
     found: list[str] = []
 
-    def counted(pixels: np.ndarray, block_format: BlockFormat, effort: str) -> bytes:
+    def counted(pixels: np.ndarray, block_format: BlockFormat, effort: Effort, kind: AstcKind) -> bytes:
         found.append(f"{block_format} {effort}")
-        return compressed_blocks(pixels, block_format, effort)  # type: ignore[arg-type]
+        return compressed_blocks(pixels, block_format, effort, kind)
 
     monkeypatch.setattr(compressed_textures, "compressed_blocks", counted)
     return found
@@ -51,7 +50,7 @@ def test_every_mip_is_what_the_format_makes_of_it() -> None:
 
 
 def test_what_was_encoded_once_is_read_again(tmp_path: Path, encodings: list[str]) -> None:
-    (request,) = compression_requests([PIXELS], "bc1", tmp_path / "blocks")
+    request = CompressionRequest(PIXELS, "bc1", tmp_path / "blocks")
     first, second = (compress_texture(request) for _ in range(2))
     assert first == second == compress_texture(CompressionRequest(PIXELS, "bc1"))
     assert encodings == ["bc1 medium"] * 10
@@ -86,7 +85,7 @@ def test_a_damaged_file_is_encoded_again(tmp_path: Path, encodings: list[str], d
 
 def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path: Path, encodings: list[str]) -> None:
     (tmp_path / "file").write_text("no folder")
-    (request,) = compression_requests([PIXELS], "bc1", tmp_path / "file")
+    request = CompressionRequest(PIXELS, "bc1", tmp_path / "file")
     assert compress_texture(request) == compress_texture(request)
     assert len(encodings) == 10
 

@@ -1,0 +1,90 @@
+"""The maps of textures as pictures of at most three channels, as block formats of graphics hardware take them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, MapName, Plane, map_slices
+from ntc.metrics.block_cache import BlockCache
+from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.compressed_textures import CompressedTexture, CompressedTextures, CompressionRequest
+from viewer.scene.model import Scene, SceneTexture
+
+PICTURES: tuple[tuple[MapName, ...], ...] = (
+    ("base",),
+    ("normal",),
+    ("roughness", "metalness", "occlusion"),
+    ("emissive",),
+)
+"""Maps that lie in one picture."""
+Requests = tuple[tuple[CompressionRequest, ...], ...]
+NEUTRAL = 255
+"""Of components that a texture lacks, which nothing reads."""
+
+
+def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.uint8]]:
+    """[H, W, 1 to 3] uint8 of each picture that `texture` has, by its maps."""
+    found: dict[tuple[MapName, ...], NDArray[np.uint8]] = {}
+    for picture in PICTURES:
+        maps = tuple(name for name in picture if name in texture.maps)
+        if maps == ("base",):
+            found[maps] = texture.pixels
+        elif maps:
+            pixels = np.concatenate([texture.further_maps[name] for name in maps], axis=2)
+            # Formats take the second of two channels for alpha, but for normals.
+            unused = int(pixels.shape[2] == 2 and maps != ("normal",))
+            found[maps] = np.pad(pixels, ((0, 0), (0, 0), (0, unused)))
+    return found
+
+
+def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | None) -> Requests:
+    """By texture one for each of its pictures, the base colour first; files that the cache has no room for are removed first."""
+    if cache is not None:
+        BlockCache(cache).trim()
+    return tuple(
+        tuple(
+            CompressionRequest(np.ascontiguousarray(pixels), block_format, cache, maps=maps)
+            for maps, pixels in map_pictures(texture).items()
+        )
+        for texture in scene.textures
+    )
+
+
+def compressed_scene(
+    block_format: BlockFormat, requests: Requests, found: Sequence[CompressedTexture]
+) -> CompressedTextures:
+    """What `requests`, one after the other, have given."""
+    rest = iter(found)
+    pictures = [tuple(next(rest) for _ in own) for own in requests]
+    return CompressedTextures(block_format, tuple(own[0] for own in pictures), tuple(own[1:] for own in pictures))
+
+
+def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uint8]]]) -> tuple[NDArray[np.uint8], ...]:
+    """All mips of a plane besides `base`, [h, w, 4] uint8: its four components, from the mips [h, w, channels] of its maps."""
+    places = PLANE_COMPONENTS[plane]
+    chosen = {name: chain for name, chain in chains.items() if name in places}
+    mips = []
+    for parts in zip(*chosen.values(), strict=True):
+        whole = np.full((*parts[0].shape[:2], 4), NEUTRAL, np.uint8)
+        for name, part in zip(chosen, parts, strict=True):
+            whole[..., places[name] : places[name] + part.shape[2]] = part
+        mips.append(whole)
+    return tuple(mips)
+
+
+def compressed_plane_mips(
+    compressed: CompressedTextures, texture_id: int, plane: Plane
+) -> tuple[NDArray[np.uint8], ...]:
+    """As `viewer.render.resources.plane_images.plane_mips`, of what hardware reads from the blocks of a texture."""
+    pictures = (compressed.textures[texture_id], *compressed.further[texture_id])
+    if plane == "base":
+        return pictures[0].mips()
+    chains: dict[MapName, list[NDArray[np.uint8]]] = {}
+    for picture in pictures:
+        if any(name in PLANE_COMPONENTS[plane] for name in picture.maps):
+            mips = picture.mips()
+            for name, place in map_slices(picture.maps, sum(MAP_CHANNELS[name] for name in picture.maps)).items():
+                chains[name] = [mip[..., place] for mip in mips]
+    return plane_of_maps(plane, chains)
