@@ -1,4 +1,4 @@
-"""The maps of textures as pictures of at most three channels, as block formats of graphics hardware take them."""
+"""The maps of textures as hardware samples them, plane by plane, and as pictures that block formats take."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, MapName, Plane, map_slices
+from ntc.codec.mips import mip_chain
 from ntc.metrics.block_cache import BlockCache
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTexture, CompressedTextures, CompressionRequest
@@ -74,10 +75,27 @@ def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uin
     return tuple(mips)
 
 
+def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], ...]:
+    """All mips, down to 1x1 texel, of a plane that `texture` has maps of.
+
+    [h, w, 3] uint8 sRGB of the base colour; of the others [h, w, 4] uint8, the plane's four components as they are stored. Filtered as
+    each map is (`ntc.codec.mips`), so that normals stay unit vectors.
+    """
+    if plane == "base":
+        return mip_chain(texture.pixels, "srgb")
+    maps = tuple(name for name in texture.maps if name in PLANE_COMPONENTS[plane])
+    pixels = np.concatenate([texture.further_maps[name] for name in maps], axis=2)
+    mips = mip_chain(pixels, "srgb", maps)
+    chains: dict[MapName, list[NDArray[np.uint8]]] = {
+        name: [mip[..., place] for mip in mips] for name, place in map_slices(maps, pixels.shape[2]).items()
+    }
+    return plane_of_maps(plane, chains)
+
+
 def compressed_plane_mips(
     compressed: CompressedTextures, texture_id: int, plane: Plane
 ) -> tuple[NDArray[np.uint8], ...]:
-    """As `viewer.render.resources.plane_images.plane_mips`, of what hardware reads from the blocks of a texture."""
+    """As `plane_mips`, of what hardware reads from the blocks of a texture."""
     pictures = (compressed.textures[texture_id], *compressed.further[texture_id])
     if plane == "base":
         return pictures[0].mips()

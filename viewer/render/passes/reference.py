@@ -20,9 +20,9 @@ from viewer.gl.texture_arrays import ImageArray
 from viewer.render.resources.albedo_target import AlbedoTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.material_records import plane_texture
-from viewer.render.resources.plane_images import plane_mips
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs
+from viewer.scene.map_pictures import plane_mips
 from viewer.scene.model import Sampler, Scene
 from viewer.state.view_state import REFERENCE
 

@@ -9,8 +9,13 @@ from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import compress_texture
 from tests.support.picture_scenes import scene_of, texture_of
-from viewer.render.resources.plane_images import plane_mips
-from viewer.scene.map_pictures import compressed_plane_mips, compressed_scene, compression_requests, map_pictures
+from viewer.scene.map_pictures import (
+    compressed_plane_mips,
+    compressed_scene,
+    compression_requests,
+    map_pictures,
+    plane_mips,
+)
 from viewer.scene.model import SceneTexture
 
 pytest.importorskip("quicktex", reason="block encoders are not installed (extra: lab)")
