@@ -1,0 +1,129 @@
+"""`ntc-viewer render` of whole materials: views, light, AOVs, and the error of each decoded map."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO
+import pytest
+
+from viewer import cli
+from viewer.scene.images import read_image
+
+SIZE = ["--size", "96x64"]
+BALLS = ["--eye", "0", "1.2", "5", "--target", "0", "0.8", "0", *SIZE]
+
+
+@pytest.fixture(scope="module")
+def gallery_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built-in gallery with all maps, small."""
+    path = tmp_path_factory.mktemp("gallery") / "gallery.ntc"
+    arguments = ["encode", "gallery", "--out", str(path), "--grouping", "single", "--bits", "3", "--texture-size", "64"]
+    assert cli.main(arguments) == 0
+    return path
+
+
+def rendered(out: Path, *arguments: str) -> dict:
+    assert cli.main(["render", "gallery", "--out", str(out), *BALLS, *arguments]) == 0
+    return json.loads((out / "stats.json").read_text())
+
+
+def channels_of(path: Path) -> dict[str, np.ndarray]:
+    """[H, W] float32 by channel of an EXR file."""
+    image = OpenImageIO.ImageInput.open(str(path))
+    names, pixels = image.spec().channelnames, image.read_image("float")
+    image.close()
+    return {name: pixels[..., place] for place, name in enumerate(names)}
+
+
+@pytest.mark.parametrize("view", ["lit", "base", "normal", "orm", "emissive"])
+def test_every_view_has_its_picture_and_its_quality(gallery_pack: Path, tmp_path: Path, view: str) -> None:
+    stats = rendered(tmp_path, "--pack", str(gallery_pack), "--grouping", "single", "--view", view)
+    assert stats["view"] == view
+    assert (stats["lighting"] is None) == (view != "lit")
+    picture = read_image(tmp_path / "color.png")
+    covered = np.load(tmp_path / "texture_id.npy") >= 0
+    assert covered.any()
+    if view == "lit":
+        assert picture[~covered].any(), "the sky is behind"
+    if view != "emissive":
+        assert picture[covered].std() > 5.0
+        assert 20.0 < stats["psnr_db"] < 80.0
+    assert stats["skipped"]["planes_not_drawn"] == {"lit": 0, "base": 2, "normal": 2, "orm": 1, "emissive": 2}[view]
+
+
+def test_light_changes_the_lit_view_alone(tmp_path: Path) -> None:
+    def picture(name: str, *arguments: str) -> np.ndarray:
+        rendered(tmp_path / name, "--grouping", "reference", *arguments)
+        return read_image(tmp_path / name / "color.png").astype(int)
+
+    lit = picture("lit", "--view", "lit")
+    for name, arguments in {
+        "sun": ("--sun", "300", "10"),
+        "exposure": ("--exposure", "1"),
+        "tone": ("--tone-map", "agx"),
+        "night": ("--sun-strength", "0"),
+    }.items():
+        assert np.abs(picture(name, "--view", "lit", *arguments) - lit).mean() > 1.0, name
+    assert picture("bright", "--view", "lit", "--exposure", "1").mean() > lit.mean()
+    np.testing.assert_array_equal(picture("a"), picture("b", "--sun", "300", "10", "--exposure", "2"))
+
+
+def test_a_panorama_lights_the_scene(tmp_path: Path) -> None:
+    pixels = np.zeros((16, 32, 3), np.float32)
+    pixels[:8, :, 0] = 2.0
+    file = tmp_path / "red.exr"
+    output = OpenImageIO.ImageOutput.create(str(file))
+    output.open(str(file), OpenImageIO.ImageSpec(32, 16, 3, "float"))
+    output.write_image(pixels)
+    output.close()
+    stats = rendered(tmp_path / "a", "--grouping", "reference", "--view", "lit", "--environment", str(file))
+    assert stats["lighting"]["environment"] == str(file)
+    assert stats["lighting"]["sun_strength"] == 0.0, "a panorama has lights of its own"
+    picture = read_image(tmp_path / "a" / "color.png").astype(float)
+    assert picture[..., 0].mean() > 2.0 * picture[..., 2].mean()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--view", "lit", "--environment", "nowhere.hdr"], "nowhere.hdr"),
+        (["--view", "lit", "--sun", "nan", "0"], "sun azimuth"),
+        (["--view", "lit", "--sun", "10", "95"], "sun elevation"),
+        (["--view", "lit", "--exposure", "99"], "exposure"),
+        (["--error-by-map"], "--error-by-map"),
+    ],
+)
+def test_bad_light_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], named: str
+) -> None:
+    assert cli.main(["render", "gallery", "--out", str(tmp_path / "out"), *BALLS, *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    assert named in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_aovs_hold_the_maps(tmp_path: Path) -> None:
+    rendered(tmp_path, "--grouping", "reference", "--view", "lit", "--aovs")
+    found = channels_of(tmp_path / "aovs.exr")
+    assert {"R", "G", "B", "A", "roughness", "metalness", "normal.X", "normal.Y", "normal.Z"} <= set(found)
+    length = np.sqrt(found["normal.X"] ** 2 + found["normal.Y"] ** 2 + found["normal.Z"] ** 2)
+    np.testing.assert_allclose(length, 1.0, atol=1e-5)
+    assert (found["A"] > 0).sum() == json.loads((tmp_path / "stats.json").read_text())["pixels"]["covered"]
+
+
+def test_the_error_of_each_map(gallery_pack: Path, tmp_path: Path) -> None:
+    arguments = ("--pack", str(gallery_pack), "--grouping", "single", "--view", "lit", "--error-by-map")
+    stats = rendered(tmp_path, *arguments)
+    found = stats["error_by_map"]
+    assert {"base", "normal", "roughness", "all"} <= set(found)
+    assert found["all"]["psnr_db"] == pytest.approx(stats["psnr_db"], abs=0.01)
+    assert found["all"]["mean_squared_error"] > max(
+        found[name]["mean_squared_error"] for name in ("normal", "roughness")
+    )
+    for name, figures in found.items():
+        picture = read_image(tmp_path / f"error.{name}.png")
+        assert picture.any() == (figures["mean_squared_error"] > 0.0)
+        assert figures["worst_texture"] or figures["psnr_db"] is None
