@@ -51,19 +51,19 @@ def _materials(options: MaterialStudyOptions) -> tuple[SourceTexture, ...]:
 
 
 def at_bits(points: Sequence[MaterialPoint], curve: str, field: str, bits: float) -> float | None:
-    """`field` of a curve at `bits`, linear between its points; None beyond them."""
+    """`field` of a curve at `bits`, linear in their logarithm between its points; None beyond them."""
     own = sorted((point.bits_per_texel, getattr(point, field)) for point in points if point.curve == curve)
     if not own or not own[0][0] * 0.99 <= bits <= own[-1][0] * 1.01 or any(value is None for _, value in own):
         return None
-    return float(np.interp(bits, [each for each, _ in own], [value for _, value in own]))
+    return float(np.interp(np.log2(bits), np.log2([each for each, _ in own]), [value for _, value in own]))
 
 
 def bits_to_reach(points: Sequence[MaterialPoint], curve: str, mean_db: float) -> float | None:
-    """Bits at which a curve comes to `mean_db`, linear between its points; None where it does not, or begins above."""
+    """Bits at which a curve comes to `mean_db`, by `at_bits`; None where it does not, or begins above."""
     own = sorted((point.mean_db, point.bits_per_texel) for point in points if point.curve == curve)
     if not own or not own[0][0] <= mean_db <= own[-1][0]:
         return None
-    return float(np.interp(mean_db, [each for each, _ in own], [bits for _, bits in own]))
+    return float(2.0 ** np.interp(mean_db, [each for each, _ in own], np.log2([bits for _, bits in own])))
 
 
 def comparisons(points: Sequence[MaterialPoint]) -> list[dict[str, Cell]]:

@@ -38,7 +38,7 @@ class MapWeights:
         return np.asarray(found / found.mean())
 
 
-SEEN_WEIGHTS: Final = MapWeights(base=1.0, normal=2.0, roughness=0.5, metalness=1.0, emissive=1.0, occlusion=0.5)
+SEEN_WEIGHTS: Final = MapWeights(base=1.0, normal=2.5, roughness=0.5, metalness=1.0, emissive=1.0, occlusion=0.5)
 EQUAL_WEIGHTS: Final = MapWeights()
 MAP_WEIGHTS: Final[Mapping[MapWeightsName, MapWeights]] = MappingProxyType(
     {"seen": SEEN_WEIGHTS, "equal": EQUAL_WEIGHTS}

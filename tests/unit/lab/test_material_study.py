@@ -59,11 +59,11 @@ def test_curves_are_compared_at_equal_bits() -> None:
     points = [
         point(TOGETHER, 2.0, 30.0, 2.0), point(TOGETHER, 4.0, 34.0, 1.0),
         point(SEEN, 2.0, 29.0, 1.5), point(SEEN, 4.0, 33.0, 0.5),
-        point(ASTC, 3.0, 31.0, 3.0), point(ALONE, 9.0, 40.0, 1.0), point(BC, 24.0, 33.0, 1.0),
+        point(ASTC, 8.0**0.5, 31.0, 3.0), point(ALONE, 9.0, 40.0, 1.0), point(BC, 24.0, 33.0, 1.0),
     ]  # fmt: skip
-    assert at_bits(points, TOGETHER, "mean_db", 3.0) == pytest.approx(32.0)
+    assert at_bits(points, TOGETHER, "mean_db", 8.0**0.5) == pytest.approx(32.0)
     assert at_bits(points, TOGETHER, "mean_db", 9.0) is None
-    assert bits_to_reach(points, TOGETHER, 33.0) == pytest.approx(3.5)
+    assert bits_to_reach(points, TOGETHER, 32.0) == pytest.approx(8.0**0.5)
     assert bits_to_reach(points, TOGETHER, 50.0) is None
     first, second = comparisons(points)
     assert (first["curve"], first["beside"], first["more_db"]) == (TOGETHER, ASTC, pytest.approx(1.0))
