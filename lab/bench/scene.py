@@ -190,7 +190,8 @@ def _measured(
             if key not in twins:
                 pack, match = packs[slot.source], renderer.matches[slot.source]
                 twins[key] = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path)
-            twin = twins[key].compare(albedo)
+            # Of the visibility buffer's surfaces alone, which BLEND surfaces at rest are not.
+            twin = twins[key].compare(renderer.planes(slot)["base"][..., :3])
         name = slot.source if is_image else f"decode_{slot.path}"
         decode = spread_of([entry.get(name, 0.0) for entry in times[slot]])
         decoders = np.array([*renderer.decoders(slot.source), -1])[textures]

@@ -271,7 +271,8 @@ def scene_rows(
 def _scene_row(renderer: Renderer, case: str, pack: Pack, view: ViewState) -> StabilityRow:
     slot = view.slot_a
     renderer.render(view, whole=True)
-    albedo = renderer.albedo(slot)
+    # Of the visibility buffer's surfaces alone, which BLEND surfaces at rest are not.
+    albedo = renderer.planes(slot)["base"][..., :3]
     largest = rms = psnr = None
     if case.startswith("scene:"):
         match = renderer.matches[slot.source]

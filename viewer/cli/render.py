@@ -117,6 +117,7 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "precision": None if is_image else view.slot_a.precision,
         "filter": None if is_image else "stochastic" if view.slot_a in picture.frame.samples else "exact",
         "samples": picture.frame.samples.get(view.slot_a, 1),
+        "blend_samples": picture.frame.blend_samples.get(view.slot_a, 1),
         "camera": view.camera.name,
         "view": view.material_view,
         "lighting": asdict(view.lighting) if view.material_view == "lit" else None,

@@ -18,6 +18,8 @@ class PassTimer:
         self._by_wall = not context.features.timer_queries
         self._query = None if self._by_wall else context.gl.query(time=True)
         self._times: dict[str, float] = {}
+        self._whole: str | None = None
+        """What the passes that run now are parts of."""
         self.last_ms = 0.0
         """Time of the last measured pass."""
 
@@ -31,7 +33,7 @@ class PassTimer:
         """Add the wall time of the block, which makes no OpenGL calls, to the pass `name`."""
         start = time.perf_counter()
         yield
-        self._times[name] = self._times.get(name, 0.0) + (time.perf_counter() - start) * 1e3
+        self._add(name, (time.perf_counter() - start) * 1e3)
 
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
@@ -47,7 +49,20 @@ class PassTimer:
             self._gl.finish()
             elapsed = (time.perf_counter() - start) * 1e3
         self.last_ms = elapsed
-        self._times[name] = self._times.get(name, 0.0) + elapsed
+        self._add(name, elapsed)
+
+    @contextmanager
+    def counted_as(self, whole: str) -> Iterator[None]:
+        """Add the times of the passes of the block to `whole` in place of their own names."""
+        self._whole = whole
+        try:
+            yield
+        finally:
+            self._whole = None
+
+    def _add(self, name: str, milliseconds: float) -> None:
+        key = self._whole or name
+        self._times[key] = self._times.get(key, 0.0) + milliseconds
 
     def take(self) -> dict[str, float]:
         """Times in ms since the last call, by pass, in order of their first measurement."""

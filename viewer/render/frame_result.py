@@ -1,7 +1,7 @@
 """What the renderer gives: one frame, and the pictures of both slots."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -51,6 +51,8 @@ class FrameResult:
     """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
     samples: Mapping[Slot, int]
     """Samples in the picture of each slot that the stochastic filter draws."""
+    blend_samples: Mapping[Slot, int] = field(default_factory=dict)
+    """Samples in the picture of each shown slot, BLEND surfaces against another pattern in each; empty where none may be seen."""
     short_latents: bool = False
     """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
 
@@ -65,7 +67,8 @@ class FrameResult:
     def waiting(self) -> int:
         """Tiles, samples and pack updates that are still to come: the same view drawn again shows more."""
         tiles = sum(counts.waiting for counts in self.tiles.values())
-        return tiles + sum(SAMPLES - drawn for drawn in self.samples.values()) + self.upload.is_pending
+        drawn = (*self.samples.values(), *self.blend_samples.values())
+        return tiles + sum(SAMPLES - samples for samples in drawn) + self.upload.is_pending
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,19 @@ class DrawnPicture:
 
 
 @dataclass
+class BlendMean:
+    """The mean of a slot's picture and further ones, for which BLEND surfaces were drawn against other patterns of thresholds."""
+
+    own: int
+    """Number of the drawing of the slot's own picture, which is the first sample."""
+    number: int
+    """Of the drawing: differs whenever the content may; `own` while there is one sample."""
+    samples: int = 1
+    target: AlbedoTarget | None = None
+    """Of no meaning while there is one sample."""
+
+
+@dataclass
 class PictureTargets:
     """Targets of one picture size."""
 
@@ -119,6 +132,8 @@ class PictureTargets:
     pictures: dict[Slot, AlbedoTarget] = field(default_factory=dict)
     """Of views other than `base`."""
     drawn_pictures: dict[Slot, DrawnPicture] = field(default_factory=dict)
+    means: dict[Slot, BlendMean] = field(default_factory=dict)
+    """Of views in which a BLEND surface may be seen."""
     plane_ms: dict[PlaneKey, float] = field(default_factory=dict)
     """Time that each plane took when it was last drawn."""
     picture_ms: dict[Slot, float] = field(default_factory=dict)
@@ -133,7 +148,19 @@ class PictureTargets:
         return inputs if filters else replace(inputs, anisotropy=1)
 
     def picture(self, slot: Slot) -> AlbedoTarget:
-        """The picture of a slot that has been drawn. Raises KeyError for others."""
+        """What is shown of a slot that has been drawn. Raises KeyError for others."""
+        mean = self.mean(slot)
+        if mean is not None and mean.samples > 1 and mean.target is not None:
+            return mean.target
+        return self.own_picture(slot)
+
+    def mean(self, slot: Slot) -> BlendMean | None:
+        """The mean that holds the slot's own picture as it is; None where there is none."""
+        mean = self.means.get(slot)
+        return mean if mean is not None and mean.own == self.own_number(slot) else None
+
+    def own_picture(self, slot: Slot) -> AlbedoTarget:
+        """The picture of a slot that has been drawn, from the visibility buffer here. Raises KeyError for others."""
         return self.planes[base_key(slot)] if self.materials.view == "base" else self.pictures[slot]
 
     def has_picture(self, slot: Slot) -> bool:
@@ -141,7 +168,12 @@ class PictureTargets:
         return base_key(slot) in self.planes if self.materials.view == "base" else slot in self.pictures
 
     def number(self, slot: Slot) -> int:
-        """Number of the drawing of the slot's picture; 0 where there is none."""
+        """Number of the drawing of what is shown of a slot; 0 where there is nothing."""
+        mean = self.mean(slot)
+        return mean.number if mean is not None else self.own_number(slot)
+
+    def own_number(self, slot: Slot) -> int:
+        """Number of the drawing of the slot's own picture; 0 where there is none."""
         drawn: DrawnPlane | DrawnPicture | None = (
             self.drawn.get(base_key(slot)) if self.materials.view == "base" else self.drawn_pictures.get(slot)
         )
@@ -177,6 +209,19 @@ class PictureTargets:
             self.drawn_pictures.pop(slot, None)
             self.picture_ms.pop(slot, None)
 
+        for slot in [s for s in self.means if not self._is_used(s, slots)]:
+            self._release_mean(slot)
+
+    def release_means(self) -> None:
+        """Show what is drawn from the visibility buffer here alone."""
+        for slot in list(self.means):
+            self._release_mean(slot)
+
+    def _release_mean(self, slot: Slot) -> None:
+        target = self.means.pop(slot).target
+        if target is not None:
+            target.release()
+
     @staticmethod
     def _is_used(slot: Slot, slots: Sequence[Slot]) -> bool:
         return slot in slots or slot.source == REFERENCE
@@ -184,5 +229,6 @@ class PictureTargets:
     def release_inputs(self) -> None:
         """Free all but the composite."""
         self.visibility.release()
+        self.release_means()
         for target in (*self.planes.values(), *self.pictures.values()):
             target.release()

@@ -15,6 +15,7 @@ from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
+from viewer.render.blend.blend_samples import BlendSamples
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_pack import PackMemory, RenderContext
@@ -91,6 +92,7 @@ class Renderer:
         self.shading = PictureShading(context, self._programs, light, self._scheduler)
         """Tells what is wrong with the light."""
         self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading)
+        self._blend = BlendSamples(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
         self.paths = PathChooser(context, self._drawer, self._packs, self._scheduler)
         self._targets: PictureTargets | None = None
         self._picture: CompositeTarget | None = None
@@ -130,7 +132,8 @@ class Renderer:
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted.
 
-        With `whole` path `cached` decodes all that is missing, and packs that are replaced are uploaded, however long it takes.
+        With `whole` path `cached` decodes all that is missing, packs that are replaced are uploaded, and all samples are drawn where
+        BLEND surfaces may be seen, however long it takes.
         Raises GpuMemoryError where something does not fit: then no view is drawn, the last frame's image stays as it is, and what
         was made for nothing has been freed.
         """
@@ -143,9 +146,10 @@ class Renderer:
             self._view = view
             targets = self._targets_for(view)
             self._draw_visibility(view, targets)
-            slots = shown_slots(view)
-            for slot in dict.fromkeys(slots):
+            slots = tuple(dict.fromkeys(shown_slots(view)))
+            for slot in slots:
                 self._slots.update(slot, targets, whole)
+            self._blend.update(slots, targets, whole)
             targets.release_unused(view)
             groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
             divergence = self._compositor.count_divergence(view, groupings, targets)
@@ -189,6 +193,7 @@ class Renderer:
         if upload.kept:
             skipped["pack_bytes_kept"] = upload.kept
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
+        blended = self._blend.counts(shown_slots(view), targets)
         drawn_ms = targets.slot_ms()
         slot_ms = drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms}
         return FrameResult(
@@ -202,6 +207,7 @@ class Renderer:
             tiles,
             {slot: own.path for slot, own in chosen.items()},
             self._slots.samples(chosen),
+            {slot: blended[own] for slot, own in chosen.items() if own in blended},
             short_latents,
             upload,
         )
@@ -233,6 +239,7 @@ class Renderer:
         if targets is None:
             return
         targets.release_inputs()
+        self._blend.release()
         if targets.composite is not self._picture:
             targets.composite.release()
 
@@ -251,8 +258,9 @@ class Renderer:
         if targets is None or view is None:
             return False
         for slot in (view.slot_a, view.slot_b):
-            if not self._slots.is_complete(slot, targets):
+            if not self._blend.is_complete(slot, targets):
                 self._slots.update(slot, targets, whole=False)
+                self._blend.update((slot,), targets, whole=False)
                 self._timer.take()
                 self._scheduler.take_skipped()
                 return True
@@ -273,7 +281,7 @@ class Renderer:
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None
-        if not all(self._slots.is_complete(slot, targets) for slot in (view.slot_a, view.slot_b)):
+        if not all(self._blend.is_complete(slot, targets) for slot in (view.slot_a, view.slot_b)):
             return None
         a, b = (targets.picture(slot) for slot in (view.slot_a, view.slot_b))
         return DrawnPair(targets.pair_key(view), a, b, targets.visibility)
@@ -290,6 +298,7 @@ class Renderer:
         slot = self.paths.chosen(slot, self._view)
         self._draw_visibility(self._view, self._targets)
         self._slots.update(slot, self._targets, whole=True)
+        self._blend.update((slot,), self._targets, whole=True)
         self._timer.take()
         self._scheduler.take_skipped()
         return self._targets.picture(slot).read()

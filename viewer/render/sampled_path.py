@@ -55,6 +55,8 @@ class SampledPath:
     def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
         """Draw the next sample, or with `whole` all that are missing; the time of the passes in ms."""
         del same_view
+        if inputs.blend_sample:
+            return self._draw_with_blend(inputs, target)
         before = self.samples if self._drawn == (inputs, target) else 0
         # Until it is drawn the picture counts for nothing.
         self._drawn, self.samples = None, 0
@@ -71,6 +73,17 @@ class SampledPath:
             before = number + 1
         self._drawn, self.samples = (inputs, target), before
         return spent
+
+    def _draw_with_blend(self, inputs: VisibilityInputs, target: AlbedoTarget) -> float:
+        """Draw one sample for a further sample of BLEND surfaces, which are averaged elsewhere; the time in ms.
+
+        The picture of the first one, and how far it has come, stay as they are.
+        """
+        self._upload_latents(inputs)
+        decode, _ = self._passes()
+        with self._timer.measure(f"decode_{self._name}"):
+            decode.run(inputs.of_sample(inputs.blend_sample), target)
+        return self._timer.last_ms
 
     def _passes(self) -> tuple[DecodePass, AccumulatePass]:
         # Made outside of the measured time: compiling is no part of a frame.

@@ -1,5 +1,7 @@
 """Culling and the visibility pass: from a camera to what the later passes read."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ntc.codec.maps import PLANES
@@ -51,8 +53,11 @@ class SceneDrawer:
             raise RuntimeError("draw a visibility buffer first")
         return self._culled
 
-    def draw(self, camera: Camera, target: VisibilityTarget) -> VisibilityInputs:
-        """Draw what `camera` sees, unless `target` shows that already. Raises GpuMemoryError."""
+    def draw(self, camera: Camera, target: VisibilityTarget, blend_sample: int = 0) -> VisibilityInputs:
+        """Draw what `camera` sees, unless `target` shows that already. Raises GpuMemoryError.
+
+        `blend_sample` is the pattern of thresholds that BLEND surfaces are drawn against.
+        """
         culled = self._culled
         if culled is None or (culled.camera, culled.size) != (camera, target.size):
             self._culled = None
@@ -61,6 +66,8 @@ class SceneDrawer:
                 draw_list = self._culling.draw_list(camera, matrix)
                 self._buffers.upload(draw_list)
             culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
+        if blend_sample:
+            culled = replace(culled, sample=blend_sample)
         if (
             self._scheduler.run(self._pass, culled, target)
             or self._drawn is None
@@ -86,4 +93,5 @@ class SceneDrawer:
             plane_textures=textures,
             visible_materials=tuple(materials.tolist()),
             matrix=culled.matrix,
+            blend_sample=culled.sample,
         )

@@ -129,8 +129,7 @@ class SlotDrawer:
             planes = {plane: targets.planes[PlaneKey(Slot(), plane)] for plane in planes}
         picture = targets.pictures[slot]
         targets.picture_ms[slot] = self._shading.draw(picture_key.inputs, planes, targets.materials, picture, mixture)
-        self._draws += 1
-        targets.drawn_pictures[slot] = DrawnPicture(picture_key, self._draws)
+        targets.drawn_pictures[slot] = DrawnPicture(picture_key, self.next_number())
 
     def _update_plane(self, key: PlaneKey, targets: PictureTargets, whole: bool) -> None:
         if self._is_plane_complete(key, targets):
@@ -165,8 +164,12 @@ class SlotDrawer:
                 targets.drawn[key] = drawn
             return
         targets.plane_ms[key] = spent
+        targets.drawn[key] = DrawnPlane(inputs, self._version(slot), self.next_number())
+
+    def next_number(self) -> int:
+        """A number for what is drawn next: positive, and no other drawing's."""
         self._draws += 1
-        targets.drawn[key] = DrawnPlane(inputs, self._version(slot), self._draws)
+        return self._draws
 
     def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
         """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""

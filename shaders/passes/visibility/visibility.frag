@@ -80,10 +80,12 @@ Frame surface_frame() {
 #if ALPHA_TEST
 layout(binding = UNIT_ALPHA) uniform sampler2D alpha_texture;
 
-// A fixed pattern of thresholds over the picture, so that a blended surface covers its share of the pixels
+uniform float threshold_offset;   // [0, 1), of the sample; 0 for the first
+
+// A pattern of thresholds over the picture, so that a blended surface covers its share of the pixels
 // (interleaved gradient noise, Jimenez 2014).
 float threshold(vec2 pixel) {
-    return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
+    return fract(fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) + threshold_offset);
 }
 #endif
 

@@ -24,6 +24,20 @@ class CulledScene:
     matrix: NDArray[np.float64] = field(compare=False)
     """[4, 4] float64, world to clip."""
     draw_list: DrawList = field(compare=False)
+    sample: int = 0
+    """Number of the pattern of thresholds that BLEND surfaces are drawn against, see `threshold_offset`."""
+
+
+def threshold_offset(sample: int) -> float:
+    """What is added to every threshold, modulo 1: the radical inverse of `sample` in base 2 (van der Corput 1935).
+
+    Of 2^k samples each has its own 2^-k of [0, 1), so a surface of alpha a is in that share of them, but for less than 2^-k.
+    """
+    offset, weight = 0.0, 0.5
+    while sample:
+        offset += weight * (sample & 1)
+        sample, weight = sample >> 1, weight / 2.0
+    return offset
 
 
 class VisibilityPass:
@@ -49,5 +63,6 @@ class VisibilityPass:
         self._scene_buffers.bind_materials()
         opaque, alpha_tested = (self._program(output, alpha_test) for alpha_test in (False, True))
         for program in (opaque, alpha_tested):
-            set_uniforms(program, {"view_projection": inputs.matrix.T.astype("<f4").tobytes()})
+            matrix = inputs.matrix.T.astype("<f4").tobytes()
+            set_uniforms(program, {"view_projection": matrix, "threshold_offset": threshold_offset(inputs.sample)})
         self._scene_buffers.draw(opaque, alpha_tested)

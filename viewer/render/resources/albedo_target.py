@@ -30,6 +30,12 @@ class AlbedoTarget:
         # Has no memory of its own, and is made for every frame: nothing to check.
         return self._context.gl.framebuffer([self.texture], depth)
 
+    def copy_from(self, other: "AlbedoTarget") -> None:
+        """Take over the pixels of a target of the same size, whose floats may be halves."""
+        # Whatever part was drawn last into another target is no limit here.
+        self.framebuffer.use()
+        self._context.gl.copy_framebuffer(self.framebuffer, other.framebuffer)
+
     @property
     def pixel_type(self) -> np.dtype[np.floating]:
         """Of each of the four channels."""

@@ -193,6 +193,8 @@ class VisibilityInputs:
     """Of the maps: what is drawn."""
     sample: int = 0
     """Number of the sample that the stochastic filter takes; of no effect without it."""
+    blend_sample: int = 0
+    """Number of the pattern of thresholds that BLEND surfaces were drawn against."""
     textures: tuple[int, ...] = field(default=(), compare=False)
     """Ids of the textures that may be visible in this plane, ascending."""
     plane_textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict, compare=False)

@@ -131,7 +131,7 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
     if mode != "OPAQUE":
         notes.honoured(f"alphaMode {mode}: materials")
     if mode == "BLEND":
-        notes.note("BLEND may be drawn alpha-hashed: materials")
+        notes.note("BLEND is drawn alpha-hashed, at rest as the mean of 16 samples: materials")
     double_sided = entry.get("doubleSided") is True
     notes.honoured("doubleSided: materials", int(double_sided))
     red, green, blue, alpha = file.numbers(owner, factor_key, owner_name, (1.0, 1.0, 1.0, 1.0))

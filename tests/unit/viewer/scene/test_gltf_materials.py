@@ -214,6 +214,12 @@ def test_report_of_a_scene() -> None:
     builder.json["extensionsUsed"] = ["KHR_materials_sheen"]
     scene = with_material(builder, builder.material(builder.image(png(noise()), name="oak\n"), alphaMode="BLEND"))
     lines = "\n".join(report_lines(scene))
-    for part in ("1 triangles", "alphaMode BLEND", "alpha-hashed", "extension KHR_materials_sheen", "6 x 4  oak"):
+    for part in (
+        "1 triangles",
+        "alphaMode BLEND",
+        "alpha-hashed, at rest as the mean of 16 samples",
+        "extension KHR_materials_sheen",
+        "6 x 4  oak",
+    ):
         assert part in lines
     assert report_json(scene)["textures"][0]["pixel_hash"] == scene.textures[0].pixel_hash

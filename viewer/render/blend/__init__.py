@@ -1,0 +1,1 @@
+"""Pictures of BLEND surfaces, as means of several samples."""
