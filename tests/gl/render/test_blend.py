@@ -124,6 +124,22 @@ def test_a_pixel_misses_its_alpha_by_less_than_a_sample(graphics: GraphicsContex
     renderer.release()
 
 
+def test_a_surface_covers_its_share_of_what_one_before_it_lets_through(graphics: GraphicsContext) -> None:
+    scene = flat_scene(0.5)
+    middle = Material("middle", -1, (1.0, 1.0, 1.0, 0.5), alpha_mode="blend")
+    parts = [Part(0, moved(-1.0)), Part(1, moved(0.0)), Part(2, moved(-0.5))]
+    renderer = Renderer(graphics, scene_of(parts, (*scene.materials, middle)))
+    for camera in (ORTHOGRAPHIC, PERSPECTIVE):
+        renderer.render(replace(PLAIN, camera=camera))
+        one = shown(renderer, Slot())
+        renderer.render(replace(PLAIN, camera=camera), whole=True)
+        mean = shown(renderer, Slot())
+        # A sixteenth of the samples is the first one, in which the surface in the middle is hidden.
+        np.testing.assert_allclose(mean.mean(0), 0.5 * FRONT + 0.25 + 0.25 * BACK, atol=0.025)
+        assert (mean.std(0) <= 0.2 * one.std(0)).all()
+    renderer.release()
+
+
 @pytest.mark.parametrize("slot", SLOTS.values(), ids=SLOTS)
 @pytest.mark.parametrize("material_view", ["base", "lit"])
 def test_all_samples_at_once_are_those_of_a_view_at_rest(

@@ -25,19 +25,7 @@ class CulledScene:
     """[4, 4] float64, world to clip."""
     draw_list: DrawList = field(compare=False)
     sample: int = 0
-    """Number of the pattern of thresholds that BLEND surfaces are drawn against, see `threshold_offset`."""
-
-
-def threshold_offset(sample: int) -> float:
-    """What is added to every threshold, modulo 1: the radical inverse of `sample` in base 2 (van der Corput 1935).
-
-    Of 2^k samples each has its own 2^-k of [0, 1), so a surface of alpha a is in that share of them, but for less than 2^-k.
-    """
-    offset, weight = 0.0, 0.5
-    while sample:
-        offset += weight * (sample & 1)
-        sample, weight = sample >> 1, weight / 2.0
-    return offset
+    """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
 
 
 class VisibilityPass:
@@ -64,5 +52,5 @@ class VisibilityPass:
         opaque, alpha_tested = (self._program(output, alpha_test) for alpha_test in (False, True))
         for program in (opaque, alpha_tested):
             matrix = inputs.matrix.T.astype("<f4").tobytes()
-            set_uniforms(program, {"view_projection": matrix, "threshold_offset": threshold_offset(inputs.sample)})
+            set_uniforms(program, {"view_projection": matrix, "blend_sample": inputs.sample})
         self._scene_buffers.draw(opaque, alpha_tested)
