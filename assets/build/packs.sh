@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 encode() {
-    ntc-viewer encode courtyard.glb --out "courtyard.$1.ntc" --grouping "$@" --codec block --bits 2
+    ntc-viewer encode courtyard.glb --out "courtyard.$1.ntc" --grouping "$@" --codec block --bits 2.2
 }
 encode baseline
 encode single

@@ -1,7 +1,6 @@
 """Panoramas from HDR and EXR files."""
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.io import read_file
+from viewer.scene.images import library_message
 
 LARGEST_WIDTH: Final = 8192
 """Texels across that are read."""
@@ -50,18 +50,10 @@ def _checked_size(path: Path, width: int, height: int, channels: int, byte_count
         raise InputError(f"{path}: {width} x {height} texels in {byte_count} bytes; the file is broken, replace it")
 
 
-def _message(take: Callable[[], str]) -> str:
-    """The first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
-    try:
-        return (take() or "truncated").splitlines()[0]
-    except UnicodeDecodeError:
-        return "broken"
-
-
 def _read_pixels(path: Path, byte_count: int) -> NDArray[np.float32]:
     image = OpenImageIO.ImageInput.open(str(path))
     if image is None:
-        _message(OpenImageIO.geterror)
+        library_message(OpenImageIO.geterror)
         raise InputError(f"{path}: not an image that can be read; give a panorama as HDR or EXR")
     try:
         spec = image.spec()
@@ -74,7 +66,7 @@ def _read_pixels(path: Path, byte_count: int) -> NDArray[np.float32]:
             raise InputError(f"{path}: holds {spec.format} colours and no radiance; give a panorama as HDR or EXR")
         pixels: Any = image.read_image(0, 0, 0, min(spec.nchannels, 3), "float")
         if pixels is None or image.has_error:
-            reason = _message(image.geterror)
+            reason = library_message(image.geterror)
             raise InputError(f"{path}: the panorama does not decode ({reason}); replace it")
         found = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
     finally:

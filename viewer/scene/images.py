@@ -79,6 +79,14 @@ def values_allowed(byte_count: int) -> int:
     return min(FREE_VALUES + MAX_EXPANSION * byte_count, max(LARGE_VALUES, LARGE_EXPANSION * byte_count))
 
 
+def library_message(take: Callable[[], str]) -> str:
+    """The first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
+    try:
+        return (take() or "truncated").splitlines()[0]
+    except UnicodeDecodeError:
+        return "broken"
+
+
 def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     # Without this OpenImageIO multiplies colours by alpha, and textures would darken where they are transparent.
     config = OpenImageIO.ImageSpec()
@@ -86,7 +94,7 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
     image = OpenImageIO.ImageInput.open(path, config)
     if image is None:
         # Drop the library's own message: it names the temporary file.
-        OpenImageIO.geterror()
+        library_message(OpenImageIO.geterror)
         raise InputError(f"{name}: not an image that OpenImageIO {OpenImageIO.__version__} reads; give a PNG or JPEG")
     try:
         spec = image.spec()
@@ -98,7 +106,7 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
             raise InputError(f"{name}: {width} x {height} texels in {byte_count} bytes; the image is broken")
         pixels: Any = image.read_image(0, 0, 0, min(channels, 4), "float" if linear else "uint8")
         if pixels is None or image.has_error:
-            raise InputError(f"{name}: the image does not decode ({image.geterror() or 'truncated'}); replace it")
+            raise InputError(f"{name}: the image does not decode ({library_message(image.geterror)}); replace it")
     finally:
         image.close()
     pixels = np.asarray(pixels).reshape(height, width, -1)
