@@ -9,12 +9,11 @@ import pytest
 
 from ntc.codec.maps import PLANES
 from ntc.pack.file import read_pack
-from ntc.pack.match import match_pack
 from viewer.locations import builtin_scene_path
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.state.pack_files import packs_beside
+from viewer.state.pack_files import match_scene, packs_beside
 
 CATEGORIES = {
     "aerial",
@@ -104,8 +103,8 @@ def test_named_cameras_are_in_both_files(scene: Scene) -> None:
 def test_packs_hold_every_texture(scene: Scene, grouping: str) -> None:
     (path,) = [path for path in packs_beside(builtin_scene_path()) if path.name == f"courtyard.{grouping}.ntc"]
     pack = read_pack(path)
-    match = match_pack(pack, [[t.pixel_hash] for t in scene.textures], [t.name for t in scene.textures])
-    assert match.matched == 55
+    assert match_scene(pack, scene).matched == 55
+    assert [texture.maps for texture in pack.textures] == [texture.maps for texture in scene.textures]
     assert pack.grouping.name == grouping
     assert len(pack.decoders) == {"baseline": 55, "single": 1}.get(grouping, 10)
     assert all(texture.psnr_db is not None and texture.psnr_db > 15.0 for texture in pack.textures)
