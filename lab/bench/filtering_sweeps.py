@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb
-from viewer.render.albedo_path import SAMPLES
+from viewer.render.plane_path import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene
@@ -135,7 +135,7 @@ def supersampled(renderer: Renderer, camera: Camera, size: tuple[int, int]) -> t
     large = (size[0] * SUPERSAMPLES, size[1] * SUPERSAMPLES)
     renderer.render(ViewState(camera, large, Slot(REFERENCE)))
     blocks = (size[1], SUPERSAMPLES, size[0], SUPERSAMPLES)
-    linear = renderer.albedo(Slot(REFERENCE)).astype(np.float64).reshape(*blocks, 3).mean(axis=(1, 3))
+    linear = renderer.picture(Slot(REFERENCE)).astype(np.float64).reshape(*blocks, 3).mean(axis=(1, 3))
     covered = np.asarray(renderer.covered().reshape(blocks).all(axis=(1, 3)), np.bool_)
     return np.asarray(linear_to_srgb(linear), np.float64), covered
 
@@ -143,7 +143,7 @@ def supersampled(renderer: Renderer, camera: Camera, size: tuple[int, int]) -> t
 def shown(renderer: Renderer, camera: Camera, size: tuple[int, int], way: Way) -> Picture:
     """[H, W, 3] sRGB-coded in [0, 1]."""
     renderer.render(ViewState(camera, size, way.slot, anisotropy=way.anisotropy), way.whole)
-    drawn = renderer.albedo(way.slot) if way.whole else renderer.albedo_in(way.slot, (0, 0, *size))
+    drawn = renderer.picture(way.slot) if way.whole else renderer.picture_in(way.slot, (0, 0, *size))
     assert drawn is not None
     return np.asarray(linear_to_srgb(drawn.astype(np.float64)), np.float64)
 

@@ -17,7 +17,7 @@ from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
 from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
 from viewer.render.passes.decode_pass import DecodePass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
     GROUP_SIDE,
     MATERIAL_SHIFT,
@@ -139,7 +139,7 @@ class DecodeFixture:
         self._count = tiles.count
         self.visibility = VisibilityTarget(context, tiles.tile, SurfaceContent(False, False))
         self.visibility.write(words)
-        self.target = AlbedoTarget(context, tiles.tile)
+        self.target = ColorTarget(context, tiles.tile)
         self._passes: list[DecodePass] = []
 
     def inputs(self, materials: SceneBuffers, textures: int) -> VisibilityInputs:

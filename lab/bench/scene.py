@@ -175,13 +175,13 @@ def _measured(
     config: SceneBenchConfig,
 ) -> list[SceneBenchRow]:
     renderer.render(ViewState(camera, config.size, Slot(REFERENCE)))
-    truth, covered, textures = (linear_to_srgb8(renderer.albedo(Slot())), renderer.covered(), renderer.texture_ids())
+    truth, covered, textures = (linear_to_srgb8(renderer.picture(Slot())), renderer.covered(), renderer.texture_ids())
     twins: dict[tuple[str, bool], Float64Pixels] = {}
     first: dict[str, NDArray[np.uint8]] = {}
     rows = []
     for slot in slots:
         result = renderer.render(ViewState(camera, config.size, slot, overlay=Overlay("divergence")))
-        albedo = renderer.albedo(slot)
+        albedo = renderer.picture(slot)
         shown = linear_to_srgb8(albedo)
         is_reference, is_image = slot.source == REFERENCE, is_image_source(slot.source)
         twin = None

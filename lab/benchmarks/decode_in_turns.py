@@ -25,7 +25,7 @@ from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
 from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import codec_programs
@@ -58,7 +58,7 @@ class PackInScene:
         match = match_scene(pack, context.scene)
         self._gpu = GpuPack(context, pack, match, "fp32", codec_programs(programs, pack), version=1)
         self._gl, self._inputs = context.graphics.gl, inputs
-        self._target = AlbedoTarget(context.graphics, inputs.visibility.size)
+        self._target = ColorTarget(context.graphics, inputs.visibility.size)
         self._gpu.upload_latents(inputs)
         self._passes = {
             "deferred": deferred_pass(self._gpu, may_share=False),

@@ -3,7 +3,7 @@
 #include "ntc/plane.glsl"
 #include "generated/shared_network.glsl"
 
-layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D target;
+layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 
 // Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
 ivec2 own_pixel(int p, out bool inside);

@@ -168,7 +168,7 @@ class Studio:
             frame = self.renderer.render(replace(view, slot_b=Slot("baseline", "deferred"), compare="wipe"))
             return read_picture(frame.image)
         self.renderer.render(view, whole=True)
-        return linear_to_srgb8(self.renderer.albedo(picture.slot))
+        return linear_to_srgb8(self.renderer.picture(picture.slot))
 
 
 def small(slots: Iterable[Slot]) -> tuple[GoldenPicture, ...]:

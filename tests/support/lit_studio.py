@@ -21,7 +21,7 @@ from viewer.locations import shaders_folder
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.light.scene_light import SceneLight
 from viewer.render.resources.material_records import material_records
@@ -99,8 +99,8 @@ class LitStudio:
         )
         self.visibility = VisibilityTarget(context, size, SurfaceContent(False, gradients=False, frame=True))
         self.shade_pass = ShadePass(context, self.programs)
-        self.target = AlbedoTarget(context, size)
-        self._planes: dict[tuple[str, str], AlbedoTarget] = {}
+        self.target = ColorTarget(context, size)
+        self._planes: dict[tuple[str, str], ColorTarget] = {}
         self._drawings = 0
 
     def view(self) -> VisibilityInputs:
@@ -112,7 +112,7 @@ class LitStudio:
         found = {}
         self._drawings += 1
         for plane, pixels in planes.items():
-            target = self._planes.setdefault((name, plane), AlbedoTarget(self._context, self.size))
+            target = self._planes.setdefault((name, plane), ColorTarget(self._context, self.size))
             target.texture.write(np.ascontiguousarray(pixels[::-1], np.float32).tobytes())
             found[plane] = target
         return PlaneTargets(found.get("base"), found.get("surface"), found.get("emission"), (self._drawings,))

@@ -101,7 +101,7 @@ def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
         until(driven, lambda: driven.is_settled)
         renderer = driven.frontend.picture.renderer
         assert renderer is not None
-        pictures[source] = (renderer.albedo(Slot(source)) * 255.0).astype(np.uint8)
+        pictures[source] = (renderer.picture(Slot(source)) * 255.0).astype(np.uint8)
     near, far = (psnr_db(pictures[name], pictures["reference"]) for name in ("astc-4x4", "astc-12x12"))
     assert 25.0 < far < near
     assert not np.isinf(near)

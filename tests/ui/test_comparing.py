@@ -178,7 +178,7 @@ def test_figures_of_the_view_come_when_it_rests(live: DrivenApp) -> None:
     assert found is not None
     assert renderer is not None
     covered = renderer.covered()
-    a, b = (linear_to_srgb8(renderer.albedo(slot))[covered] for slot in (live.session.view.slot_a, Slot()))
+    a, b = (linear_to_srgb8(renderer.picture(slot))[covered] for slot in (live.session.view.slot_a, Slot()))
     assert found.psnr_db == pytest.approx(psnr_db(a, b), abs=0.01)
     assert found.pixels == covered.sum()
     assert found.ssim is not None
@@ -282,7 +282,7 @@ def test_one_pixel_is_read_when_it_or_the_picture_changes(app: DrivenApp) -> Non
     assert renderer is not None
     assert (pixel.place.x, pixel.place.y) == (x, y)
     for slot, patch in ((app.session.view.slot_a, pixel.a), (app.session.view.slot_b, pixel.b)):
-        whole = renderer.albedo(slot)
+        whole = renderer.picture(slot)
         assert patch is not None
         np.testing.assert_array_equal(patch.linear, whole[y - 7 : y + 8, x - 7 : x + 8])
         assert patch.middle[1] == tuple(linear_to_srgb8(whole[y, x]).tolist())

@@ -74,11 +74,11 @@ class FactsReader:
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return None
-        reference = renderer.albedo(Slot(REFERENCE))
+        reference = renderer.picture(Slot(REFERENCE))
         covered, texture_ids = renderer.covered(), renderer.texture_ids()
         results: dict[Side, SlotMeasurement] = {}
         for side, slot in view.slots.items():
-            shown = reference if slot.source == REFERENCE else renderer.albedo(slot)
+            shown = reference if slot.source == REFERENCE else renderer.picture(slot)
             seen = SlotPicture(shown, reference, covered, texture_ids)
             pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
             memory = renderer.memory(slot)

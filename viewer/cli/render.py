@@ -66,8 +66,8 @@ def draw(renderer: Renderer, packs: dict[str, Pack], view: ViewState) -> Picture
     frame = renderer.render(view, whole=True)
     # Read first: the calls below check whether the context was lost.
     shown = read_picture(frame.image)
-    color = linear_to_srgb8(renderer.albedo(view.slot_a))
-    reference = color if view.slot_a.source == REFERENCE else linear_to_srgb8(renderer.albedo(Slot(REFERENCE)))
+    color = linear_to_srgb8(renderer.picture(view.slot_a))
+    reference = color if view.slot_a.source == REFERENCE else linear_to_srgb8(renderer.picture(Slot(REFERENCE)))
     texture_ids = renderer.texture_ids()
     match = renderer.matches.get(view.slot_a.source)
     ids = np.full_like(texture_ids, -1)

@@ -42,13 +42,13 @@ def errors_by_map(
 
     Errors of single maps do not add up to that of all: light multiplies some of them. Pictures are drawn whole, one after the other.
     """
-    reference = linear_to_srgb8(renderer.albedo(Slot())).astype(np.float64)
+    reference = linear_to_srgb8(renderer.picture(Slot())).astype(np.float64)
     covered, textures = renderer.covered(), renderer.texture_ids()
     chosen: Sequence[DecodedMaps] = (*shown_maps(renderer, slot), "all")
     found = []
     for maps in chosen:
         progress(maps)
-        shown = linear_to_srgb8(renderer.albedo(replace(slot, maps=maps))).astype(np.float64)
+        shown = linear_to_srgb8(renderer.picture(replace(slot, maps=maps))).astype(np.float64)
         squared = np.where(covered, np.square(shown - reference).mean(axis=2), 0.0)
         error = float(squared.sum() / max(1, covered.sum()))
         seen = textures >= 0

@@ -23,7 +23,7 @@ def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) ->
 class SlotPicture:
     """What the renderer drew for one slot and its reference. All arrays have row 0 on top."""
 
-    albedo: NDArray[np.float32]
+    shown: NDArray[np.float32]
     """[H, W, 3] linear."""
     reference: NDArray[np.float32]
     """[H, W, 3] linear, from the original images."""
@@ -39,7 +39,7 @@ def measure_slot(
     """Figures of a picture; without a pack nothing of it is decoded."""
     if source == REFERENCE:
         return SlotMeasurement(source, None, None, None)
-    shown, truth = linear_to_srgb8(picture.albedo), linear_to_srgb8(picture.reference)
+    shown, truth = linear_to_srgb8(picture.shown), linear_to_srgb8(picture.reference)
     covered = picture.covered
     quality = psnr_db(shown[covered], truth[covered]) if covered.any() else None
     if pack is None or match is None:

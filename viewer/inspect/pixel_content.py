@@ -144,7 +144,7 @@ class PixelReader:
         content = block_content(renderer.texture_ids_in(block.pixels), block, scene, decoders)
 
         def patch(slot: Slot) -> PixelPatch | None:
-            read = renderer.albedo_in(slot, place.pixels)
+            read = renderer.picture_in(slot, place.pixels)
             return place.patch(read) if read is not None else None
 
         return PixelContent(

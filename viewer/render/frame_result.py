@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
-from viewer.render.albedo_path import SAMPLES
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.plane_path import SAMPLES
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.view_state import PathChoice, Slot
@@ -36,7 +36,7 @@ class FrameResult:
     timings_ms: Mapping[str, float]
     """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up."""
     slot_ms: Mapping[Slot, float]
-    """Time in ms that each shown slot's albedo took when it was last drawn at this size."""
+    """Time in ms that each shown slot took when it was last drawn at this size."""
     timer: str
     """How the times were taken."""
     skipped: Mapping[str, int]
@@ -86,8 +86,8 @@ class DrawnPair:
     """Slots A and B of one view, drawn whole."""
 
     key: PairKey
-    a: AlbedoTarget
-    b: AlbedoTarget
+    a: ColorTarget
+    b: ColorTarget
     visibility: VisibilityTarget
 
 

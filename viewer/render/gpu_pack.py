@@ -14,13 +14,13 @@ from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
-from viewer.render.albedo_path import AlbedoPath, DirectPath
 from viewer.render.frame_result import UploadCounts
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
 from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.passes.needed_levels import NeededLevelsPass
+from viewer.render.plane_path import DirectPath, PlanePath
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
@@ -100,7 +100,7 @@ class GpuPack:
         self._precision = precision
         self._ranges: DecoderRanges | None = None
         self._needed_levels: dict[Plane, NeededLevelsPass] = {}
-        self._paths: dict[tuple[PathChoice, TexelFilter, Plane], AlbedoPath] = {}
+        self._paths: dict[tuple[PathChoice, TexelFilter, Plane], PlanePath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
         self._update: tuple[PackVersion, Pack, LatentUpdate] | None = None
@@ -128,7 +128,7 @@ class GpuPack:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision)
         return self._ranges
 
-    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> AlbedoPath:
+    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> PlanePath:
         """A decode path of this pack, not `auto`, with a filter that it has, for a plane that it holds.
 
         Raises GpuMemoryError, ShaderError.
@@ -260,11 +260,11 @@ def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
 
-MakePath = Callable[[GpuPack, TexelFilter, Plane], AlbedoPath]
+MakePath = Callable[[GpuPack, TexelFilter, Plane], PlanePath]
 
 
 def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelFilter, Plane], DecodePass]) -> MakePath:
-    def make(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> AlbedoPath:
+    def make(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> PlanePath:
         context, own_pass = pack.context, partial(make_pass, pack, texel_filter, plane)
         if texel_filter == "exact":
             return DirectPath(name, own_pass, pack.upload_latents, context.timer)
@@ -273,7 +273,7 @@ def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelF
     return make
 
 
-def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> AlbedoPath:
+def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
     context = pack.context
     cache = DecodeCachedPass(
         context.graphics,

@@ -9,7 +9,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.gpu_packs import GpuPacks
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.navigation import turned
@@ -99,11 +99,11 @@ class PathChooser:
         anisotropy = view.anisotropy if slot.path == "cached" else 1
         with context.memory.transaction():
             visibility = VisibilityTarget(context, view.size, SurfaceContent(pack.reading().colors, anisotropy > 1))
-            albedo = AlbedoTarget(context, view.size)
+            target = ColorTarget(context, view.size)
         try:
             inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)
             # With the stochastic filter a moving camera is shown one sample.
-            return pack.path(slot.path, slot.filter).draw(inputs, albedo, whole=slot.filter == "exact")
+            return pack.path(slot.path, slot.filter).draw(inputs, target, whole=slot.filter == "exact")
         finally:
             visibility.release()
-            albedo.release()
+            target.release()

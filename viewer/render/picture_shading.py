@@ -12,7 +12,7 @@ from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.picture_targets import ShownMaterials
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.light.scene_light import SceneLight
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import SKY, Lighting
@@ -23,11 +23,11 @@ class Mixture:
     """One map of another source, in place of that of the planes that all others are taken from."""
 
     map_name: MapName
-    planes: Mapping[Plane, AlbedoTarget]
+    planes: Mapping[Plane, ColorTarget]
     """Those of the other source."""
 
 
-def _targets(planes: Mapping[Plane, AlbedoTarget]) -> PlaneTargets:
+def _targets(planes: Mapping[Plane, ColorTarget]) -> PlaneTargets:
     return PlaneTargets(planes.get("base"), planes.get("surface"), planes.get("emission"))
 
 
@@ -45,9 +45,9 @@ class PictureShading:
     def draw(
         self,
         view: VisibilityInputs,
-        planes: Mapping[Plane, AlbedoTarget],
+        planes: Mapping[Plane, ColorTarget],
         materials: ShownMaterials,
-        output: AlbedoTarget,
+        output: ColorTarget,
         mixture: Mixture | None = None,
     ) -> float:
         """Draw the picture; the time in ms. Raises GpuMemoryError, ShaderError."""

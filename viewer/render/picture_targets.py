@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from ntc.codec.maps import Plane
 from viewer.render.frame_result import PairKey
 from viewer.render.passes.composite import CompositeTarget
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import (
@@ -112,7 +112,7 @@ class BlendMean:
     number: int
     """Of the drawing: differs whenever the content may; `own` while there is one sample."""
     samples: int = 1
-    target: AlbedoTarget | None = None
+    target: ColorTarget | None = None
     """Of no meaning while there is one sample."""
 
 
@@ -126,10 +126,10 @@ class PictureTargets:
     """Of the last view, with its anisotropy; None before the first."""
     materials: ShownMaterials = ShownMaterials()
     """Of the last view."""
-    planes: dict[PlaneKey, AlbedoTarget] = field(default_factory=dict)
+    planes: dict[PlaneKey, ColorTarget] = field(default_factory=dict)
     drawn: dict[PlaneKey, DrawnPlane] = field(default_factory=dict)
     """Of each plane that is whole."""
-    pictures: dict[Slot, AlbedoTarget] = field(default_factory=dict)
+    pictures: dict[Slot, ColorTarget] = field(default_factory=dict)
     """Of views other than `base`."""
     drawn_pictures: dict[Slot, DrawnPicture] = field(default_factory=dict)
     means: dict[Slot, BlendMean] = field(default_factory=dict)
@@ -147,7 +147,7 @@ class PictureTargets:
         filters = is_image_source(key.slot.source) or key.slot.path == "cached"
         return inputs if filters else replace(inputs, anisotropy=1)
 
-    def picture(self, slot: Slot) -> AlbedoTarget:
+    def picture(self, slot: Slot) -> ColorTarget:
         """What is shown of a slot that has been drawn. Raises KeyError for others."""
         mean = self.mean(slot)
         if mean is not None and mean.samples > 1 and mean.target is not None:
@@ -159,7 +159,7 @@ class PictureTargets:
         mean = self.means.get(slot)
         return mean if mean is not None and mean.own == self.own_number(slot) else None
 
-    def own_picture(self, slot: Slot) -> AlbedoTarget:
+    def own_picture(self, slot: Slot) -> ColorTarget:
         """The picture of a slot that has been drawn, from the visibility buffer here. Raises KeyError for others."""
         return self.planes[base_key(slot)] if self.materials.view == "base" else self.pictures[slot]
 

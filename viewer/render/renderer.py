@@ -291,7 +291,7 @@ class Renderer:
         return None if self._targets is None or self._view is None else self._targets.pair_key(self._view)
 
     @checks_context
-    def albedo(self, slot: Slot) -> NDArray[np.float32]:
+    def picture(self, slot: Slot) -> NDArray[np.float32]:
         """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
         if self._targets is None or self._view is None:
             raise RuntimeError("render a view first")
@@ -314,7 +314,7 @@ class Renderer:
     @checks_context
     def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
         """[H, W, 4] float32, row 0 on top: the planes of the last view that `slot` shows (docs/lighting.md), drawn whole now."""
-        self.albedo(slot)
+        self.picture(slot)
         targets, view = self._targets, self._view
         if targets is None or view is None:
             raise RuntimeError("render a view first")
@@ -322,7 +322,7 @@ class Renderer:
         return {plane: targets.planes[key].read_all() for plane, key in keys.items()}
 
     @checks_context
-    def albedo_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
+    def picture_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
         """[h, w, 3] float32 linear: a part of what `slot` shows of the last view; None if that has not been drawn.
 
         `pixels` are left, top, right, bottom from the upper left corner. Nothing but the part is read back.

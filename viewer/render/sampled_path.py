@@ -5,10 +5,10 @@ from collections.abc import Callable, Collection
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
-from viewer.render.albedo_path import SAMPLES
 from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode_pass import DecodePass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.plane_path import SAMPLES
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 
 
@@ -33,7 +33,7 @@ class SampledPath:
         self._context, self._programs = context, programs
         self._pass: DecodePass | None = None
         self._accumulate: AccumulatePass | None = None
-        self._drawn: tuple[VisibilityInputs, AlbedoTarget] | None = None
+        self._drawn: tuple[VisibilityInputs, ColorTarget] | None = None
         """What `samples` are of, and where their mean is."""
         self.samples = 0
         """Samples of the last picture so far."""
@@ -52,7 +52,7 @@ class SampledPath:
         """There is nothing to decode ahead."""
         return False
 
-    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
         """Draw the next sample, or with `whole` all that are missing; the time of the passes in ms."""
         del same_view
         if inputs.blend_sample:
@@ -74,7 +74,7 @@ class SampledPath:
         self._drawn, self.samples = (inputs, target), before
         return spent
 
-    def _draw_with_blend(self, inputs: VisibilityInputs, target: AlbedoTarget) -> float:
+    def _draw_with_blend(self, inputs: VisibilityInputs, target: ColorTarget) -> float:
         """Draw one sample for a further sample of BLEND surfaces, which are averaged elsewhere; the time in ms.
 
         The picture of the first one, and how far it has come, stay as they are.

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from ntc.codec.maps import PLANE_OF_MAP, Plane
 from viewer.gl.context import GraphicsContext
-from viewer.render.albedo_path import AlbedoPath
 from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.picture_shading import Mixture, PictureShading
 from viewer.render.picture_targets import DrawnPicture, DrawnPlane, PictureKey, PictureTargets, PlaneKey
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.plane_path import PlanePath
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.view_state import REFERENCE, Slot, is_image_source
@@ -67,7 +67,7 @@ class SlotDrawer:
             return self._images.holds(key.slot.source, key.plane)
         return self._packs.holds(key.slot.source, key.plane)
 
-    def _path(self, key: PlaneKey) -> AlbedoPath | None:
+    def _path(self, key: PlaneKey) -> PlanePath | None:
         """None for images."""
         slot = key.slot
         if is_image_source(slot.source):
@@ -120,7 +120,7 @@ class SlotDrawer:
         if picture_key is None:
             return
         if slot not in targets.pictures:
-            targets.pictures[slot] = AlbedoTarget(self._context, targets.visibility.size)
+            targets.pictures[slot] = ColorTarget(self._context, targets.visibility.size)
         targets.drawn_pictures.pop(slot, None)
         planes = {plane: targets.planes[key] for plane, key in self.keys(slot, targets).items()}
         mixture = None
@@ -143,7 +143,7 @@ class SlotDrawer:
             self._scheduler.skipped["passes"] += 1
             return
         if key not in targets.planes:
-            targets.planes[key] = AlbedoTarget(self._context, targets.visibility.size, half=path is None)
+            targets.planes[key] = ColorTarget(self._context, targets.visibility.size, half=path is None)
         target = targets.planes[key]
         # While it is drawn anew its content is void.
         targets.drawn.pop(key, None)
@@ -185,7 +185,7 @@ class SlotDrawer:
         self.prepared.add(slot)
         with self._context.memory.transaction():
             visibility = VisibilityTarget(self._context, PREPARED_SIZE, targets.visibility.content)
-            target = AlbedoTarget(self._context, PREPARED_SIZE)
+            target = ColorTarget(self._context, PREPARED_SIZE)
         try:
             inputs = drawer.redraw(visibility)
             for key in self._all_keys(slot, targets):

@@ -88,11 +88,11 @@ def compare(context: GraphicsContext, scene: Scene, size: tuple[int, int], most:
         renderer.set_packs({"block": pack})
         for camera in cameras_of(scene, most):
             renderer.render(ViewState(camera, size, material_view="lit"), whole=True)
-            truth, covered = linear_to_srgb8(renderer.albedo(Slot())), renderer.covered()
+            truth, covered = linear_to_srgb8(renderer.picture(Slot())), renderer.covered()
             row: dict[str, Any] = {"scene": scene.name, "format": block_format, "camera": camera.name}
             row["bits_per_texel"] = compressed.bits_per_texel
             for name, slot in (("hardware", Slot(block_format)), ("block", Slot("block", "cached"))):
-                shown = linear_to_srgb8(renderer.albedo(slot))
+                shown = linear_to_srgb8(renderer.picture(slot))
                 row[f"{name}_db"] = psnr_db(shown[covered], truth[covered])
                 row[f"{name}_flip"] = flip(truth, shown)
             row["more_db"] = row["block_db"] - row["hardware_db"]

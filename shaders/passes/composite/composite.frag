@@ -7,9 +7,9 @@
 #include "common/visibility.glsl"
 #include "generated/layout.glsl"
 
-layout(binding = UNIT_ALBEDO_A) uniform sampler2D albedo_a;
+layout(binding = UNIT_PICTURE_A) uniform sampler2D picture_a;
 #if SPLIT || DIFFERENCE
-layout(binding = UNIT_ALBEDO_B) uniform sampler2D albedo_b;
+layout(binding = UNIT_PICTURE_B) uniform sampler2D picture_b;
 #endif
 #if SPLIT
 uniform vec3 line;       // normal and distance in window pixels: slot B where dot(pixel, normal) >= distance
@@ -87,12 +87,12 @@ void main() {
     shown_pixel.x += second ? -shift : shift;
 #endif
     ivec2 pixel = picture_pixel(shown_pixel);
-    vec3 a = texelFetch(albedo_a, pixel, 0).rgb;
+    vec3 a = texelFetch(picture_a, pixel, 0).rgb;
 #if SPLIT
-    if (second) a = texelFetch(albedo_b, pixel, 0).rgb;
+    if (second) a = texelFetch(picture_b, pixel, 0).rgb;
 #endif
 #if DIFFERENCE
-    vec3 b = texelFetch(albedo_b, pixel, 0).rgb;
+    vec3 b = texelFetch(picture_b, pixel, 0).rgb;
 #endif
 #if DIFFERENCE == 1
     vec3 shown = gain * abs(linear_to_srgb(a) - linear_to_srgb(b));

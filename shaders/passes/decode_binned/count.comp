@@ -5,7 +5,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "ntc/plane.glsl"
 #include "passes/decode_binned/bins.glsl"
 
-layout(rgba32f, binding = IMAGE_ALBEDO) uniform writeonly image2D target;
+layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

@@ -110,7 +110,7 @@ def test_a_renderer_returns_nothing_that_a_lost_context_drew(graphics: GraphicsC
     renderer = Renderer(replace(graphics, reset=ResetStatus(Driver(), SimulatedLosses(frozenset({2})))), objects())
     renderer.render(view)
     for draw in (
-        lambda: renderer.albedo(Slot()),
+        lambda: renderer.picture(Slot()),
         renderer.texture_ids,
         renderer.covered,
         lambda: renderer.render(view),

@@ -37,7 +37,7 @@ def pictures(context: GraphicsContext) -> dict[str, Any]:
         for path in get_args(DecodePath):
             slot = Slot(source, path)
             renderer.render(ViewState(FRONT, SIZE, slot))
-            found[f"{source} {path}"] = renderer.albedo(slot)
+            found[f"{source} {path}"] = renderer.picture(slot)
     renderer.release()
     return found
 

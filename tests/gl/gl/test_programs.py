@@ -204,7 +204,7 @@ def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: Progr
         assert member.binding == StorageBinding[binding]
     defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
     composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
-    for name, unit in (("albedo_a", TextureUnit.ALBEDO_A), ("albedo_b", TextureUnit.ALBEDO_B)):
+    for name, unit in (("picture_a", TextureUnit.PICTURE_A), ("picture_b", TextureUnit.PICTURE_B)):
         sampler = composite[name]
         assert isinstance(sampler, moderngl.Uniform)
         assert sampler.value == unit

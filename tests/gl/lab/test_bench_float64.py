@@ -57,7 +57,7 @@ def error_of(renderer: Renderer, pack: Pack, layer: int, slot: Slot) -> Float64E
     """The error of what a slot shows of a quad, against `pack`."""
     renderer.render(ViewState(straight_camera(layer), SIZE, slot))
     pixels = float64_pixels(renderer.visibility, renderer.scene, pack, renderer.matches["good"], slot.path)
-    return pixels.compare(renderer.albedo(slot))
+    return pixels.compare(renderer.picture(slot))
 
 
 @pytest.mark.parametrize("path", get_args(DecodePath))

@@ -15,7 +15,7 @@ from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
@@ -71,7 +71,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
     material, targets = (
         white_material(graphics),
-        [AlbedoTarget(graphics, size) for _ in range(2)],
+        [ColorTarget(graphics, size) for _ in range(2)],
     )
     deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, PlaneReading(), None)
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
@@ -100,7 +100,7 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
     material, target = (
         white_material(graphics),
-        AlbedoTarget(graphics, (64, 64)),
+        ColorTarget(graphics, (64, 64)),
     )
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
     binned.run(VisibilityInputs(visibility, material, textures=(0, 1, 2, 3)), target)

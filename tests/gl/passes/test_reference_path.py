@@ -91,7 +91,7 @@ def shown(renderer: Renderer, name: str, anisotropy: int = 1) -> NDArray[np.floa
     """[H, W, 3] linear picture of a case."""
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, anisotropy=anisotropy)
     renderer.render(view)
-    return renderer.albedo(view.slot_a)
+    return renderer.picture(view.slot_a)
 
 
 def index(texels: int, count: int, start: int, mode: WrapMode) -> list[int]:

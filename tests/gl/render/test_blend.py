@@ -13,9 +13,9 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.albedo_path import SAMPLES
 from viewer.render.blend.blend_samples import BlendSamples, dithered_materials
 from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.plane_path import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Material, Scene
@@ -95,7 +95,7 @@ def rest(renderer: Renderer, view: ViewState) -> FrameResult:
 
 def shown(renderer: Renderer, slot: Slot) -> NDArray[np.float64]:
     """[H * W, 3] linear: what is on screen."""
-    found = renderer.albedo_in(slot, (0, 0, *SIZE))
+    found = renderer.picture_in(slot, (0, 0, *SIZE))
     assert found is not None
     return found.reshape(-1, 3).astype(np.float64)
 
@@ -154,7 +154,7 @@ def test_all_samples_at_once_are_those_of_a_view_at_rest(
     assert at_once.waiting == 0
     assert at_once.timings_ms["blend_samples"] > at_once.timings_ms["visibility"]
     np.testing.assert_array_equal(shown(textured, slot), gathered)
-    np.testing.assert_array_equal(textured.albedo(slot).reshape(-1, 3), gathered)
+    np.testing.assert_array_equal(textured.picture(slot).reshape(-1, 3), gathered)
 
 
 @pytest.mark.parametrize("path", ["forward", "binned", "cached"])

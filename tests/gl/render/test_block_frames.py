@@ -53,7 +53,7 @@ def test_frames_agree_with_float64(
     case, slot = CASES[name], Slot(grouping, path)
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, slot))
     assert renderer.covered().all()
-    shown = linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
+    shown = linear_to_srgb(renderer.picture(slot).astype(np.float64)).reshape(-1, 3)
     lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]))
     sampler = replace(case.sampler, wrap=case.wrap)
     expected = decode_filtered(packs[grouping], case.texture, case.map.uv(SIZE), lod, sampler)
@@ -65,7 +65,7 @@ def pictures(renderer: Renderer, slot: Slot) -> list[NDArray[np.float32]]:
     found = []
     for camera in (FRONT, INSIDE):
         renderer.render(ViewState(camera, (120, 72), slot), whole=True)
-        found.append(renderer.albedo(slot))
+        found.append(renderer.picture(slot))
     return found
 
 
@@ -107,7 +107,7 @@ def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: Grap
     memory = renderer.memory(slot)
     assert memory is not None
     assert memory.parts["latents"] == budget.budget_bytes
-    shown = linear_to_srgb(renderer.albedo(slot).astype(np.float64)).reshape(-1, 3)
+    shown = linear_to_srgb(renderer.picture(slot).astype(np.float64)).reshape(-1, 3)
     expected = decode_filtered(pack, 0, case.map.uv(SIZE), np.full(SIZE[0] * SIZE[1], 1.0), Sampler())
     # Tiles are resampled on the texels of the mip that is missing, and have 8 bits.
     assert np.abs(shown - expected).mean() <= (0.01 if path == "cached" else TOLERANCE)

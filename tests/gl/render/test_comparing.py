@@ -43,7 +43,7 @@ def shown(renderer: Renderer, view: ViewState) -> NDArray[np.uint8]:
 def linear(renderer: Renderer) -> tuple[Values, Values]:
     """What A and B are."""
     renderer.render(VIEW)
-    a, b = (renderer.albedo(slot).astype(np.float64) for slot in (VIEW.slot_a, VIEW.slot_b))
+    a, b = (renderer.picture(slot).astype(np.float64) for slot in (VIEW.slot_a, VIEW.slot_b))
     assert np.abs(a - b).max() > 0.1
     return a, b
 
@@ -215,11 +215,11 @@ def test_parts_are_read_back_as_the_whole_is(renderer: Renderer) -> None:
     a, b = linear(renderer)
     part = (17, 20, 40, 31)
     for slot, whole in ((VIEW.slot_a, a), (VIEW.slot_b, b)):
-        read = renderer.albedo_in(slot, part)
+        read = renderer.picture_in(slot, part)
         assert read is not None
         np.testing.assert_array_equal(read, whole[20:31, 17:40])
     ids = renderer.texture_ids()
     for x, y in ((17, 20), (60, 36), (0, 0), (119, 71)):
         word = int(renderer.visibility.words_at(x, y)[0])
         assert (word & 0xFFFF) - 1 == ids[y, x]
-    assert renderer.albedo_in(Slot("p", "forward"), part) is None
+    assert renderer.picture_in(Slot("p", "forward"), part) is None

@@ -80,7 +80,7 @@ def shown(renderer: Renderer, name: str, path: DecodePath, precision: Precision 
     slot = Slot("p", path, precision)
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, slot))
     assert renderer.covered().all()
-    pixels: NDArray[np.float64] = renderer.albedo(slot).astype(np.float64)
+    pixels: NDArray[np.float64] = renderer.picture(slot).astype(np.float64)
     return np.asarray(linear_to_srgb(pixels).reshape(-1, 3), np.float64)
 
 

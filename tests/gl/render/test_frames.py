@@ -145,7 +145,7 @@ def test_setting_the_same_pack_again_changes_nothing(renderer: Renderer) -> None
 @pytest.mark.parametrize(("share", "columns"), [(0.0, 0), (0.25, 16), (0.5, 32), (1.0, 64)])
 def test_a_is_left_of_the_divider_and_b_right(renderer: Renderer, share: float, columns: int) -> None:
     frame = renderer.render(replace(VIEW, wipe_position=share))
-    expected_a, expected_b = (linear_to_srgb8(renderer.albedo(slot)) for slot in (VIEW.slot_a, VIEW.slot_b))
+    expected_a, expected_b = (linear_to_srgb8(renderer.picture(slot)) for slot in (VIEW.slot_a, VIEW.slot_b))
     shown = picture(frame).astype(int)
     assert np.abs(shown[:, :columns] - expected_a[:, :columns]).max(initial=0) <= 1
     assert np.abs(shown[:, columns:] - expected_b[:, columns:]).max(initial=0) <= 1
@@ -156,19 +156,19 @@ def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
     alone: tuple[tuple[CompareMode, Slot], ...] = (("a", VIEW.slot_a), ("b", VIEW.slot_b))
     for compare, slot in alone:
         shown = picture(renderer.render(replace(VIEW, compare=compare))).astype(int)
-        assert np.abs(shown - linear_to_srgb8(renderer.albedo(slot))).max() <= 1
+        assert np.abs(shown - linear_to_srgb8(renderer.picture(slot))).max() <= 1
 
 
 def test_albedo_of_a_slot_that_was_not_shown_is_drawn_on_demand(renderer: Renderer) -> None:
     renderer.render(replace(VIEW, compare="a"))
-    late = renderer.albedo(FORWARD)
+    late = renderer.picture(FORWARD)
     renderer.render(replace(VIEW, slot_b=FORWARD))
-    assert np.array_equal(renderer.albedo(FORWARD), late)
+    assert np.array_equal(renderer.picture(FORWARD), late)
 
 
 def test_reading_before_the_first_frame_is_refused(graphics: GraphicsContext) -> None:
     fresh = Renderer(graphics, scene_of([cube(0)], [Material("m", -1, WHITE)]))
-    for read in (fresh.texture_ids, fresh.covered, lambda: fresh.albedo(Slot())):
+    for read in (fresh.texture_ids, fresh.covered, lambda: fresh.picture(Slot())):
         with pytest.raises(RuntimeError, match="render a view first"):
             read()
     fresh.release()
@@ -186,7 +186,7 @@ def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> N
     reference = Slot("reference", "forward", "fp16")
     frame = renderer.render(replace(VIEW, slot_b=reference))
     assert passes(frame) == {"visibility", "upload", "reference", "composite"}
-    assert np.array_equal(renderer.albedo(reference), renderer.albedo(Slot()))
+    assert np.array_equal(renderer.picture(reference), renderer.picture(Slot()))
     assert passes(renderer.render(replace(VIEW, slot_a=reference, slot_b=Slot()))) == set()
 
 
@@ -235,12 +235,12 @@ def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer.render(VIEW)
-    before = renderer.albedo(VIEW.slot_a)
+    before = renderer.picture(VIEW.slot_a)
     modes = [Slot("p", path, "fp16") for path in get_args(DecodePath)]
     assert all(renderer.prepare(mode) for mode in modes)
     assert not any(renderer.prepare(mode) for mode in (*modes, VIEW.slot_a, Slot(), Slot("absent")))
     assert passes(renderer.render(VIEW)) == set()
-    np.testing.assert_array_equal(renderer.albedo(VIEW.slot_a), before)
+    np.testing.assert_array_equal(renderer.picture(VIEW.slot_a), before)
     compiled: list[str] = []
     for name in ("compute_shader", "program"):
         monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))

@@ -37,7 +37,7 @@ def lit(graphics: GraphicsContext, scene: Scene, camera: Camera, lighting: Light
     """[H, W, 3] linear picture, checked to be one."""
     renderer = Renderer(graphics, scene)
     renderer.render(ViewState(camera, (64, 48), material_view="lit", lighting=lighting), whole=True)
-    picture = renderer.albedo(Slot())
+    picture = renderer.picture(Slot())
     renderer.release()
     assert np.isfinite(picture).all()
     assert picture.min() >= 0.0

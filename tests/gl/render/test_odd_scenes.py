@@ -33,7 +33,7 @@ def drawn(graphics: GraphicsContext, scene: Scene, size: tuple[int, int], slots:
     renderer = Renderer(graphics, scene)
     renderer.set_packs({"p": random_pack([(8, 8)], (0,))})
     renderer.render(ViewState(straight_camera(), size, slots[0]))
-    pictures = [renderer.albedo(slot) for slot in slots]
+    pictures = [renderer.picture(slot) for slot in slots]
     renderer.release()
     return pictures
 
@@ -44,7 +44,7 @@ def test_a_scene_without_anything(graphics: GraphicsContext) -> None:
     assert frame.drawn["triangles"] == 0
     assert not renderer.covered().any()
     assert (renderer.texture_ids() == -1).all()
-    assert not renderer.albedo(Slot()).any()
+    assert not renderer.picture(Slot()).any()
     assert not np.frombuffer(frame.image.read(), np.uint8).reshape(-1, 4)[:, :3].any()
     renderer.release()
 
@@ -55,7 +55,7 @@ def test_an_empty_view_after_a_full_one_is_empty(graphics: GraphicsContext) -> N
     assert renderer.covered().all()
     renderer.render(ViewState(straight_camera(3), (16, 16)))
     assert not renderer.covered().any()
-    assert not renderer.albedo(Slot()).any()
+    assert not renderer.picture(Slot()).any()
     renderer.release()
 
 
@@ -84,9 +84,9 @@ def test_what_the_pack_does_not_hold_shows_its_factor(graphics: GraphicsContext)
     for path in PATHS:
         slot = Slot("p", path)
         renderer.render(ViewState(straight_camera(0), (16, 16), slot))
-        assert np.allclose(renderer.albedo(slot), [0.1, 0.2, 0.3], atol=1e-6)
+        assert np.allclose(renderer.picture(slot), [0.1, 0.2, 0.3], atol=1e-6)
         renderer.render(ViewState(straight_camera(1), (16, 16), slot))
-        assert renderer.albedo(slot).std() > 0.05
+        assert renderer.picture(slot).std() > 0.05
         assert (renderer.texture_ids() == 1).all()
     renderer.release()
 
@@ -111,7 +111,7 @@ def test_large_material_and_texture_numbers_are_kept_apart(graphics: GraphicsCon
     renderer = Renderer(graphics, scene)
     renderer.render(ViewState(straight_camera(), (4, 4)))
     assert (renderer.texture_ids() == 99).all()
-    assert np.allclose(renderer.albedo(Slot()), (((99 / 255 + 0.055) / 1.055) ** 2.4), atol=2e-3)
+    assert np.allclose(renderer.picture(Slot()), (((99 / 255 + 0.055) / 1.055) ** 2.4), atol=2e-3)
     renderer.release()
 
 

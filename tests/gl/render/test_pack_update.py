@@ -66,7 +66,7 @@ def fresh(graphics: GraphicsContext, pack: Pack, slot: Slot = DEFERRED, camera: 
     """What a renderer shows that never had another pack."""
     renderer = opened(graphics, pack)
     draw(renderer, slot, camera, whole=True)
-    picture = renderer.albedo(slot)
+    picture = renderer.picture(slot)
     renderer.release()
     return picture
 
@@ -95,12 +95,12 @@ def test_an_update_is_equal_to_a_fresh_upload(
     new = trained(old)
     renderer = opened(context, old)
     draw(renderer, slot)
-    before = renderer.albedo(slot)
+    before = renderer.picture(slot)
     renderer.update_pack("p", new, CHANGED)
     frame = draw(renderer, slot)
     assert not frame.upload.is_pending
     assert frame.upload.uploaded > 0
-    after = renderer.albedo(slot)
+    after = renderer.picture(slot)
     np.testing.assert_array_equal(after, fresh(context, new, slot))
     ids = renderer.texture_ids()
     np.testing.assert_array_equal(after[np.isin(ids, (0, 2))], before[np.isin(ids, (0, 2))])
@@ -163,7 +163,7 @@ def test_the_old_picture_is_shown_until_all_is_uploaded(graphics: GraphicsContex
     assert sum(uploaded) + frame.upload.uploaded >= latents + others
     draw(renderer, slot, whole=True)
     tolerance = ELSEWHERE if path == "cached" else 0.0
-    np.testing.assert_allclose(renderer.albedo(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
+    np.testing.assert_allclose(renderer.picture(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
     renderer.release()
 
 
@@ -175,7 +175,7 @@ def test_a_whole_frame_waits_for_nothing(graphics: GraphicsContext) -> None:
     renderer.update_pack("p", new, CHANGED)
     assert draw(renderer).upload.is_pending
     assert not draw(renderer, whole=True).upload.is_pending
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, new))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
 
 
@@ -188,10 +188,10 @@ def test_mips_that_come_into_sight_meanwhile_are_replaced_too(graphics: Graphics
     assert draw(renderer, camera=far).upload.is_pending
     for camera in (FRONT, INSIDE):
         draw(renderer, camera=camera)
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, old, camera=INSIDE))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, old, camera=INSIDE))
     while draw(renderer).upload.is_pending:
         pass
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, new))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
 
 
@@ -208,7 +208,7 @@ def test_an_update_that_comes_meanwhile_follows(graphics: GraphicsContext) -> No
     renderer.update_pack("p", third, frozenset({0}))
     while draw(renderer).upload.is_pending:
         pass
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, third))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, third))
     renderer.release()
 
 
@@ -217,13 +217,13 @@ def test_unchanged_tiles_are_kept(graphics: GraphicsContext) -> None:
     new = trained(old)
     renderer = opened(graphics, old, 60)
     decoded = draw(renderer, CACHED, whole=True).tiles[CACHED].decoded
-    before, ids = renderer.albedo(CACHED), renderer.texture_ids()
+    before, ids = renderer.picture(CACHED), renderer.texture_ids()
     renderer.update_pack("p", new, CHANGED)
     while draw(renderer, CACHED).waiting:
         pass
     anew = draw(renderer, CACHED).tiles[CACHED].decoded - decoded
     assert 0 < anew < decoded
-    after, kept = renderer.albedo(CACHED), np.isin(ids, (0, 2))
+    after, kept = renderer.picture(CACHED), np.isin(ids, (0, 2))
     np.testing.assert_array_equal(after[kept], before[kept])
     np.testing.assert_allclose(after, fresh(graphics, new, CACHED), atol=ELSEWHERE)
     renderer.release()
@@ -239,7 +239,7 @@ def test_textures_may_change_their_groups(graphics: GraphicsContext, groups: tup
     while draw(renderer, slot).waiting:
         pass
     tolerance = ELSEWHERE if path == "cached" else 0.0
-    np.testing.assert_allclose(renderer.albedo(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
+    np.testing.assert_allclose(renderer.picture(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
     renderer.release()
 
 
@@ -251,15 +251,15 @@ def test_decoders_may_change_their_numbers(graphics: GraphicsContext, path: Deco
     new = replace(trained(old), grouping=grouping, decoders=old.decoders[::-1], textures=textures)
     renderer = opened(graphics, old)
     draw(renderer, slot)
-    before = renderer.albedo(slot)
+    before = renderer.picture(slot)
     renderer.update_pack("p", new, frozenset())
     while draw(renderer, slot).waiting:
         pass
-    np.testing.assert_array_equal(renderer.albedo(slot), before)
+    np.testing.assert_array_equal(renderer.picture(slot), before)
     # Another view reads the decoders anew.
     draw(renderer, slot, INSIDE, whole=True)
     tolerance = ELSEWHERE if path == "cached" else 0.0
-    np.testing.assert_allclose(renderer.albedo(slot), fresh(graphics, new, slot, INSIDE), atol=tolerance, rtol=0.0)
+    np.testing.assert_allclose(renderer.picture(slot), fresh(graphics, new, slot, INSIDE), atol=tolerance, rtol=0.0)
     renderer.release()
 
 
@@ -271,7 +271,7 @@ def test_other_sizes_or_codecs_are_uploaded_whole(graphics: GraphicsContext) -> 
     for new in (random_pack([(32, 32)] * 4, GROUPS, hashes=hashes, seed=2), pack_of(3, ADAPTED)):
         renderer.update_pack("p", new, CHANGED)
         assert not draw(renderer).upload.is_pending
-        np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, new))
+        np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
 
 
@@ -289,7 +289,7 @@ def test_without_memory_beside_the_old_pack_the_new_one_is_uploaded_whole(graphi
     draw(renderer)
     renderer.update_pack("p", new, CHANGED)
     assert not draw(renderer).upload.is_pending
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh(graphics, new))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
     assert memory.objects_given == 0
 
@@ -304,5 +304,5 @@ def test_both_precisions_of_a_pack_are_updated(graphics: GraphicsContext) -> Non
     while renderer.render(view).upload.is_pending:
         pass
     for slot in (DEFERRED, half):
-        np.testing.assert_array_equal(renderer.albedo(slot), fresh(graphics, new, slot))
+        np.testing.assert_array_equal(renderer.picture(slot), fresh(graphics, new, slot))
     renderer.release()

@@ -72,8 +72,8 @@ def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext)
     assert times is not None
     assert set(times.milliseconds) == set(get_args(DecodePath))
     assert frame.slot_ms[SLOT] > 0.0
-    shown = renderer.albedo(SLOT)
-    np.testing.assert_array_equal(shown, renderer.albedo(replace(SLOT, path=times.fastest)))
+    shown = renderer.picture(SLOT)
+    np.testing.assert_array_equal(shown, renderer.picture(replace(SLOT, path=times.fastest)))
     again = renderer.render(VIEW)
     assert dict(again.timings_ms) == {}
     renderer.release()

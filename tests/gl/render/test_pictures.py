@@ -55,7 +55,7 @@ def everything(renderer: Renderer, camera: Camera, monkeypatch: pytest.MonkeyPat
         patched.setattr(culling.Culling, "_faces_away", lambda self, eye, rows: np.zeros(len(rows), bool))
         frame = renderer.render(ViewState(camera, (SIZE[0] + 1, SIZE[1])))
         assert frame.skipped["clusters_culled"] == 0
-        return renderer.albedo(Slot())
+        return renderer.picture(Slot())
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.name)
@@ -66,7 +66,7 @@ def test_culling_changes_no_pixel(
     whole = everything(renderer, camera, monkeypatch)
     renderer.render(ViewState(camera, SIZE))
     frame = renderer.render(ViewState(camera, (SIZE[0] + 1, SIZE[1])))
-    assert np.array_equal(renderer.albedo(Slot()), whole)
+    assert np.array_equal(renderer.picture(Slot()), whole)
     assert frame.drawn["triangles"] > 0
 
 
@@ -85,7 +85,7 @@ def test_forward_and_deferred_show_the_same(drawn: tuple[Scene, Renderer]) -> No
     for camera in CAMERAS:
         renderer.render(ViewState(camera, SIZE))
         forward, deferred = (
-            linear_to_srgb8(renderer.albedo(Slot("p", path))).astype(int) for path in ("forward", "deferred")
+            linear_to_srgb8(renderer.picture(Slot("p", path))).astype(int) for path in ("forward", "deferred")
         )
         difference = np.abs(forward - deferred).max(axis=2)
         assert (difference <= 1).mean() >= 0.999, camera.name

@@ -202,8 +202,8 @@ def test_a_pack_of_base_colours_is_lit_with_the_other_maps_of_the_scene(graphics
 def test_one_decoded_map_stands_among_the_original_ones(renderer: Renderer, name: MapName) -> None:
     layer = list(CASES).index("one texel a pixel")
     renderer.render(ViewState(straight_camera(layer), SIZE, Slot("block"), material_view="lit"), whole=True)
-    original, decoded = renderer.albedo(Slot()), renderer.albedo(Slot("block"))
-    single = renderer.albedo(Slot("block", maps=name))
+    original, decoded = renderer.picture(Slot()), renderer.picture(Slot("block"))
+    single = renderer.picture(Slot("block", maps=name))
     if name == "emissive":
         # The material emits nothing, whatever its map says.
         np.testing.assert_array_equal(single, original)

@@ -171,7 +171,7 @@ def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, pat
         on_gpu.buffers.need({0: 0, 1: 0})
         complete.render(view(path, turned(camera, 90.0)))
         complete.render(view(path, camera))
-        np.testing.assert_array_equal(renderer.albedo(slot), complete.albedo(slot))
+        np.testing.assert_array_equal(renderer.picture(slot), complete.picture(slot))
     assert sorted(left_out, reverse=True) == left_out
     assert left_out[0] > left_out[1]
     for made in (renderer, complete):
@@ -187,7 +187,7 @@ def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) ->
     pictures = []
     for renderer in (tight, roomy):
         renderer.render(view("deferred", near))
-        pictures.append(renderer.albedo(slot))
+        pictures.append(renderer.picture(slot))
     counts = tight._packs.on_gpu(slot).buffers.latent_store.counts
     assert counts.levels_without_room > 0
     assert counts.bytes_uploaded <= 1600
@@ -197,6 +197,6 @@ def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) ->
     far = replace(AHEAD, eye=(0.0, 0.0, 60.0), target=(0.0, 0.0, 39.0))
     for renderer in (tight, roomy):
         renderer.render(view("deferred", far))
-    np.testing.assert_array_equal(tight.albedo(slot), roomy.albedo(slot))
+    np.testing.assert_array_equal(tight.picture(slot), roomy.picture(slot))
     for renderer in (tight, roomy):
         renderer.release()

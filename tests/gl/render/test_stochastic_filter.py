@@ -18,8 +18,8 @@ from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
-from viewer.render.albedo_path import SAMPLES
 from viewer.render.frame_result import FrameResult
+from viewer.render.plane_path import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
@@ -78,7 +78,7 @@ def draw(renderer: Renderer, name: str, slot: Slot, whole: bool) -> NDArray[np.f
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, slot)
     renderer.render(replace(view, slot_a=Slot()))
     renderer.render(view, whole)
-    found = renderer.albedo_in(slot, WHOLE)
+    found = renderer.picture_in(slot, WHOLE)
     assert found is not None
     return found.reshape(-1, 3).astype(np.float64)
 
@@ -134,11 +134,11 @@ def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: Graphic
     rest = frame(renderer)
     assert "decode_deferred" not in rest.timings_ms
     assert "composite" not in rest.timings_ms
-    gathered = renderer.albedo(DEFERRED)
+    gathered = renderer.picture(DEFERRED)
     # Another view begins anew, and all samples at once are the same picture.
     assert frame(renderer, degrees=1.0).samples == {DEFERRED: 1}
     renderer.render(ViewState(FRONT, (120, 72), DEFERRED), whole=True)
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), gathered)
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), gathered)
     renderer.release()
 
 
@@ -149,7 +149,7 @@ def test_all_paths_take_the_same_samples(graphics: GraphicsContext, codec: str) 
     for path in ("deferred", "forward", "binned"):
         slot = Slot("p", path, filter="stochastic")
         renderer.render(ViewState(FRONT, (120, 72), slot), whole=True)
-        pictures.append(renderer.albedo(slot))
+        pictures.append(renderer.picture(slot))
     for other in pictures[1:]:
         # Where two surfaces meet, coordinates are rounded elsewhere, and another texel may be taken.
         assert (np.abs(other - pictures[0]).max(-1) <= 2e-4).mean() > 0.99
@@ -160,10 +160,10 @@ def test_tiles_and_the_reference_are_filtered_as_ever(graphics: GraphicsContext)
     renderer = opened(graphics)
     for slot in (Slot("p", "cached"), Slot()):
         frame(renderer, slot)
-        expected = renderer.albedo(slot)
+        expected = renderer.picture(slot)
         other = replace(slot, filter="stochastic")
         assert frame(renderer, other).samples == {}
-        np.testing.assert_array_equal(renderer.albedo(other), expected)
+        np.testing.assert_array_equal(renderer.picture(other), expected)
     renderer.release()
 
 
@@ -175,6 +175,6 @@ def test_another_version_of_a_pack_begins_anew(graphics: GraphicsContext) -> Non
     assert frame(renderer).samples == {DEFERRED: 1}
     fresh.set_packs({"p": other})
     frame(fresh)
-    np.testing.assert_array_equal(renderer.albedo(DEFERRED), fresh.albedo(DEFERRED))
+    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh.picture(DEFERRED))
     for made in (renderer, fresh):
         made.release()

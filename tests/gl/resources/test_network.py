@@ -14,7 +14,7 @@ from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
@@ -42,7 +42,7 @@ def decoded(
     ranges = DecoderRanges(graphics, pack, precision, network, weights_in_image=in_image)
     material, target = (
         white_material(graphics),
-        AlbedoTarget(graphics, SIZE),
+        ColorTarget(graphics, SIZE),
     )
     inputs = VisibilityInputs(visibility, material, textures=(0, 1, 2))
     pictures = []

@@ -88,7 +88,7 @@ def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: st
     chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED))
     assert renderer.covered().all()
-    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    shown = renderer.picture(CACHED).reshape(-1, 3)
     sampler = replace(case.sampler, wrap=case.wrap)
     expected = sample_chain(chain, case.map.uv(SIZE), case.map.lod(size), sampler) * [0.9, 1.0, 0.7]
     error = np.abs(shown - expected)
@@ -116,7 +116,7 @@ def counts(frame: FrameResult) -> TileCounts:
 def picture(renderer: Renderer, camera: Camera = FRONT) -> NDArray[np.float32]:
     """What the cached path shows when all has come."""
     render(renderer, camera, whole=True)
-    return renderer.albedo(CACHED)
+    return renderer.picture(CACHED)
 
 
 def opened(graphics: GraphicsContext, config: TileCacheConfig | None = None) -> Renderer:
@@ -160,7 +160,7 @@ def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext
         assert frames <= missing
     # Tiles that stand in for finer ones are decoded besides.
     assert frames <= -(-counts(frame).decoded // 2)
-    np.testing.assert_allclose(patient.albedo(CACHED), truth, atol=ELSEWHERE)
+    np.testing.assert_allclose(patient.picture(CACHED), truth, atol=ELSEWHERE)
     for made in (eager, patient):
         made.release()
 
@@ -180,7 +180,7 @@ def test_where_frames_are_long_tiles_are_decoded_ahead_of_the_picture(graphics: 
     decoded = counts(frame).decoded
     assert frame.waiting == 0
     assert drawn < decoded / 4
-    np.testing.assert_array_equal(busy.albedo(CACHED), expected)
+    np.testing.assert_array_equal(busy.picture(CACHED), expected)
     eager.release()
     busy.release()
 
@@ -220,7 +220,7 @@ def test_a_budget_below_what_is_seen_says_so_and_still_draws(graphics: GraphicsC
         assert counts(frame).starved > 0
         assert frame.waiting == 0
         assert counts(frame).resident == 3
-    assert np.isfinite(renderer.albedo(CACHED)).all()
+    assert np.isfinite(renderer.picture(CACHED)).all()
     renderer.release()
 
 
@@ -268,7 +268,7 @@ def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, 
     size = SIZES[case.texture]
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED, anisotropy=most)
     renderer.render(view)
-    shown = renderer.albedo(CACHED).reshape(-1, 3)
+    shown = renderer.picture(CACHED).reshape(-1, 3)
     sides = [np.array(side) for side in (case.map.per_x, case.map.per_y)]
     lengths = [float(np.linalg.norm(side * size)) for side in sides]
     count = min(int(np.ceil(max(lengths) / min(lengths) - 1e-4)), most)
@@ -283,7 +283,7 @@ def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, 
     assert error.mean() <= 1e-3
     # Without it the picture is another.
     renderer.render(replace(view, anisotropy=1))
-    assert np.abs(renderer.albedo(CACHED).reshape(-1, 3) - shown).mean() > 5e-3
+    assert np.abs(renderer.picture(CACHED).reshape(-1, 3) - shown).mean() > 5e-3
 
 
 def test_a_gpu_without_memory_makes_the_cache_smaller(
@@ -302,7 +302,7 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     assert counts(frame).resident == needed // 2
     assert counts(frame).starved > 0
     assert frame.waiting == 0
-    assert np.isfinite(renderer.albedo(CACHED)).all()
+    assert np.isfinite(renderer.picture(CACHED)).all()
     monkeypatch.setattr(TileAtlas, "grow", lambda *_: False)
     none = opened(graphics)
     with pytest.raises(InputError, match="no memory for a tile cache"):

@@ -6,11 +6,11 @@ from dataclasses import replace
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.albedo_path import SAMPLES
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.picture_targets import BlendMean, PictureTargets
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.plane_path import SAMPLES
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
@@ -130,7 +130,7 @@ class BlendSamples:
             return False
         mean = targets.means[slot]
         if mean.target is None:
-            mean.target = AlbedoTarget(self._context, targets.visibility.size)
+            mean.target = ColorTarget(self._context, targets.visibility.size)
         accumulate = self._accumulate = self._accumulate or AccumulatePass(self._context, self._programs)
         sample = accumulate.sample(mean.target.size)
         with self._scheduler.timer.measure(accumulate.name):

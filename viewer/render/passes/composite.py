@@ -7,7 +7,7 @@ import numpy as np
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.divergence_maps import DivergenceTarget
 from viewer.render.resources.layout import PALETTE_STEPS, TextureUnit
 from viewer.render.resources.texture_marks import TextureMarks
@@ -141,18 +141,18 @@ class CompositeVariant:
 
     defines: tuple[tuple[str, int], ...]
     dtypes: tuple[str, str]
-    """Of both albedos' textures."""
+    """Of both pictures' textures."""
 
 
 @dataclass(frozen=True)
 class CompositeInputs:
     """What the pass reads. Equal inputs give equal pictures."""
 
-    first: AlbedoTarget
-    second: AlbedoTarget
+    first: ColorTarget
+    second: ColorTarget
     """The same where one slot fills the picture: it is not read then."""
     versions: tuple[int, int]
-    """Numbers of the content of both albedos."""
+    """Numbers of the content of both pictures."""
     params: CompositeParams
 
     @property
@@ -200,9 +200,9 @@ class CompositePass:
         output.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
         values: dict[str, object] = {"depth": 0.0}
-        inputs.first.texture.use(int(TextureUnit.ALBEDO_A))
+        inputs.first.texture.use(int(TextureUnit.PICTURE_A))
         if params.layout is not None or params.difference is not None:
-            inputs.second.texture.use(int(TextureUnit.ALBEDO_B))
+            inputs.second.texture.use(int(TextureUnit.PICTURE_B))
         if params.layout is not None:
             values |= _layout_uniforms(params.layout, size)
         if params.difference is not None:

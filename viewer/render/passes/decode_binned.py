@@ -11,7 +11,7 @@ import numpy as np
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.passes.decode_pass import DecodePass, filter_defines
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
@@ -46,13 +46,13 @@ class DecodeBinnedPass(DecodePass):
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
             self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
 
-    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode the whole picture."""
         needed = target.size[0] * target.size[1] * PIXEL_BYTES
         self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed)
         inputs.bind()
         self._buffers.bind()
-        target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
+        target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
         self._bins.bind_to_storage_buffer(int(StorageBinding.BINS))
         self._pixels.bind_to_storage_buffer(int(StorageBinding.BIN_PIXELS))
         blocks = tuple(-(-side // GROUP_SIDE) for side in target.size)

@@ -3,7 +3,7 @@
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.passes.decode_pass import DecodePass, filter_defines
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
@@ -37,11 +37,11 @@ class DecodeDeferredPass(DecodePass):
             shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
-    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode the whole picture."""
         inputs.bind()
         self._buffers.bind()
-        target.texture.bind_to_image(int(ImageUnit.ALBEDO), read=False, write=True)
+        target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
         set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:

@@ -5,7 +5,7 @@ import moderngl
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.passes.decode_pass import DecodePass, filter_defines
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
@@ -28,7 +28,7 @@ class DecodeForwardPass(DecodePass):
         defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
         self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", defines)
 
-    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode in the fragments that lie at the visible depth."""
         gl = self._gl
         framebuffer = target.framebuffer_with_depth(inputs.visibility.depth)

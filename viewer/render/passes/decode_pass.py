@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import moderngl
 
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import TexelFilter
 
@@ -16,10 +16,10 @@ def filter_defines(texel_filter: TexelFilter) -> dict[str, int]:
 
 
 class DecodePass(ABC):
-    """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: linear albedo of the whole picture."""
+    """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
 
     @abstractmethod
-    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode every visible pixel once."""
 
     def own_buffers(self) -> Sequence[moderngl.Buffer]:

@@ -17,7 +17,7 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.material_records import plane_texture
 from viewer.render.resources.samplers import SamplerCache
@@ -158,7 +158,7 @@ class ReferencePass:
             self._depth = made
         return self._depth
 
-    def run(self, inputs: VisibilityInputs, target: AlbedoTarget) -> None:
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Draw the plane, once the visible materials have been uploaded."""
         visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl

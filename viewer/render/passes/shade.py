@@ -11,7 +11,7 @@ from ntc.codec.maps import MapName
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import MAP_BITS, MOST_LIGHTS, TextureUnit, UniformBinding
 from viewer.render.resources.light.scene_light import LIGHT_RECORD, SceneLight, light_records
 from viewer.render.resources.visibility_buffer import VisibilityInputs
@@ -26,9 +26,9 @@ TONE_MAP_CODES: Final[dict[ToneMap, int]] = {"none": 0, "neutral": 1, "agx": 2}
 class PlaneTargets:
     """Decoded planes of one picture, see ntc/codec/maps.py; None for one that nothing reads, or that the view does not need."""
 
-    base: AlbedoTarget | None
-    surface: AlbedoTarget | None = None
-    emission: AlbedoTarget | None = None
+    base: ColorTarget | None
+    surface: ColorTarget | None = None
+    emission: ColorTarget | None = None
     drawings: tuple[int, ...] = ()
     """Numbers that change with what the targets show."""
 
@@ -93,7 +93,7 @@ def _matrix_bytes(matrix: NDArray[np.float64]) -> bytes:
 
 
 class ShadePass:
-    """Output: an AlbedoTarget, linear light in [0, 1]. Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
+    """Output: an ColorTarget, linear light in [0, 1]. Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
 
     name = "shade"
 
@@ -101,7 +101,7 @@ class ShadePass:
         self._context, self._programs = context, programs
         self._lights: moderngl.Buffer | None = None
 
-    def run(self, inputs: ShadeInputs, output: AlbedoTarget) -> None:
+    def run(self, inputs: ShadeInputs, output: ColorTarget) -> None:
         """Draw the picture. Raises ValueError where a lit view lacks light, frames or base colours, ShaderError."""
         defines = self._bind_planes(inputs)
         inputs.view.bind()
@@ -120,7 +120,7 @@ class ShadePass:
         self._context.gl.enable_only(moderngl.NOTHING)
         program.render(moderngl.TRIANGLES, vertices=3)
 
-    def _draw_background(self, program: moderngl.VertexArray, depth: moderngl.Texture, output: AlbedoTarget) -> None:
+    def _draw_background(self, program: moderngl.VertexArray, depth: moderngl.Texture, output: ColorTarget) -> None:
         """Draw `program` where nothing has been drawn into `depth`: a test of depth costs less than a branch for every pixel."""
         gl = self._context.gl
         framebuffer = output.framebuffer_with_depth(depth)
@@ -151,7 +151,7 @@ class ShadePass:
             defines[f"{prefix}EMISSION_PLANE"] = int(targets[2] is not None)
         return defines
 
-    def _draw_lit(self, inputs: ShadeInputs, defines: dict[str, int], output: AlbedoTarget) -> None:
+    def _draw_lit(self, inputs: ShadeInputs, defines: dict[str, int], output: ColorTarget) -> None:
         light, target = inputs.light, inputs.view.visibility
         needs_other = "base" in inputs.other_maps and (inputs.other is None or inputs.other.base is None)
         if light is None or inputs.planes.base is None or needs_other or not target.content.frame:

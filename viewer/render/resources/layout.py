@@ -52,8 +52,8 @@ class TextureUnit(IntEnum):
     SURFACE_GRADIENTS = 2
     IMAGES = 3
     ALPHA = 4
-    ALBEDO_A = 5
-    ALBEDO_B = 6
+    PICTURE_A = 5
+    PICTURE_B = 6
     DIVERGENCE = 7
     ATLAS = 8
     FLIP = 9
@@ -75,7 +75,7 @@ class TextureUnit(IntEnum):
 class ImageUnit(IntEnum):
     """Image units of compute passes."""
 
-    ALBEDO = 0
+    TARGET = 0
     DIVERGENCE = 1
     WEIGHTS = 2
     ATLAS = 3

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from viewer.gl.timer import PassTimer
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileBudget, TileCounts
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
@@ -71,7 +71,7 @@ class CachedPath:
         self._decode(self._cache.tiles_ahead())
         return True
 
-    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
         """Request, decode and draw; the time in ms. With `whole` all missing tiles are decoded, however long it takes.
 
         With `same_view`, where `target` shows an older picture of this view, only some rows may be drawn (`is_partial`).
@@ -114,7 +114,7 @@ class CachedPath:
         self._cache.note_time(done, self._timer.last_ms)
         return self._timer.last_ms
 
-    def _sample_band(self, inputs: VisibilityInputs, target: AlbedoTarget) -> float:
+    def _sample_band(self, inputs: VisibilityInputs, target: ColorTarget) -> float:
         """Draw the next rows; the time in ms."""
         band = (BANDS - self._bands_left, BANDS)
         self._bands_left -= 1

@@ -10,7 +10,7 @@ from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import TileAtlas
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
     BIN_GROUP,
@@ -50,7 +50,7 @@ def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
 class DecodeCachedPass:
     """The GPU work of path `cached`: `request`, `decode` and `sample` in turn make a frame (see CachedPath).
 
-    Inputs: visibility buffer, materials, a pack. Output: linear albedo.
+    Inputs: visibility buffer, materials, a pack. Output: a plane.
     """
 
     def __init__(
@@ -281,8 +281,8 @@ class DecodeCachedPass:
         self._invalidate.run(-(-len(entries) // TEXEL_GROUP))
         self._gl.memory_barrier()
 
-    def sample(self, inputs: VisibilityInputs, target: AlbedoTarget, band: tuple[int, int] = (0, 1)) -> None:
-        """Draw the albedo from the tiles that are there; `band` (number, of) is a part of the rows."""
+    def sample(self, inputs: VisibilityInputs, target: ColorTarget, band: tuple[int, int] = (0, 1)) -> None:
+        """Draw the plane from the tiles that are there; `band` (number, of) is a part of the rows."""
         defines = {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
         triangle = self._programs.fullscreen(f"{FOLDER}/sample.frag", defines)
         target.framebuffer.use()

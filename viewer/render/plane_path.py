@@ -1,11 +1,11 @@
-"""How a slot's albedo comes onto the screen: the interface of all decode paths, and the paths that decode every pixel at once."""
+"""How a plane of a slot's maps comes onto the screen: the interface of all decode paths, and those that decode every pixel at once."""
 
 from collections.abc import Callable, Collection
 from typing import Protocol
 
 from viewer.gl.timer import PassTimer
 from viewer.render.passes.decode_pass import DecodePass
-from viewer.render.resources.albedo_target import AlbedoTarget
+from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileCounts
 
@@ -13,8 +13,8 @@ SAMPLES = 16
 """Of a picture at rest with the stochastic filter; then nothing is drawn any more."""
 
 
-class AlbedoPath(Protocol):
-    """Draws the albedo of one pack, in one frame or over several."""
+class PlanePath(Protocol):
+    """Draws one plane of a pack, in one frame or over several."""
 
     memory_part: str
     """What `bytes_on_gpu` counts as in reports."""
@@ -42,8 +42,8 @@ class AlbedoPath(Protocol):
     def decode_ahead(self) -> bool:
         """Work for the next picture of the same view without drawing; False when it is time to draw."""
 
-    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
-        """Draw linear albedo; the time in ms. With `whole` nothing is left for later frames.
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
+        """Draw the plane; the time in ms. With `whole` nothing is left for later frames.
 
         With `same_view`, where `target` shows an older picture of this view, the path may draw some of its rows only.
         """
@@ -82,7 +82,7 @@ class DirectPath:
         """There is nothing to decode ahead."""
         return False
 
-    def draw(self, inputs: VisibilityInputs, target: AlbedoTarget, whole: bool, same_view: bool = False) -> float:
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
         """Upload the latents that are missing, and decode the picture; the time of the pass in ms."""
         del whole, same_view
         self._upload_latents(inputs)

@@ -1,4 +1,4 @@
-"""Linear albedo of one slot: what every decode path and the reference write."""
+"""A plane of a slot's maps, or its picture: what decode paths, the reference and the shading pass write."""
 
 import moderngl
 import numpy as np
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from viewer.gl.context import GraphicsContext
 
 
-class AlbedoTarget:
+class ColorTarget:
     """RGBA of one picture size (width, height); alpha is 1 where a surface is seen.
 
     Half floats carry 8-bit images without loss (an eighth of a step at worst) at half the traffic; decoders write fp32.
@@ -30,7 +30,7 @@ class AlbedoTarget:
         # Has no memory of its own, and is made for every frame: nothing to check.
         return self._context.gl.framebuffer([self.texture], depth)
 
-    def copy_from(self, other: "AlbedoTarget") -> None:
+    def copy_from(self, other: "ColorTarget") -> None:
         """Take over the pixels of a target of the same size, whose floats may be halves."""
         # Whatever part was drawn last into another target is no limit here.
         self.framebuffer.use()
