@@ -178,7 +178,7 @@ def study_stability(options: StabilityStudyOptions) -> int:
         cases = [*stability_cases(options.texels, options.seed), *block_cases(options.texels, options.seed)]
         cases += [trained_case(name, pack, options.texels, options.seed) for name, pack in packs.items()]
         rows = stability_rows(bench, cases, options.precisions, console.print)
-        images = source_textures(scene, None)
+        images = (*source_textures(scene, None), *source_textures(scene, None, "all"))
         losses = [
             loss
             for name, pack in packs.items()

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
 from viewer.gl.context import GraphicsContext
@@ -15,6 +16,7 @@ from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.state.view_state import Precision
 
 TEXELS_AT_ONCE = 1 << 18
@@ -42,26 +44,29 @@ class GlTexelDecoder:
             library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
             programs = codec_programs(ProgramFactory(context.gl, library), pack)
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
-        self._program = programs.compute("passes/decode_texels/decode.comp", self._buffers.defines)
+        self._programs = programs
 
     def decode_texels(
         self, texture_index: int, uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode] | None = None
     ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; `wrap` None takes the texture's own modes."""
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], all channels of the texture's maps; `wrap` None takes the
+        texture's own modes."""
         texture = self._pack.textures[texture_index]
         modes = texture.wrap if wrap is None else wrap
         code = texture_index * 16 + WRAP_CODES[modes[0]] * 4 + WRAP_CODES[modes[1]]
-        parts = [
-            self._decode(
-                np.asarray(uv[start : start + TEXELS_AT_ONCE]), np.asarray(lod[start : start + TEXELS_AT_ONCE]), code
-            )
-            for start in range(0, len(uv), TEXELS_AT_ONCE)
-        ]
-        values = np.concatenate(parts) if parts else np.zeros((0, 4), np.float32)
-        return values[:, : texture.channels]
+        values = np.zeros((len(uv), texture.channels), np.float32)
+        for plane, channels in plane_channels(texture.maps, texture.channels).items():
+            for start in range(0, len(uv), TEXELS_AT_ONCE):
+                part = slice(start, start + TEXELS_AT_ONCE)
+                decoded = self._decode(np.asarray(uv[part]), np.asarray(lod[part]), code, plane)
+                values[part, list(channels.values())] = decoded[:, list(channels)]
+        return values
 
     @checks_context
-    def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int) -> NDArray[np.float32]:
+    def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int, plane: Plane) -> NDArray[np.float32]:
+        """[N, 4] float32: the plane's components."""
+        defines = {**self._buffers.defines, **PlaneReading(plane).defines()}
+        program = self._programs.compute("passes/decode_texels/decode.comp", defines)
         requests = np.zeros(len(uv), REQUEST_RECORD)
         requests["uv"], requests["lod"], requests["texture_wrap"] = uv, lod, code
         with self._memory.transaction():
@@ -71,8 +76,8 @@ class GlTexelDecoder:
             self._buffers.bind()
             request_buffer.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
             result_buffer.bind_to_storage_buffer(int(StorageBinding.RESULTS))
-            set_uniforms(self._program, {"count": len(uv), "network_blocks": self._buffers.network_blocks})
-            self._program.run(-(-len(uv) // TEXEL_GROUP))
+            set_uniforms(program, {"count": len(uv), "network_blocks": self._buffers.network_blocks})
+            program.run(-(-len(uv) // TEXEL_GROUP))
             self._gl.memory_barrier()
             return np.frombuffer(result_buffer.read(), np.float32).reshape(-1, 4).copy()
         finally:
