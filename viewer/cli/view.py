@@ -21,7 +21,8 @@ WITHOUT_SCRIPT = "wait settled; screenshot window.png"
 
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
     """Write the decoded picture with its divergence, and the original picture, into `folder`."""
-    common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE}
+    # As the window opens.
+    common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE, "view": "lit"}
     slot = {"path": options.path, "precision": options.precision, "filter": options.filter or "exact"}
     decoded = {"grouping": options.grouping, **slot}
     render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
