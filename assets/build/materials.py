@@ -12,6 +12,7 @@ from assets.build.patterns import (
     cells,
     coordinates,
     courses,
+    floor_pieces,
     fractal,
     glyphs,
     gradient_noise,
@@ -132,29 +133,7 @@ def fabric(seed: int, warp_colors: Sequence[str], weft_colors: Sequence[str], th
 def floor(seed: int, kind: str, colors: Sequence[str], joint: str, count: int) -> Image:
     """Tiles, slabs, hexagons, parquet or mosaic."""
     u, v = coordinates()
-    if kind == "mosaic":
-        _, border, number = cells(seed, count, jitter=0.55)
-        distance = border * SIZE / count * 0.6
-    elif kind == "hexagons":
-        x, y = u * count, v * count
-        row = np.floor(y).astype(int)
-        column = np.floor(x + 0.5 * (row % 2)).astype(int)
-        fx, fy = x + 0.5 * (row % 2) - column - 0.5, y - row - 0.5
-        distance = (0.5 - np.maximum(np.abs(fx), np.abs(fx) * 0.5 + np.abs(fy) * 0.95)) * SIZE / count
-        number = row * count + column % count
-    elif kind == "parquet":
-        block = (np.floor(u * count) + np.floor(v * count)).astype(int) % 2
-        along = np.where(block == 0, u, v) * count * 4
-        across = np.where(block == 0, v, u) * count
-        number = (np.floor(along) + 997 * np.floor(across) + 31 * np.floor(np.where(block == 0, v, u) * count)).astype(
-            int
-        ) % 4096
-        distance = np.minimum(
-            np.minimum(along % 1, 1 - along % 1) * SIZE / count / 4,
-            np.minimum(across % 1, 1 - across % 1) * SIZE / count,
-        )
-    else:
-        distance, number, _, _ = courses(count, count, 0.5 if kind == "slabs" else 0.0)
+    distance, number = floor_pieces(seed, kind, count)
     tone = 0.5 + 0.5 * per_cell(seed, number)
     if kind == "checker":
         tone = ((number // count + number % count) % 2).astype(float)

@@ -134,3 +134,32 @@ def glyphs(seed: int, columns: int, rows: int, thickness: float = 0.13) -> Plane
             )
             ink = np.maximum(ink, on)
     return np.where(blank[row, column], 0.0, ink)
+
+
+def floor_pieces(seed: int, kind: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Distance to the nearest joint in texels, and number of the piece, of tiles, slabs, hexagons, parquet or mosaic."""
+    u, v = coordinates()
+    if kind == "mosaic":
+        _, border, number = cells(seed, count, jitter=0.55)
+        distance = border * SIZE / count * 0.6
+    elif kind == "hexagons":
+        x, y = u * count, v * count
+        row = np.floor(y).astype(int)
+        column = np.floor(x + 0.5 * (row % 2)).astype(int)
+        fx, fy = x + 0.5 * (row % 2) - column - 0.5, y - row - 0.5
+        distance = (0.5 - np.maximum(np.abs(fx), np.abs(fx) * 0.5 + np.abs(fy) * 0.95)) * SIZE / count
+        number = row * count + column % count
+    elif kind == "parquet":
+        block = (np.floor(u * count) + np.floor(v * count)).astype(int) % 2
+        along = np.where(block == 0, u, v) * count * 4
+        across = np.where(block == 0, v, u) * count
+        number = (np.floor(along) + 997 * np.floor(across) + 31 * np.floor(np.where(block == 0, v, u) * count)).astype(
+            int
+        ) % 4096
+        distance = np.minimum(
+            np.minimum(along % 1, 1 - along % 1) * SIZE / count / 4,
+            np.minimum(across % 1, 1 - across % 1) * SIZE / count,
+        )
+    else:
+        distance, number, _, _ = courses(count, count, 0.5 if kind == "slabs" else 0.0)
+    return distance, number

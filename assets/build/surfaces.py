@@ -15,6 +15,7 @@ from assets.build.patterns import (
     cells,
     coordinates,
     courses,
+    floor_pieces,
     fractal,
     glyphs,
     gradient_noise,
@@ -98,29 +99,7 @@ def fabric(seed: int, threads: int, twill: int, roughness: float) -> Surface:
 def floor(seed: int, kind: str, count: int, roughness: float) -> Surface:
     """Tiles, slabs, hexagons, parquet or mosaic with lower joints, trodden smoother in places."""
     u, v = coordinates()
-    if kind == "mosaic":
-        _, border, number = cells(seed, count, jitter=0.55)
-        distance = border * SIZE / count * 0.6
-    elif kind == "hexagons":
-        x, y = u * count, v * count
-        row = np.floor(y).astype(int)
-        column = np.floor(x + 0.5 * (row % 2)).astype(int)
-        fx, fy = x + 0.5 * (row % 2) - column - 0.5, y - row - 0.5
-        distance = (0.5 - np.maximum(np.abs(fx), np.abs(fx) * 0.5 + np.abs(fy) * 0.95)) * SIZE / count
-        number = row * count + column % count
-    elif kind == "parquet":
-        block = (np.floor(u * count) + np.floor(v * count)).astype(int) % 2
-        along = np.where(block == 0, u, v) * count * 4
-        across = np.where(block == 0, v, u) * count
-        number = (np.floor(along) + 997 * np.floor(across) + 31 * np.floor(np.where(block == 0, v, u) * count)).astype(
-            int
-        ) % 4096
-        distance = np.minimum(
-            np.minimum(along % 1, 1 - along % 1) * SIZE / count / 4,
-            np.minimum(across % 1, 1 - across % 1) * SIZE / count,
-        )
-    else:
-        distance, number, _, _ = courses(count, count, 0.5 if kind == "slabs" else 0.0)
+    distance, number = floor_pieces(seed, kind, count)
     joined = distance + 0.4 * fractal(seed + 6, 48, 3)
     body = smooth(0.8, 3.6, joined)
     tilt = per_cell(seed + 11, number) * (u * count % 1 - 0.5) + per_cell(seed + 12, number) * (v * count % 1 - 0.5)

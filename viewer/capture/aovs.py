@@ -7,9 +7,8 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from ntc.errors import InputError
-from ntc.io import atomic_path
 from viewer.render.renderer import Renderer
+from viewer.scene.images import write_image
 from viewer.state.view_state import Slot
 
 Channels = Mapping[str, NDArray[np.float32]]
@@ -46,12 +45,4 @@ def write_aovs(path: Path, channels: Channels) -> None:
     height, width = pixels.shape[:2]
     spec = OpenImageIO.ImageSpec(width, height, len(names), "float")
     spec.channelnames = tuple(names)
-    with atomic_path(path) as temporary:
-        output = OpenImageIO.ImageOutput.create(str(temporary))
-        if output is None or not output.open(str(temporary), spec):
-            raise InputError(f"{path}: cannot be written ({OpenImageIO.geterror() or 'no writer of EXR'})")
-        written = output.write_image(pixels)
-        if not (output.close() and written):
-            raise InputError(
-                f"{path}: cannot be written ({output.geterror() or 'disk full?'}); check space and permissions"
-            )
+    write_image(path, pixels, spec)

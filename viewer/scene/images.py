@@ -181,13 +181,21 @@ def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
     spec.attribute("oiio:UnassociatedAlpha", 1)
     if path.suffix.lower() != ".png":
         raise ValueError(f"{path}: the name of a PNG ends in .png")
+    write_image(path, np.ascontiguousarray(image), spec)
+
+
+def write_image(path: Path, pixels: NDArray[Any], spec: OpenImageIO.ImageSpec) -> None:
+    """Write `pixels` [H, W, C] as `spec` says, atomically, in the format that the name's ending stands for.
+
+    Raises InputError where the file cannot be written.
+    """
     with atomic_path(path) as temporary:
         output = OpenImageIO.ImageOutput.create(str(temporary))
         if output is None or not output.open(str(temporary), spec):
             raise InputError(
                 f"{path}: cannot be written ({OpenImageIO.geterror() if output is None else output.geterror()})"
             )
-        written = output.write_image(np.ascontiguousarray(image))
+        written = output.write_image(pixels)
         message = "" if written else output.geterror()
         closed = output.close()
         if not (written and closed):

@@ -112,11 +112,15 @@ class Material:
     """Emission and occlusion."""
     factors: SurfaceFactors = DEFAULT_FACTORS
 
+    def plane(self, plane: Plane) -> PlaneTexture | None:
+        """Where the maps of `plane` are found; None where there are none."""
+        if plane == "base":
+            return PlaneTexture(self.texture_id, self.sampler, ("base",)) if self.texture_id >= 0 else None
+        return self.surface if plane == "surface" else self.emission
+
     def plane_texture(self, plane: Plane) -> int:
         """Index into `Scene.textures` of a plane's maps, -1 for none."""
-        if plane == "base":
-            return self.texture_id
-        found = self.surface if plane == "surface" else self.emission
+        found = self.plane(plane)
         return found.texture_id if found is not None else -1
 
     @property

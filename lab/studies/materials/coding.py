@@ -11,9 +11,10 @@ from ntc.codec.maps import MapName, map_slices
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.metrics.map_quality import HIGH_PERCENTILE, normal_angles
 from ntc.metrics.metrics import psnr_of_mse
+from viewer.scene.map_pictures import PICTURES
 
 Part = tuple[MapName, ...]
-PARTS: tuple[Part, ...] = (("base",), ("normal",), ("roughness", "metalness", "occlusion"), ("emissive",))
+PARTS: tuple[Part, ...] = PICTURES
 """Maps that lie in one picture where maps are not encoded together."""
 LEAST_ERROR = 1e-3
 """Mean square error in 8-bit steps squared that an exact map counts as."""

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from lab.studies.materials.own_codec import LARGEST_BITS, grouped_by_maps
 from ntc.codec.block.rate import config_for_bits, texture_set
 from ntc.codec.color import linear_to_srgb8
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.grouping.by_maps import kinds_of
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.image_quality import flip
@@ -33,8 +33,6 @@ from viewer.state.camera import frame_all
 from viewer.state.view_state import Slot, ViewState
 
 FORMATS: tuple[BlockFormat, ...] = ("astc-10x10", "astc-8x8", "astc-6x6", "bc7")
-LARGEST_BITS = 15.0
-"""That codes of 8x8 texels have: where a format takes more, codec `block` has these."""
 ORBIT = ((40.0, 15.0), (130.0, 25.0), (220.0, 10.0), (310.0, 35.0))
 """Azimuth and elevation in degrees of views of a scene without cameras."""
 COLUMNS = (
@@ -71,8 +69,7 @@ def cameras_of(scene: Scene, most: int) -> tuple[Camera, ...]:
 def pack_of_bits(scene: Scene, bits: float) -> Pack:
     """All maps in codec `block`, sets of one kind with one decoder, in `bits` a texel."""
     textures = source_textures(scene, None, "all")
-    labels = {index: kind for kind, members in enumerate(kinds_of(textures)) for index in members}
-    grouping = Grouping.of_labels("by maps", [labels[index] for index in range(len(textures))], {})
+    grouping = grouped_by_maps(textures)
     config = config_for_bits(min(bits, LARGEST_BITS), texture_set(textures, grouping.group_count))
     return encode_blocks(textures, grouping, config)
 

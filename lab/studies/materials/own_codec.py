@@ -33,11 +33,15 @@ def _side(textures: Sequence[SourceTexture], bits: float) -> BlockSide:
     return 8 if bits <= (0.5 if alone else 1.0) * LARGEST_BITS else 4
 
 
+def grouped_by_maps(textures: Sequence[SourceTexture]) -> Grouping:
+    """Textures with the same maps share a decoder."""
+    labels = {index: kind for kind, members in enumerate(kinds_of(textures)) for index in members}
+    return Grouping.of_labels("by maps", [labels[index] for index in range(len(textures))], {})
+
+
 def _encoded(textures: Sequence[SourceTexture], bits: float) -> tuple[list[CodedMaps], float]:
     """(each texture decoded, stored bits in all) where textures of one kind share a decoder."""
-    kinds = kinds_of(textures)
-    labels = {index: kind for kind, members in enumerate(kinds) for index in members}
-    grouping = Grouping.of_labels("by maps", [labels[index] for index in range(len(textures))], {})
+    grouping = grouped_by_maps(textures)
     config = config_for_bits(bits, texture_set(textures, grouping.group_count), _side(textures, bits))
     pack = encode_blocks(textures, grouping, config)
     codec = torch_codec(pack, "cpu")

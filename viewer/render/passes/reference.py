@@ -19,7 +19,6 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
-from viewer.render.resources.material_records import plane_texture
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs
 from viewer.scene.map_pictures import plane_mips
@@ -52,7 +51,7 @@ class ImageArrayPlan:
 
 def plan_image_arrays(scene: Scene, plane: Plane) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
     """Texture arrays of a plane for a scene, and the place of each textured material's image, by material index."""
-    found = {index: plane_texture(material, plane) for index, material in enumerate(scene.materials)}
+    found = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
     textured = {index: own for index, own in found.items() if own is not None}
     members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
     for own in textured.values():

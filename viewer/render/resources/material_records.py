@@ -2,26 +2,12 @@
 
 import numpy as np
 
-from ntc.codec.maps import PLANE_COMPONENTS, PLANES, MapName, Plane
+from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
 from viewer.render.resources.layout import ALPHA_CODES, MATERIAL_RECORD, WRAP_CODES, sampler_flags
-from viewer.scene.model import Material, PlaneTexture, Scene
+from viewer.scene.model import Material, Scene
 
-COMPONENTS_OF_MAP: dict[MapName, int] = {
-    "base": 4,
-    "normal": 2,
-    "roughness": 1,
-    "metalness": 1,
-    "emissive": 3,
-    "occlusion": 1,
-}
+COMPONENTS_OF_MAP: dict[MapName, int] = {**MAP_CHANNELS, "base": 4}
 """Components of a plane that each map takes."""
-
-
-def plane_texture(material: Material, plane: Plane) -> PlaneTexture | None:
-    """Where `material` finds the maps of `plane`; None where it has none."""
-    if plane == "base":
-        return PlaneTexture(material.texture_id, material.sampler, ("base",)) if material.texture_id >= 0 else None
-    return material.surface if plane == "surface" else material.emission
 
 
 def component_bits(plane: Plane, maps: tuple[MapName, ...]) -> int:
@@ -60,7 +46,7 @@ def material_records(scene: Scene) -> np.ndarray:
         for own, plane in zip(record["planes"], PLANES, strict=True):
             # Coverage is read as the base colour would be, also where there is none.
             own["wrap_u"], own["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)
-            found = plane_texture(material, plane)
+            found = material.plane(plane)
             if found is None:
                 continue
             own["texture_id"] = found.texture_id

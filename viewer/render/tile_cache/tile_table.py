@@ -10,7 +10,6 @@ from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
 from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE, WRAP_CODES
-from viewer.render.resources.material_records import plane_texture
 from viewer.scene.model import Material
 
 
@@ -39,7 +38,7 @@ class TileTable:
         rows: list[tuple[int, int, int, int, int, int]] = []
         entries = 0
         for material in materials:
-            own = plane_texture(material, plane)
+            own = material.plane(plane)
             index = match.texture_index[own.texture_id] if own is not None else -1
             if own is None or index < 0:
                 firsts.append(-1)
