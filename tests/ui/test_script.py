@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.WebPImagePlugin import WebPImageFile
 
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from viewer.commands import COMMANDS
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
-from viewer.scene.model import Camera
+from viewer.scene.model import Camera, Scene
 from viewer.script.parse import parse_script
 from viewer.state.session import Toast
 from viewer.state.zoom import Zoom
@@ -46,6 +48,34 @@ def test_inputs(app: DrivenApp) -> None:
         "expect size 400x300",
     )
     assert app.screenshot().shape == (300, 400, 3)
+
+
+def test_a_film_shows_what_changed(app: DrivenApp, tmp_path: Path) -> None:
+    play(
+        app,
+        "film a.webp",
+        "wait seconds 0.2",
+        "compare.mode a",
+        "wait seconds 0.2",
+        "window.panels",
+        "wait seconds 0.2",
+    )
+    play(app, "film end", "expect toast a.webp")
+    with Image.open(tmp_path / "pictures" / "a.webp") as film:
+        assert isinstance(film, WebPImageFile)
+        assert film.size == app.size
+        assert film.n_frames >= 2
+
+
+def test_a_film_that_is_not_ended_is_written(scene: Scene, tmp_path: Path) -> None:
+    app = DrivenApp(scene, {}, (320, 200), tmp_path)
+    play(app, "film a.webp", "wait frames 2")
+    app.close()
+    assert (tmp_path / "a.webp").is_file()
+
+
+def test_files_are_dropped(app: DrivenApp, scene_path: Path) -> None:
+    play(app, "compare.mode a", f"drop '{scene_path.with_name('scene.single.ntc')}'", "expect source single")
 
 
 def test_the_mouse_with_a_modifier(app: DrivenApp) -> None:

@@ -141,6 +141,7 @@ class Frontend:
 
     def release(self) -> None:
         """Free everything on the GPU, and end what runs beside it."""
+        self._writer.end_film()
         self.interface.background.close()
         self.live.close()
         self._formats.close()

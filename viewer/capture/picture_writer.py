@@ -1,4 +1,6 @@
-"""Pictures and recorded paths as files in the session's folder of pictures."""
+"""Pictures, films and recorded paths as files in the session's folder of pictures."""
+
+import time
 
 import moderngl
 import numpy as np
@@ -6,6 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from ntc.io import write_text
+from viewer.capture.film import Film
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.viewport import Viewport
@@ -30,10 +33,12 @@ class PictureWriter:
 
     def __init__(self, context: GraphicsContext, session: Session, picture: Viewport) -> None:
         self._context, self._session, self._picture = context, session, picture
+        self._film: Film | None = None
 
     def write_requested(self, framebuffer: moderngl.Framebuffer) -> None:
         """Write all that is requested. Raises ContextLostError; what has not been written stays requested then."""
         session = self._session
+        self._follow_film(framebuffer)
         for request in session.requests.pictures:
             self._write(request, framebuffer)
             finish_picture(session)
@@ -55,6 +60,28 @@ class PictureWriter:
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             line = " ".join(str(error).split()) or "there is not enough memory for the picture"
             notify(session, line, "error")
+
+    def _follow_film(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Begin, go on with, or end the film that is requested."""
+        wanted, film, now = self._session.requests.film, self._film, time.monotonic()
+        path = self._session.pictures_folder / wanted if wanted is not None else None
+        if film is not None and film.path != path:
+            self.end_film()
+        if path is not None:
+            self._film = self._film or Film(path)
+            if self._film.wants(now):
+                self._film.add(read_pixels(framebuffer), now)
+
+    def end_film(self) -> None:
+        """Write the film that is being taken, if one is."""
+        film, self._film = self._film, None
+        if film is None:
+            return
+        try:
+            count = film.write()
+            notify(self._session, f"wrote {film.path}: {count} pictures")
+        except (InputError, OSError, MemoryError) as error:
+            notify(self._session, f"{film.path}: cannot be written ({error})", "error")
 
     def _write_path(self, cameras: tuple[Camera, ...]) -> None:
         path = self._session.dated_file("-path", ".json")

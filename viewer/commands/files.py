@@ -44,6 +44,11 @@ def take_quiet_screenshot(session: Session, file: Path) -> None:
     session.requests.pictures = (*session.requests.pictures, PictureRequest("window", file, quiet=True))
 
 
+@gesture("file.film")
+def take_film(session: Session, file: Path | None) -> None:
+    session.requests.film = file
+
+
 def _restore(session: Session, text: str, where: str) -> None:
     saved = parse_view(text, where, present_view(session))
     view, missing = with_open_sources(saved.view, session.view, session.open_sources)

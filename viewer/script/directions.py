@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ntc.errors import InputError
 from viewer.commands import run
+from viewer.commands.command import typed_path
 from viewer.commands.keys import parse_chord
 from viewer.script import inputs
 from viewer.script.stage import PROPERTIES, Stage, expect
@@ -126,6 +127,28 @@ def _screenshot(arguments: Sequence[str]) -> Play:
     return play
 
 
+def _film(arguments: Sequence[str]) -> Play:
+    file = None if arguments == ("end",) else Path(arguments[0])
+    if file is not None and file.suffix.lower() != ".webp":
+        raise InputError(f"{arguments[0]!r}: must end with .webp, or be `end`")
+
+    def play(stage: Stage) -> Iterator[None]:
+        run(stage.context, "file.film", file)
+        yield
+
+    return play
+
+
+def _drop(arguments: Sequence[str]) -> Play:
+    paths = [typed_path(text) for text in arguments]
+
+    def play(stage: Stage) -> Iterator[None]:
+        stage.open_files(paths)
+        yield
+
+    return play
+
+
 def _key(arguments: Sequence[str]) -> Play:
     chord = parse_chord(arguments[0])
     return lambda _stage: inputs.press(chord)
@@ -196,6 +219,14 @@ DIRECTIONS = {
     "screenshot": Direction(
         "screenshot FILE", "write the window's content as a PNG, without a message", 1, 1, _screenshot
     ),
+    "film": Direction(
+        "film FILE | end",
+        "write what the window shows from here to the end as an animated WebP, up to 10 pictures a second",
+        1,
+        1,
+        _film,
+    ),
+    "drop": Direction("drop FILE ...", "drop files on the window", 1, MANY, _drop),
     "key": Direction("key KEY", "press a key and let it go, e.g. `Ctrl+P`", 1, 1, _key),
     "hold": Direction("hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, _hold),
     "release": Direction("release KEY", "let a key go", 1, 1, _release),

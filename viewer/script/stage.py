@@ -1,6 +1,7 @@
 """Where a script is played, and what it can expect there."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 from ntc.errors import InputError
@@ -32,6 +33,10 @@ class Stage(Protocol):
 
     def resize(self, size: tuple[int, int]) -> None:
         """Give the window's content this size, from the next frame on."""
+        ...
+
+    def open_files(self, paths: list[Path]) -> None:
+        """Open files, as when they are dropped on the window."""
         ...
 
 

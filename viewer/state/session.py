@@ -164,6 +164,8 @@ class Requests:
 
     measure: bool = False
     pictures: tuple[PictureRequest, ...] = ()
+    film: Path | None = None
+    """File of the film that is taken of the window's content, relative to the folder of pictures; None while none is."""
     camera_path: tuple[Camera, ...] | None = None
     """A recorded path that is to be written as a file."""
     pack_changes: Mapping[str, PackChange] = field(default_factory=dict)

@@ -52,6 +52,8 @@ def test_exec_is_split_outside_quotes() -> None:
         ("size big", "64 to 8192"),
         ("screenshot a.jpg", "end with .png"),
         ("screenshot", "usage: screenshot"),
+        ("film a.png", "end with .webp"),
+        ("drop", "usage: drop"),
         ("key Ctrl+Nothing", "no such key"),
         ("move 1", "usage: move"),
         ("move 1 nan", "must be a number"),
