@@ -1,7 +1,6 @@
 """A window's content without a window, over a small scene with two packs."""
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
@@ -11,6 +10,8 @@ import pytest
 from imgui_bundle import imgui
 
 from lab.bench.random_pack import random_pack
+from lab.window_trials.virtual_display import virtual_display
+from ntc.errors import InputError
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
@@ -86,22 +87,8 @@ def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
 @pytest.fixture
 def display() -> Iterator[str]:
     """DISPLAY of a virtual screen for one test."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("Xvfb is not installed: no virtual screen for a window")
-    reading, writing = os.pipe()
-    server = subprocess.Popen(
-        # A number of this process: a server that ends removes the socket of one that has just taken the same number.
-        # Nor does it start anew when a program closes its only window: the next one would find no screen.
-        f"Xvfb :{1000 + os.getpid() % 50000} -displayfd {writing} -screen 0 1024x640x24 -nolisten tcp -noreset".split(),
-        pass_fds=[writing],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    os.close(writing)
-    with os.fdopen(reading) as answer:
-        number = answer.readline().strip()
-    if not number:
-        pytest.skip("Xvfb did not start")
-    yield f":{number}"
-    server.terminate()
-    server.wait()
+    try:
+        with virtual_display() as name:
+            yield name
+    except InputError as error:
+        pytest.skip(str(error))

@@ -1,0 +1,181 @@
+"""Random input to real windows for a long time: nothing may crash, no run be lost, no pack lie beside another scene.
+
+    python -m lab.window_trials.monkey --seconds 1800 --seed 1 --json lab/benchmarks/results/monkey_llvmpipe.json
+
+Windows are opened one after the other over the same files and settings, now and then two at once, and some of them are killed.
+After each: its exit status, every pack beside a scene against that scene, and every run that ended against the packs on the disk
+(accepted, or kept for the next start) and the runs that were discarded.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from lab.window_trials.run_journal import fingerprint, read_journal
+from lab.window_trials.virtual_display import virtual_display
+from ntc.errors import InputError
+from ntc.io import write_text
+from ntc.pack.file import read_pack
+from ntc.pack.match import require_match
+from tests.end_to_end.conftest import two_squares
+from viewer.scene.load import load_scene
+from viewer.state.pack_files import match_scene, packs_beside
+
+LONGEST_WINDOW = 90.0
+"""Seconds of one window; the next one finds what it left."""
+KILLED_SHARE, TWO_SHARE = 0.2, 0.2
+SECONDS_TO_END = 60.0
+
+
+@dataclass
+class Findings:
+    """What the trial came to."""
+
+    seconds: float = 0.0
+    windows: int = 0
+    killed: int = 0
+    runs: int = 0
+    """That ended with a pack."""
+    slow_frames: dict[str, int] = field(default_factory=dict)
+    """Frames over 250 ms, by what the window said that it was doing."""
+    slowest_silent_ms: int = 0
+    """Longest frame while it said nothing."""
+    problems: list[str] = field(default_factory=list)
+
+
+class Trial:
+    """Scenes, settings and journals in one folder."""
+
+    def __init__(self, folder: Path, display: str, seed: int) -> None:
+        self._folder, self._display, self._random = folder, display, random.Random(seed)
+        self._files = folder / "files"
+        self.findings = Findings()
+        self._scenes = [self._make_scene(name, number) for number, name in enumerate(("red", "green", "blue"))]
+        for name, data in (
+            ("picture.png", b"\x89PNG\r\n\x1a\n1234"),
+            ("notes.txt", b"hello"),
+            ("broken.glb", b"glTF" * 9),
+        ):
+            (self._files / name).write_bytes(data)
+        self._journals: list[Path] = []
+
+    def _make_scene(self, name: str, seed: int) -> Path:
+        (self._files / name).mkdir(parents=True)
+        return two_squares(seed).write(self._files / name / f"{name}.glb")
+
+    def run(self, seconds: float) -> None:
+        """Open windows until the time is over."""
+        began = time.monotonic()
+        while (left := seconds - (time.monotonic() - began)) > 5.0:
+            length = min(left, self._random.uniform(15.0, LONGEST_WINDOW))
+            windows = [self._start(length) for _ in range(2 if self._random.random() < TWO_SHARE else 1)]
+            if self._random.random() < KILLED_SHARE:
+                time.sleep(self._random.uniform(5.0, length))
+                windows[0].send_signal(signal.SIGKILL)
+                self.findings.killed += 1
+            for window in windows:
+                self._wait_for(window, length)
+            self._check_packs()
+            self._check_runs()
+            self.findings.seconds = round(time.monotonic() - began, 1)
+            sys.stdout.write(
+                f"{self.findings.seconds:7.0f} s, {self.findings.windows} windows, {self.findings.problems[-3:]}\n"
+            )
+
+    def _start(self, seconds: float) -> subprocess.Popen[str]:
+        seed, scene = self._random.randrange(1 << 30), self._random.choice(self._scenes)
+        self._journals.append(self._folder / f"journal-{self.findings.windows}.jsonl")
+        self.findings.windows += 1
+        variables = {f"NTC_VIEWER_{kind}_DIR": str(self._folder / kind.lower()) for kind in ("CONFIG", "CACHE", "DATA")}
+        command = [sys.executable, "-m", "lab.window_trials.monkey_window", str(self._files), "--scene", str(scene)]
+        return subprocess.Popen(
+            [*command, "--seed", str(seed), "--seconds", f"{seconds:.1f}", "--journal", str(self._journals[-1])],
+            env={**os.environ, **variables, "DISPLAY": self._display},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def _wait_for(self, window: subprocess.Popen[str], seconds: float) -> None:
+        try:
+            _, errors = window.communicate(timeout=seconds + SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            window.kill()
+            _, errors = window.communicate()
+            self.findings.problems.append(f"window {self.findings.windows}: hung\n{errors[-2000:]}")
+            return
+        if window.returncode not in (0, -signal.SIGKILL) or "Traceback" in errors:
+            self.findings.problems.append(f"window {self.findings.windows}: exit {window.returncode}\n{errors[-3000:]}")
+
+    def _check_packs(self) -> None:
+        for path in self._scenes:
+            scene = load_scene(path)
+            for pack_path in packs_beside(path):
+                try:
+                    pack = read_pack(pack_path)
+                    require_match(pack, match_scene(pack, scene), scene.name)
+                except InputError as error:
+                    self._add_problem(f"beside {path.name}: {error}")
+
+    def _check_runs(self) -> None:
+        on_disk = set()
+        for path in self._folder.rglob("*.ntc"):
+            try:
+                on_disk.add(fingerprint(read_pack(path)))
+            except InputError as error:
+                self._add_problem(f"{path.name}: {error}")
+        ended: dict[str, str] = {}
+        discarded, slow = set(), Counter[str]()
+        silent = 0
+        for entry in (line for journal in self._journals for line in read_journal(journal)):
+            if entry["event"] == "run":
+                ended[entry["pack"]] = f"{Path(entry['scene']).name} run {entry['run']} ({entry['outcome']})"
+                if "discarded" in entry["outcome"]:
+                    discarded.add(entry["pack"])
+            elif entry["event"] == "slow":
+                slow[entry["doing"]] += 1
+                silent = max(silent, 0 if entry["doing"] else entry["ms"])
+        self.findings.runs, self.findings.slow_frames, self.findings.slowest_silent_ms = len(ended), dict(slow), silent
+        for pack, what in ended.items():
+            if pack not in on_disk | discarded:
+                self._add_problem(f"lost: {what}")
+
+    def _add_problem(self, line: str) -> None:
+        if line not in self.findings.problems:
+            self.findings.problems.append(line)
+
+
+def main() -> int:
+    """Run the trial; status 1 where there is a problem."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=1800.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--keep", type=Path, help="folder for files and journals, which stays")
+    options = parser.parse_args()
+    folder = options.keep or Path(tempfile.mkdtemp(prefix="ntc-viewer-monkey-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    with virtual_display(1280, 720) as display:
+        trial = Trial(folder, display, options.seed)
+        trial.run(options.seconds)
+    if options.json is not None:
+        write_text(options.json, json.dumps(asdict(trial.findings), indent=1) + "\n")
+    if options.keep is None:
+        shutil.rmtree(folder)
+    for problem in trial.findings.problems:
+        sys.stdout.write(f"{problem}\n")
+    return 1 if trial.findings.problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
