@@ -16,6 +16,7 @@ from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
 from viewer.ui.panels.training import EncodeOffer
 from viewer.ui.picture_input import PictureInput
+from viewer.ui.status_bar import draw_status_bar
 from viewer.ui.widgets import Area, WidgetRects
 
 SETTLING_FRAMES = 3
@@ -75,6 +76,8 @@ class UserInterface:
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
+        if session.window.show_panels:
+            draw_status_bar(ui)
         area = self._layout_panels(ui) if session.window.show_panels else Area(0.0, 0.0, *size)
         self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
         if picture is not None:
