@@ -68,6 +68,11 @@ def builtin_scene_path(name: str = BUILTIN_SCENES[0]) -> Path:
     return assets_folder() / f"{name}.glb"
 
 
+def is_builtin(path: Path) -> bool:
+    """Whether `path` is one of the built-in scenes."""
+    return path.resolve() in {builtin_scene_path(name).resolve() for name in BUILTIN_SCENES}
+
+
 def named_scene(path: Path) -> Path:
     """Path of the scene that `path` names: a built-in one by its name where there is no such file."""
     return builtin_scene_path(str(path)) if str(path) in BUILTIN_SCENES and not path.exists() else path

@@ -20,7 +20,7 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import Source, read_source
 from viewer.locations import features_cache
-from viewer.state.pack_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX
 
 TEXTURE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "category", "single")
 SCENE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "covisible", "single")

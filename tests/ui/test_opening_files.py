@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from imgui_bundle import imgui
 
@@ -101,3 +102,48 @@ def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: DrivenApp, scene: Scene
         pictures.append(app.screenshot())
     assert app.session.view.slot_a.source == "random"
     assert (pictures[0] != pictures[1]).any()
+
+
+def test_cameras_beside_a_scene_are_there_when_it_opens(app: DrivenApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=12)
+    path.with_name("cameras.json").write_text('[{"name": "street", "eye": [0, 1, 5], "target": [0, 1, 0]}]')
+    app.drop(path)
+    assert [camera.name for camera in app.session.scene.cameras] == ["street"]
+    assert app.session.view.camera.name == "street"
+
+
+def test_a_broken_cameras_file_does_not_keep_a_scene_closed(app: DrivenApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=13)
+    path.with_name("cameras.json").write_text("[{}]")
+    app.drop(path)
+    assert app.session.scene.path == path
+    assert any("cameras.json" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
+
+
+def test_a_dropped_folder_with_one_scene_opens_it(app: DrivenApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=14)
+    app.drop(tmp_path)
+    assert app.session.scene.path == path
+    assert "clustered" in app.session.packs
+
+
+def test_opened_files_can_be_opened_again(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=15)
+    app.drop(path)
+    app.drop(tmp_path / "missing.glb")
+    assert app.session.settings.recent_files == (str(path), str(scene_path))
+    app.run("file.open-recent", str(scene_path))
+    assert app.session.scene.path == scene_path
+    assert app.session.settings.recent_files == (str(scene_path), str(path))
+
+
+def test_look_suggests_where_the_camera_is(app: DrivenApp) -> None:
+    before = app.session.view.camera
+    app.run("palette.set", "camera.look")
+    for _ in range(7):
+        app.settle()
+        app.press(imgui.Key.enter)
+    after = app.session.view.camera
+    assert app.session.window.palette is None
+    np.testing.assert_allclose([after.eye, after.target], [before.eye, before.target], rtol=1e-4)
+    assert after.fov_degrees == before.fov_degrees

@@ -1,5 +1,6 @@
 """A real window on a virtual screen."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,25 @@ def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tm
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert (tmp_path / "settings" / "settings.json").is_file()
+
+
+def test_the_window_is_called_after_its_scene(display: str, scene_path: Path, tmp_path: Path) -> None:
+    if shutil.which("xwininfo") is None:
+        pytest.skip("xwininfo is not installed")
+    listing = tmp_path / "windows.txt"
+    program = (
+        "import os, subprocess, sys; from viewer.app.imgui_window import ImguiWindow; told = ImguiWindow.set_title\n"
+        "def listed(window, scene):\n"
+        "    told(window, scene)\n"
+        f"    open({str(listing)!r}, 'w').write(subprocess.check_output(['xwininfo', '-root', '-tree'], text=True))\n"
+        "ImguiWindow.set_title = listed\n"
+        "from viewer.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    result = run_window(
+        display, tmp_path, "-c", program, str(scene_path), variables={"NTC_VIEWER_EXIT_AFTER_FRAMES": "3"}
+    )
+    assert result.returncode == 0, result.stderr
+    assert '"scene - ntc-viewer"' in listing.read_text()
 
 
 def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:

@@ -83,6 +83,7 @@ class ImguiWindow:
         except InputError:
             glfw.terminate()
             raise
+        self._title = TITLE
         self._place(placement)
         imgui.create_context()
         implot.create_context()
@@ -96,6 +97,13 @@ class ImguiWindow:
         address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0
         imgui.backends.glfw_init_for_opengl(address, True)
         imgui.backends.opengl3_init("#version 330")
+
+    def set_title(self, scene: str) -> None:
+        """Show in the window's frame which scene is open; asks the window system only for another one."""
+        title = f"{scene} - {TITLE}"
+        if title != self._title:
+            self._title = title
+            glfw.set_window_title(self.handle, title)
 
     @staticmethod
     def _address(name: str) -> int:

@@ -17,7 +17,7 @@ import tyro
 
 from ntc.errors import InputError
 from viewer.cli.options import SUBCOMMANDS, Subcommand
-from viewer.state.pack_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX
 
 LAB_COMMANDS = "lab.commands"
 """Module of the research commands, with SUBCOMMANDS and STUDIES; the viewer also works where it is not installed."""

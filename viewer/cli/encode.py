@@ -43,8 +43,8 @@ from viewer.locations import features_cache, named_scene
 from viewer.scene.images import folder_textures
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
+from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
-from viewer.state.pack_files import PACK_SUFFIX
 
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""

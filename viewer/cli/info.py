@@ -20,7 +20,7 @@ from viewer.locations import named_scene
 from viewer.scene.json_text import printable
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
-from viewer.state.pack_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX
 
 SAMPLED_TEXELS = 2048
 

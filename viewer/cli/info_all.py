@@ -14,7 +14,7 @@ from ntc.pack.file import read_pack
 from viewer.cli.table import Column, Table
 from viewer.scene.json_text import printable
 from viewer.scene.load import load_scene
-from viewer.state.pack_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX
 
 KINDS = {".gltf": "glTF", ".glb": "GLB", PACK_SUFFIX: "pack"}
 """Kind of file by suffix; other files are skipped."""

@@ -1,7 +1,7 @@
 """Commands: the position and mode of the camera."""
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 from ntc.errors import InputError
 from viewer.commands.command import Arg, command, gesture
@@ -10,6 +10,14 @@ from viewer.state.event_handlers import notify
 from viewer.state.navigation import frame
 from viewer.state.session import Session
 from viewer.state.settings import CameraMode
+
+FIELD_OF_VIEW = Arg(
+    "vertical field of view, degrees",
+    None,
+    1.0,
+    179.0,
+    suggestion=lambda session: f"{session.view.camera.fov_degrees:g}",
+)
 
 
 def place_camera(session: Session, camera: Camera) -> None:
@@ -55,19 +63,24 @@ def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera
     place_camera(session, next(camera for camera in session.scene.cameras if camera.name == name))
 
 
-Coordinate = Annotated[float, Arg("scene units, Y up")]
+def _place(which: Literal["eye", "target"], axis: int) -> Arg:
+    """A coordinate; the present one is suggested."""
+    what = "eye, where the camera is" if which == "eye" else "target, what it looks at"
+    return Arg(
+        f"{what}; scene units, Y up", suggestion=lambda session: f"{getattr(session.view.camera, which)[axis]:.6g}"
+    )
 
 
-@command("camera.look", "Look", "look from a place at another", "Camera")
+@command("camera.look", "Look from a place", "look from a place at another", "Camera")
 def look(
     session: Session,
-    eye_x: Coordinate,
-    eye_y: Coordinate,
-    eye_z: Coordinate,
-    target_x: Coordinate,
-    target_y: Coordinate,
-    target_z: Coordinate,
-    fov: Annotated[float, Arg("vertical field of view, degrees", None, 1.0, 179.0)] = 60.0,
+    eye_x: Annotated[float, _place("eye", 0)],
+    eye_y: Annotated[float, _place("eye", 1)],
+    eye_z: Annotated[float, _place("eye", 2)],
+    target_x: Annotated[float, _place("target", 0)],
+    target_y: Annotated[float, _place("target", 1)],
+    target_z: Annotated[float, _place("target", 2)],
+    fov: Annotated[float, FIELD_OF_VIEW] = 60.0,
 ) -> None:
     eye, target = (eye_x, eye_y, eye_z), (target_x, target_y, target_z)
     if eye == target:

@@ -41,6 +41,8 @@ class Arg:
     """Both or neither; a value beyond them is an error."""
     clamp: bool = False
     """Take the nearer of minimum and maximum in place of a value beyond them."""
+    suggestion: Callable[[Session], str] | None = None
+    """What the palette has in its field to begin with; None: nothing."""
 
 
 def typed_path(text: str) -> Path:

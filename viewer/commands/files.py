@@ -1,4 +1,4 @@
-"""Commands: screenshots, and the whole view as JSON, in files and on the clipboard."""
+"""Commands: opening files, screenshots, and the whole view as JSON, in files and on the clipboard."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,10 @@ from ntc.io import read_file, write_text
 from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.commands.compare import show_source
+from viewer.commands.materials import use_environment
+from viewer.scene.scene_files import PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
+from viewer.state.open_files import open_file
 from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
 from viewer.state.zoom import LARGEST, Zoom
@@ -18,6 +21,35 @@ PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it i
 Picture = Annotated[
     PictureAlone, Arg("the picture alone: as shown, side a, side b, both with the divider, or without overlay")
 ]
+
+
+OpenedFile = Annotated[
+    Path, Arg("a scene, a folder with one scene, a .ntc, .hdr or .exr; without one, a dialog asks for it")
+]
+
+
+@command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "File", "Ctrl+O")
+def open_any(session: Session, file: OpenedFile = Path()) -> None:
+    if file == Path():
+        session.window.file_dialog = True
+    elif file.suffix.lower() in PANORAMA_SUFFIXES:
+        use_environment(session, file)
+        session.view = replace(session.view, material_view="lit")
+    else:
+        open_file(session, file)
+
+
+RecentFile = Annotated[str, Arg("a file that was opened before", lambda session: session.settings.recent_files)]
+
+
+@command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", "File")
+def open_recent(session: Session, file: RecentFile) -> None:
+    open_any.function(session, Path(file))
+
+
+@gesture("file.close-dialog")
+def close_dialog(session: Session) -> None:
+    session.window.file_dialog = False
 
 
 def _request_picture(session: Session, kind: PictureKind, file: Path) -> None:

@@ -17,7 +17,6 @@ from viewer.state.view_state import (
     ToneMap,
 )
 
-PANORAMA_SUFFIXES = (".hdr", ".exr")
 VIEWS: dict[MaterialView, str] = {
     "lit": "surfaces in the light",
     "base": "base colours without light",

@@ -1,12 +1,9 @@
-"""Commands: opening files, the window, its panels and how they look."""
+"""Commands: the window, its panels and how they look."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 from viewer.commands.command import Arg, command, gesture
-from viewer.commands.materials import PANORAMA_SUFFIXES, use_environment
-from viewer.state.open_files import open_file
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.zoom import WHOLE
@@ -14,15 +11,6 @@ from viewer.state.zoom import WHOLE
 OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram")
 """Titles of the panels that stay closed until they are asked for."""
 State = Annotated[bool, Arg("on or off")]
-
-
-@command("file.open", "Open", "open a scene, a pack, or a panorama that lights the scene", "File")
-def open_any(session: Session, file: Annotated[Path, Arg("a .gltf, .glb, .ntc, .hdr or .exr")]) -> None:
-    if file.suffix.lower() in PANORAMA_SUFFIXES:
-        use_environment(session, file)
-        session.view = replace(session.view, material_view="lit")
-    else:
-        open_file(session, file)
 
 
 @command("view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", "Z")

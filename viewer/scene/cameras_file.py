@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import msgspec
 from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.scene.json_text import Vector, convert, nonempty_line, parse_json
-from viewer.scene.model import Camera
+from viewer.scene.model import Camera, Scene
 
 LARGEST_FILE = 1 << 26
 """Bytes: half a million cameras."""
@@ -75,3 +76,22 @@ def cameras_json(cameras: Sequence[Camera]) -> str:
         for camera in cameras
     ]
     return json.dumps(entries, indent=1) + "\n"
+
+
+def cameras_beside(scene_path: Path) -> Path | None:
+    """The cameras file of a scene: `NAME.cameras.json` beside it, else `cameras.json`; None without one."""
+    candidates = (scene_path.with_name(f"{scene_path.stem}.cameras.json"), scene_path.with_name("cameras.json"))
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def with_cameras_beside(scene: Scene) -> Scene:
+    """`scene` with the cameras of the file beside it before its own; of two with one name, the file's.
+
+    Raises InputError where that file cannot be read.
+    """
+    path = cameras_beside(scene.path) if scene.path is not None else None
+    if path is None:
+        return scene
+    found = read_cameras(path)
+    names = {camera.name for camera in found}
+    return replace(scene, cameras=(*found, *(camera for camera in scene.cameras if camera.name not in names)))

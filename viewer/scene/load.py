@@ -19,21 +19,21 @@ from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
 from viewer.scene.model import Instances, Primitive, Scene
 from viewer.scene.report import ReportNotes
+from viewer.scene.scene_files import MESH_SUFFIXES, require_scene, scene_file
 
-MESH_SUFFIXES = frozenset({".obj", ".ply", ".stl"})
-"""Formats that trimesh converts to GLB first."""
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
 """Instances that any file may have; more only in proportion to its bytes, one each."""
 
 
 def load_scene(path: Path) -> Scene:
-    """The scene in the .gltf, .glb, .obj, .ply or .stl file at `path`.
+    """The scene in the .gltf, .glb, .obj, .ply or .stl file at `path`, or in the folder there, if that holds one scene.
 
-    Raises InputError where the file is missing, broken, requires an extension that is not supported, holds no
+    Raises InputError where the file is missing, is none of these, broken, requires an extension that is not supported, holds no
     triangles or does not fit into memory. Missing and broken images are no error: the load report names them.
     """
-    path = Path(path)
+    path = scene_file(Path(path))
+    require_scene(path)
     try:
         return _load(path)
     except MemoryError as error:

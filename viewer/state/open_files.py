@@ -10,13 +10,15 @@ from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, require_match
+from viewer.locations import is_builtin
+from viewer.scene.cameras_file import with_cameras_beside
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
+from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.camera import frame_all
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 from viewer.state.pack_files import (
-    PACK_SUFFIX,
     match_scene,
     packs_beside,
     preferred_source,
@@ -25,7 +27,7 @@ from viewer.state.pack_files import (
     unused_name,
 )
 from viewer.state.session import InspectionState, Requests, Session, WindowState
-from viewer.state.settings import ViewerSettings
+from viewer.state.settings import ViewerSettings, with_recent
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
     REFERENCE,
@@ -57,18 +59,42 @@ class InitialView:
 def new_session(
     scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView, pictures: Path = Path()
 ) -> Session:
-    """A session that begins with `scene`; `pictures` is the folder where it writes pictures, views and camera paths."""
+    """A session that begins with `scene`; `pictures` is the folder where it writes pictures, views and camera paths.
+
+    Cameras of a file beside the scene are added to its own; one that cannot be read is a message.
+    """
+    scene, problem = _with_cameras(scene)
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
     session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
     session.requests = Requests(precision=frozenset(("a",) if initial.precision == "auto" else ()))
     block_format = named_format(initial.grouping)
     if block_format is not None:
         session.requests.formats = {"a": block_format}
+    if problem is not None:
+        notify(session, str(problem), "error", details_of(problem))
+    if scene.path is not None:
+        _remember(session, scene.path)
     return session
 
 
+def _with_cameras(scene: Scene) -> tuple[Scene, InputError | None]:
+    try:
+        return with_cameras_beside(scene), None
+    except InputError as error:
+        return scene, error
+
+
+def _remember(session: Session, path: Path) -> None:
+    """Put an opened file first among those that can be opened again."""
+    if not is_builtin(path):
+        session.settings = with_recent(session.settings, path)
+
+
 def open_file(session: Session, path: Path) -> None:
-    """Open a scene with the packs beside it, or a pack of the scene that is open. Raises InputError; all stays open then."""
+    """Open a scene with the packs and cameras beside it, or a pack of the scene that is open; a folder stands for the one scene in it.
+
+    Raises InputError; all stays open then.
+    """
     try:
         if path.suffix.lower() == PACK_SUFFIX:
             _open_pack(session, path)
@@ -98,7 +124,9 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
 
 
 def _open_scene(session: Session, path: Path) -> None:
-    scene = load_scene(path)
+    loaded = load_scene(path)
+    path = loaded.path or path
+    scene, problem = _with_cameras(loaded)
     packs: dict[str, Pack] = {}
     for pack_path in packs_beside(path):
         try:
@@ -115,6 +143,9 @@ def _open_scene(session: Session, path: Path) -> None:
     session.requests.precision = frozenset()
     session.compressed, session.requests.formats = {}, {}
     session.inspection = InspectionState(errors=session.inspection.errors)
+    _remember(session, path)
+    if problem is not None:
+        notify(session, str(problem), "error", details_of(problem))
     problems = len(scene.report.missing)
     notify(session, f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))
 
@@ -124,6 +155,7 @@ def _open_pack(session: Session, path: Path) -> None:
     same = (name for name, other in session.packs.items() if other.path is not None and same_place(other.path, path))
     name = next(same, None) or unused_name(pack.grouping.name, path, session.packs)
     session.packs = {**session.packs, name: pack}
+    _remember(session, path)
     session.view = session.view.with_source("a", name)
     notify(session, f"opened {path.name} in slot A: {match.line()}")
 

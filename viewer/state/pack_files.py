@@ -8,9 +8,9 @@ from ntc.codec.model import Pack
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from viewer.scene.model import Scene
+from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
-PACK_SUFFIX = ".ntc"
 PREFERRED_GROUPING = "clustered"
 
 

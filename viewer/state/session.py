@@ -137,6 +137,10 @@ class WindowState:
     """Titles of those panels that are closed until they are asked for, and have been."""
     show_panels: bool = True
     show_help: bool = False
+    show_first_steps: bool = False
+    """Whether the card of first steps is shown."""
+    file_dialog: bool = False
+    """Whether the dialog is open that chooses a file to open."""
     palette: str | None = None
     """Id of the command whose arguments the palette asks for; "" while it lists all; None while it is closed."""
     show_other: bool = False

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -33,6 +33,8 @@ MOST_PANELS = 64
 LONGEST_TITLE = 64
 LARGEST_WINDOW_SIDE = 16384
 MOST_KEYS = 1000
+MOST_RECENT = 10
+LONGEST_PATH = 4096
 LARGEST_FILE = 1 << 20
 """Bytes: a settings file is a few hundred; anything beyond this is not one."""
 REMEDY = "it is replaced when the window closes"
@@ -75,6 +77,12 @@ class ViewerSettings:
     """Titles of panels that are closed."""
     keys: Annotated[Mapping[str, str], Meta(max_length=MOST_KEYS)] = field(default_factory=dict)
     """Keyboard shortcuts that replace the default ones, by command id; "" for none."""
+    first_steps: bool = True
+    """Show the card of first steps when the window opens; closing the card turns it off."""
+    recent_files: Annotated[
+        tuple[Annotated[str, Meta(max_length=LONGEST_PATH)], ...], Meta(max_length=MOST_RECENT)
+    ] = ()
+    """Absolute paths of scenes and packs that were opened, the last one first."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for an anisotropy that is not offered."""
@@ -85,6 +93,15 @@ class ViewerSettings:
 def parse_settings(text: str | bytes, file: str) -> ViewerSettings:
     """Settings from JSON text; unknown fields are ignored, absent ones take their default. Raises InputError."""
     return convert(parse_json(text, file, REMEDY), ViewerSettings, file, REMEDY)
+
+
+def with_recent(settings: ViewerSettings, path: Path) -> ViewerSettings:
+    """`settings` with `path` as the file that was opened last; unchanged where its name is no text or too long."""
+    name = str(path.absolute())
+    if len(name) > LONGEST_PATH or not name.isprintable():
+        return settings
+    others = (other for other in settings.recent_files if other != name)
+    return replace(settings, recent_files=(name, *others)[:MOST_RECENT])
 
 
 def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:

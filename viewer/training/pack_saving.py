@@ -9,7 +9,8 @@ from ntc.errors import InputError
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import read_pack, write_pack
 from viewer.scene.model import Scene
-from viewer.state.pack_files import PACK_SUFFIX, same_place
+from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.state.pack_files import same_place
 
 FileStamp = tuple[int, int, int]
 """Inode, time of the last change in ns, and bytes of a file: differs when the file has been written anew."""

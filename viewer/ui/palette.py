@@ -16,6 +16,7 @@ ROWS_SHARE = 0.6
 """Of the window's height, for the list."""
 LABEL = "palette: "
 """Before the names under which scripts click on entries: `palette: compare.mode`, `palette: wipe`."""
+FIELD_FLAGS = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 PROBLEM = (1.0, 0.55, 0.45, 1.0)
 
 
@@ -57,7 +58,7 @@ class Palette:
         """The palette, while the session has it open."""
         if ui.session.window.palette != self._was_open:
             self._was_open = ui.session.window.palette
-            self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None)
+            self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None, ui)
         if ui.session.window.palette is None:
             return
         width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
@@ -85,12 +86,14 @@ class Palette:
         if answer is not None:
             self._answer(answer, ui)
 
-    def _begin(self, command: Command | None) -> None:
+    def _begin(self, command: Command | None, ui: UiFrame) -> None:
         self._command, self._arguments = command, ()
-        self._next_step()
+        self._next_step(ui)
 
-    def _next_step(self) -> None:
-        self._text, self._selected, self._problem = "", 0, ""
+    def _next_step(self, ui: UiFrame) -> None:
+        suggestion = self._parameter.arg.suggestion if self._parameter is not None else None
+        self._text = suggestion(ui.session) if suggestion is not None else ""
+        self._selected, self._problem = 0, ""
         self._step += 1
         self._focus = True
 
@@ -129,9 +132,7 @@ class Palette:
         if self._focus:
             imgui.set_keyboard_focus_here()
             self._focus = False
-        entered, text = imgui.input_text_with_hint(
-            f"##field{self._step}", hint, self._text, imgui.InputTextFlags_.enter_returns_true
-        )
+        entered, text = imgui.input_text_with_hint(f"##field{self._step}", hint, self._text, FIELD_FLAGS)
         ui.rects.note("palette")
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
@@ -195,7 +196,7 @@ class Palette:
                 return
             self._arguments = (*self._arguments, answer)
         if len(self._arguments) < len(self._command.parameters):
-            self._next_step()
+            self._next_step(ui)
             return
         command, arguments = self._command, self._arguments
         self._close(ui)

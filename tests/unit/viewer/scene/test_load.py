@@ -58,9 +58,11 @@ def test_broken_containers(tmp_path: Path, data: bytes, message: str) -> None:
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.glb", tmp_path, tmp_path / "none.obj"):
+    for path in (tmp_path / "none.glb", tmp_path / "none.obj", tmp_path / "none"):
         with pytest.raises(InputError, match="cannot be read"):
             load_scene(path)
+    with pytest.raises(InputError, match="holds no scene"):
+        load_scene(tmp_path)
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl"])
