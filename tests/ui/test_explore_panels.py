@@ -57,6 +57,14 @@ def shown_textures(app: DrivenApp) -> list[str]:
     return sorted(found, key=lambda label: app.widgets.centre(label)[1])
 
 
+def place_of_tab(title: str) -> tuple[float, float]:
+    """Middle of a docked panel's tab."""
+    window = imgui.internal.find_window_by_name(title)
+    bar = window.dock_node.tab_bar
+    (tab,) = (bar.tabs[index] for index in range(bar.tabs.size()) if bar.tabs[index].id_ == window.tab_id)
+    return bar.bar_rect.min.x + tab.offset + tab.width / 2.0, (bar.bar_rect.min.y + bar.bar_rect.max.y) / 2.0
+
+
 def wait_for_background(app: DrivenApp) -> None:
     for _ in range(500):
         app.frame()
@@ -213,16 +221,33 @@ def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     app = opener((1280, 720))
     places = app.frontend.interface.rects
     first = {title: places.centre(title) for title in app.session.window.panel_titles if title in labels(app)}
-    assert {"Compare", "Scene", "Log"} <= set(first)
-    run(app, "window.panel", "Log", "off")
-    assert "Log" not in labels(app)
-    assert app.session.present_settings.hidden_panels == ("Log",)
-    app.drag(first["Scene"], (640.0, 300.0))
+    assert {"Compare", "Scene", "Timings"} <= set(first)
+    assert "Log" not in first, "it opens on request"
+    run(app, "window.panel", "Timings", "off")
+    assert "Timings" not in labels(app)
+    assert app.session.present_settings.hidden_panels == ("Timings",)
+    app.drag(place_of_tab("Scene"), (640.0, 300.0))
     assert app.widgets.centre("Scene") != first["Scene"]
     run(app, "window.layout-reset")
     assert app.session.settings.hidden_panels == ()
     again = {title: places.centre(title) for title in first}
     assert again == first
+
+
+def test_the_picture_has_two_thirds_of_the_window(opener: Opener) -> None:
+    app = opener((1280, 720))
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    assert area.width * area.height >= 2 / 3 * 1280 * 720
+
+
+def test_the_log_opens_on_request_and_again_after_its_cross(app: DrivenApp) -> None:
+    run(app, "log.panel")
+    assert "errors only" in labels(app)
+    run(app, "window.panel", "Log", "off")
+    assert "errors only" not in labels(app)
+    run(app, "log.panel")
+    assert "errors only" in labels(app)
 
 
 def test_an_unknown_panel_is_a_message(app: DrivenApp) -> None:

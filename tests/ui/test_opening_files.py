@@ -64,6 +64,7 @@ def test_a_pack_of_another_scene_is_refused(app: DrivenApp, tmp_path: Path) -> N
 
 def test_a_path_can_be_typed(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=11)
+    app.show_panel("Scene")
     app.click("path")
     app.type(str(path))
     app.press(imgui.Key.enter)

@@ -40,10 +40,12 @@ def test_inputs(app: DrivenApp) -> None:
         "release Space",
         "move 10 10",
         "wheel 1",
+        "window.panel Scene",
+        "wait settled",
         "click path",
         "type nothing",
         "key Escape",
-        "expect label 'A path'",
+        "expect label 'Frame all'",
         "size 400x300",
         "expect size 400x300",
     )

@@ -216,6 +216,7 @@ def test_the_overlay_is_switched_in_the_panel(app: DrivenApp) -> None:
     app.click("divergence")
     assert app.session.view.overlay.kind == "divergence"
     assert "opacity" in app.widgets.labels()
+    app.show_panel("Compare")
     app.click("divergence")
     assert app.session.view.overlay.kind == "none"
 
@@ -231,6 +232,7 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: DrivenApp) -> N
 
 
 def test_typing_runs_no_commands(app: DrivenApp) -> None:
+    app.show_panel("Scene")
     app.click("path")
     app.key(imgui.Key.h, True)
     app.key(imgui.Key.h, False)
@@ -251,6 +253,7 @@ def test_screenshots_are_written_with_the_interface_in_them(app: DrivenApp, tmp_
 def test_cameras_of_the_scene_and_frame_all(app: DrivenApp) -> None:
     before = app.session.view.camera
     app.session.view = replace(app.session.view, camera=replace(before, eye=(5.0, 5.0, 5.0)))
+    app.show_panel("Scene")
     app.click("Frame all")
     framed = app.session.view.camera
     centre = app.session.scene.bounds.mean(axis=0)

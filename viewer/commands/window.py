@@ -8,7 +8,7 @@ from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.zoom import WHOLE
 
-OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram")
+OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
 """Titles of the panels that stay closed until they are asked for."""
 State = Annotated[bool, Arg("on or off")]
 
@@ -34,6 +34,11 @@ def set_coarse_while_moving(session: Session, state: State) -> None:
 @command("window.panels", "Panels", "hide or show the panels", "Window", "H")
 def toggle_panels(session: Session) -> None:
     session.window.show_panels = not session.window.show_panels
+
+
+@command("log.panel", "Log", "show all messages with their times, or close them", "Window")
+def toggle_log(session: Session) -> None:
+    session.window.open_panels ^= {"Log"}
 
 
 @command("help.palette", "Command palette", "find a command by typing", "Help", "Ctrl+P", "F3")
@@ -80,7 +85,9 @@ Title = Annotated[str, Arg("title of the panel", lambda session: session.window.
 @command("window.panel", "Panel", "bring a panel to the front, or close it", "Window")
 def show_panel(session: Session, name: Title, state: State = True) -> None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
-    session.settings = replace(session.settings, hidden_panels=hidden if state else (*hidden, name))
+    # Those that open on request are closed until then anyway, and open again when they are asked for in another way.
+    closed = state or name in OPENED_ON_REQUEST
+    session.settings = replace(session.settings, hidden_panels=hidden if closed else (*hidden, name))
     others = session.window.open_panels - {name}
     session.window.open_panels = others | {name} if state and name in OPENED_ON_REQUEST else others
     if state:

@@ -1,6 +1,6 @@
-"""The docked layout of panels around the picture: fits the window's size, and can be reset."""
+"""The docked layout of panels beside the picture: one column of two stacks of tabs that fits the window, folds, and can be reset."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,15 +8,21 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.ui.widgets import Area
 
-Place = Literal["left", "left below", "right", "right below", "bottom"]
-MERGED: dict[Place, Place] = {"left below": "left", "right below": "right", "bottom": "left"}
-"""Where a place's panels become tabs when the window is too low for it."""
-DOCK_SPACE = "panels"
-NARROWEST_FOR_TWO = 660.0
-"""Window units, at normal scale: in a narrower window all panels are tabs of one column."""
+Place = Literal["upper", "lower"]
+DOCK_SPACE = "column"
+COLUMN_WIDTH = 350.0
+"""Window units, at normal scale: leaves more than two thirds of a window of 1280x720 to the picture."""
+WIDEST_COLUMN = 440.0
+COLUMN_SHARE = 0.22
+"""Of the width of a large window."""
+PICTURE_WIDTH = 300.0
+"""Window units, at normal scale: what a narrow window keeps for the picture, or half of it where that is less."""
+NARROWEST_OPEN = 800.0
+"""Window units, at normal scale: in a narrower window the column is folded at first."""
 LOWEST_FOR_STACKS = 560.0
-"""Window units, at normal scale: in a lower window each column is one stack of tabs."""
-BOTTOM_HEIGHT = 130.0
+"""Window units, at normal scale: in a lower window the column is one stack of tabs."""
+LOWER_SHARE = 0.36
+"""Of the column's height that the lower stack has at first."""
 
 
 @dataclass(frozen=True)
@@ -25,26 +31,34 @@ class Docked:
 
     title: str
     place: Place
-    height: float
-    """Of its place, where that shares a column; the first panel's counts."""
 
 
-def places_for(panels: Sequence[Docked], width: float, height: float) -> dict[Place, list[Docked]]:
-    """Panels by place, for a window of this size in units of normal scale."""
+@dataclass(frozen=True)
+class Stack:
+    """Panels that are tabs of one another, docked above or below another stack."""
+
+    titles: tuple[str, ...]
+    node: imgui.internal.DockNode
+    area: Area
+
+
+def places_for(panels: Sequence[Docked], height: float) -> dict[Place, list[Docked]]:
+    """Panels by place, for a window of this height in units of normal scale."""
     places: dict[Place, list[Docked]] = {}
     for panel in panels:
-        place = panel.place
-        if height < LOWEST_FOR_STACKS:
-            place = MERGED.get(place, place)
-        if width < NARROWEST_FOR_TWO:
-            place = "left"
-        places.setdefault(place, []).append(panel)
+        places.setdefault("upper" if height < LOWEST_FOR_STACKS else panel.place, []).append(panel)
     return places
 
 
-def column_width(share: float, width: float, low: float, high: float) -> float:
-    """Of a column, in units of normal scale; a narrow window keeps half for the picture."""
-    return min(max(share * width, low), high, 0.5 * width)
+def column_width(width: float) -> float:
+    """Of the column, in units of normal scale; a narrow window keeps up to half for the picture."""
+    wanted = min(max(COLUMN_WIDTH, COLUMN_SHARE * width), WIDEST_COLUMN)
+    return min(wanted, max(width - PICTURE_WIDTH, 0.5 * width))
+
+
+def folds_at_first(width: float) -> bool:
+    """Whether a window of this width, in units of normal scale, opens with its column folded."""
+    return width < NARROWEST_OPEN
 
 
 class DockLayout:
@@ -58,6 +72,12 @@ class DockLayout:
         self._placed = False
         self._pause = 0
         """Frames until the next panel may be focused, or until the last one is visible."""
+        self._scale: float | None = None
+        """Of the last frame."""
+        self._heights: dict[int, float] = {}
+        """Share of their column that folded stacks had before, by the ids of their nodes."""
+        self._widths: dict[int, tuple[float, float]] = {}
+        """Of columns, by the ids of their nodes: in units of normal scale, and what the window had room for of that."""
 
     @property
     def is_placed(self) -> bool:
@@ -69,13 +89,21 @@ class DockLayout:
         """Whether panels are still to come to the front after a new layout."""
         return not self._saw_menu_bar or bool(self._front) or self._pause > 0
 
-    def draw(self, panels: Sequence[Docked], scale: float, reset: bool) -> Area:
-        """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture."""
+    def draw(self, panels: Sequence[Docked], scale: float, reset: bool, folded: Collection[str]) -> Area:
+        """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture.
+
+        Stacks with one of the panels in `folded` are as high as their tabs.
+        """
         viewport = imgui.get_main_viewport()
         dock_space = imgui.get_id(DOCK_SPACE)
         known = imgui.internal.dock_builder_get_node(dock_space)
         if self._saw_menu_bar and (reset or known is None or not (known.is_split_node() or known.windows)):
             self._build(dock_space, panels, viewport, scale)
+        elif self._saw_menu_bar:
+            self._follow_scale([panel.title for panel in panels], scale, viewport)
+        if self._saw_menu_bar:
+            self._scale = scale
+        self._fold([panel.title for panel in panels], folded)
         self._placed, self._saw_menu_bar = self._saw_menu_bar, True
         imgui.dock_space_over_viewport(dock_space, viewport, imgui.DockNodeFlags_.passthru_central_node)
         central = imgui.internal.dock_builder_get_central_node(dock_space)
@@ -101,29 +129,85 @@ class DockLayout:
         self._front = list(titles)
         self._pause = 3
 
+    def stacks(self, titles: Iterable[str]) -> list[Stack]:
+        """Those stacks of shown panels that share a column with another one, from top to bottom."""
+        found: dict[int, tuple[imgui.internal.DockNode, list[str]]] = {}
+        for title in titles:
+            node = _node(title)
+            if (
+                node is not None
+                and node.parent_node is not None
+                and node.parent_node.split_axis == imgui.internal.Axis.y
+            ):
+                found.setdefault(node.id_, (node, []))[1].append(title)
+        stacks = [
+            Stack(
+                tuple(members),
+                node,
+                Area(node.pos.x, node.pos.y, node.pos.x + node.size.x, node.pos.y + node.size.y),
+            )
+            for node, members in found.values()
+        ]
+        return sorted(stacks, key=lambda stack: stack.area.top)
+
+    def _fold(self, titles: Sequence[str], folded: Collection[str]) -> None:
+        """Give stacks the height of their tabs, or the one that they had before; the rest of their column is the others'."""
+        stacks = self.stacks(titles)
+        tabs = imgui.get_frame_height()
+        for stack in stacks:
+            node, parent = stack.node, stack.node.parent_node
+            others = [other.node for other in stacks if other.node.parent_node.id_ == parent.id_ and other is not stack]
+            is_folded = any(title in folded for title in stack.titles)
+            if not others or is_folded == (node.id_ in self._heights and node.size_ref.y == tabs):
+                continue
+            room = parent.size.y - imgui.get_style().docking_separator_size
+            if is_folded:
+                if node.size_ref.y > 2.0 * tabs:
+                    self._heights[node.id_] = node.size_ref.y / (node.size_ref.y + others[0].size_ref.y)
+                else:
+                    self._heights.setdefault(node.id_, LOWER_SHARE)
+                height = tabs
+            else:
+                height = self._heights.pop(node.id_) * room
+            node.size_ref = ImVec2(node.size_ref.x, height)
+            others[0].size_ref = ImVec2(others[0].size_ref.x, max(room - height, tabs))
+
+    def _follow_scale(self, titles: Sequence[str], scale: float, viewport: imgui.Viewport) -> None:
+        """Let the column grow and shrink with the scale of what is in it; one of an earlier window is made wide enough for it."""
+        if scale == self._scale:
+            return
+        widest = scale * column_width(max(viewport.work_size.x, 1.0) / scale)
+        columns: dict[int, imgui.internal.DockNode] = {}
+        for title in titles:
+            node = _node(title)
+            while node is not None and node.parent_node is not None:
+                if node.parent_node.split_axis == imgui.internal.Axis.x:
+                    columns[node.id_] = node
+                node = node.parent_node
+        for number, node in columns.items():
+            units, given = self._widths.get(number, (0.0, 0.0))
+            if self._scale is None:
+                units = max(node.size_ref.x, 0.8 * widest) / scale
+            elif node.size_ref.x != given:
+                # Not what the window had room for, but what a person has dragged it to.
+                units = node.size_ref.x / self._scale
+            given = min(units * scale, widest) if self._scale is not None else units * scale
+            self._widths[number] = (units, given)
+            node.size_ref = ImVec2(given, node.size_ref.y)
+
     def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal
         size = ImVec2(max(viewport.work_size.x, 1.0), max(viewport.work_size.y, 1.0))
-        places = places_for(panels, size.x / scale, size.y / scale)
+        places = places_for(panels, size.y / scale)
         builder.dock_builder_remove_node(root)
         builder.dock_builder_add_node(root, builder.DockNodeFlagsPrivate_.dock_space)
         builder.dock_builder_set_node_pos(root, viewport.work_pos)
         builder.dock_builder_set_node_size(root, size)
-        nodes: dict[Place, int] = {}
-        rest, left_width = root, size.x
-        if "left" in places:
-            width = scale * column_width(0.27, size.x / scale, 300.0, 380.0)
-            nodes["left"], rest = _split(rest, imgui.Dir.left, width / left_width)
-            left_width -= width
-        if "right" in places:
-            width = scale * column_width(0.27, size.x / scale, 240.0, 420.0)
-            nodes["right"], rest = _split(rest, imgui.Dir.right, width / left_width)
-        if "bottom" in places:
-            nodes["bottom"], rest = _split(rest, imgui.Dir.down, scale * BOTTOM_HEIGHT / size.y)
-        for place, below in (("left", "left below"), ("right", "right below")):
-            if below in places and place in nodes:
-                share = min(max(scale * places[place][0].height / size.y, 0.2), 0.8)
-                nodes[below], nodes[place] = _split(nodes[place], imgui.Dir.down, 1.0 - share)
+        self._heights.clear()
+        column, _ = _split(root, imgui.Dir.left, scale * column_width(size.x / scale) / size.x)
+        nodes: dict[Place, int] = {"upper": column}
+        if "lower" in places:
+            nodes["lower"], nodes["upper"] = _split(column, imgui.Dir.down, LOWER_SHARE)
         for place, members in places.items():
             for panel in members:
                 builder.dock_builder_dock_window(panel.title, nodes[place])
@@ -131,6 +215,12 @@ class DockLayout:
         self._front = [members[0].title for members in places.values()]
         # ImGui gives a tab bar to a node in the frame after its windows have come.
         self._pause = 3
+
+
+def _node(title: str) -> imgui.internal.DockNode | None:
+    """Where a panel is docked; None for one that is not shown, or floats."""
+    window = imgui.internal.find_window_by_name(title)
+    return window.dock_node if window is not None else None
 
 
 def _split(node: int, direction: imgui.Dir, share: float) -> tuple[int, int]:

@@ -102,9 +102,10 @@ class UserInterface:
 
     def _layout_panels(self, ui: UiFrame) -> Area:
         """Dock the panels; the rectangle that they leave to the picture."""
-        style, height = imgui.get_style(), imgui.get_main_viewport().work_size.y
-        places = [Docked(panel.title, panel.side, panel.height(height)) for panel in self._all_panels]
-        area = self._layout.draw(places, style.font_scale_main * style.font_scale_dpi, ui.session.requests.reset_layout)
+        style = imgui.get_style()
+        places = [Docked(panel.title, panel.place) for panel in self._all_panels]
+        scale = style.font_scale_main * style.font_scale_dpi
+        area = self._layout.draw(places, scale, ui.session.requests.reset_layout, ())
         if ui.session.requests.reset_layout:
             ui.emit("window.layout-done")
         # A picture has at least a pixel.
@@ -115,15 +116,17 @@ class UserInterface:
         hidden = session.settings.hidden_panels
         in_front: list[str] = []
         for panel in self._all_panels:
-            if panel.title in hidden or not panel.shown(session):
+            if panel.title in hidden or not (panel.shown is None or panel.shown(session)):
                 continue
-            opened, stays = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
+            opened, stays = imgui.begin(
+                panel.title, None if panel.shown is None else True, imgui.WindowFlags_.no_collapse
+            )
             ui.rects.note(panel.title)
             if opened:
                 in_front.append(panel.title)
                 panel.draw(ui)
             imgui.end()
-            if not stays:
+            if stays is False:
                 ui.emit("window.panel", panel.title, False)
         if not self._layout.is_settling:
             self._in_front = in_front

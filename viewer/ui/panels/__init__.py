@@ -27,17 +27,15 @@ class Panel:
     """A window within the window."""
 
     title: str
-    side: Place
+    place: Place
     """Where it is docked at first; panels of one place are tabs, the first in front."""
-    height: Callable[[float], float]
-    """At first, from the height of the window; of a place that shares its column, the first panel's counts."""
     draw: Callable[[UiFrame], None]
-    shown: Callable[[Session], bool] = lambda _session: True
+    shown: Callable[[Session], bool] | None = None
+    """Whether it is there now; None: always, and its tab has no cross, so that all tabs fit."""
 
 
-def _scene_height(window: float) -> float:
-    """Leaves room below for the panel Divergence."""
-    return min(max(window - 430.0, 120.0), 560.0)
+def _on_request(title: str) -> Callable[[Session], bool]:
+    return lambda session: title in session.window.open_panels
 
 
 def make_panels(background: Background) -> tuple[Panel, ...]:
@@ -46,41 +44,17 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     training = TrainingPanel()
     return (
-        Panel("Compare", "left", lambda _: 440.0, draw_compare_panel),
-        Panel("Timings", "left below", lambda _: 300.0, lambda ui: draw_timings_panel(ui, plot)),
-        Panel("Light", "left below", lambda _: 300.0, draw_light_panel),
-        Panel("Memory", "left below", lambda _: 300.0, memory.draw),
-        Panel("Scene", "right", _scene_height, lambda ui: draw_scene_panel(ui, open_field, lists)),
-        Panel("Textures", "right", _scene_height, textures.draw),
-        Panel("Groups", "right", _scene_height, groups.draw),
-        Panel("Training", "right", _scene_height, training.draw),
-        Panel(
-            "Divergence",
-            "right below",
-            lambda window: max(240.0, window - _scene_height(window)),
-            draw_divergence_panel,
-            shown=lambda session: session.view.overlay.kind == "divergence",
-        ),
-        Panel(
-            "Pixel",
-            "right below",
-            lambda window: max(240.0, window - _scene_height(window)),
-            draw_pixel_panel,
-            shown=lambda session: "Pixel" in session.window.open_panels,
-        ),
-        Panel("Log", "bottom", lambda _: 130.0, log.draw),
-        Panel(
-            "Errors",
-            "bottom",
-            lambda _: 130.0,
-            draw_errors_panel,
-            shown=lambda session: "Errors" in session.window.open_panels,
-        ),
-        Panel(
-            "Histogram",
-            "left below",
-            lambda _: 300.0,
-            histogram.draw,
-            shown=lambda session: "Histogram" in session.window.open_panels,
-        ),
+        Panel("Compare", "upper", draw_compare_panel),
+        Panel("Training", "upper", training.draw),
+        Panel("Scene", "upper", lambda ui: draw_scene_panel(ui, open_field, lists)),
+        Panel("Textures", "upper", textures.draw),
+        Panel("Groups", "upper", groups.draw),
+        Panel("Light", "lower", draw_light_panel),
+        Panel("Memory", "lower", memory.draw),
+        Panel("Timings", "lower", lambda ui: draw_timings_panel(ui, plot)),
+        Panel("Divergence", "lower", draw_divergence_panel, lambda session: session.view.overlay.kind == "divergence"),
+        Panel("Pixel", "lower", draw_pixel_panel, _on_request("Pixel")),
+        Panel("Errors", "lower", draw_errors_panel, _on_request("Errors")),
+        Panel("Histogram", "lower", histogram.draw, _on_request("Histogram")),
+        Panel("Log", "lower", log.draw, _on_request("Log")),
     )

@@ -7,7 +7,6 @@ from imgui_bundle import imgui
 
 from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
-from viewer.commands.window import OPENED_ON_REQUEST
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.facts import UiFrame
@@ -164,9 +163,13 @@ def _modes(ui: UiFrame) -> None:
         draw_difference(ui)
 
 
+DETAILS = ("Pixel", "Errors", "Histogram")
+"""Panels that open on request, beside which a check box stands here."""
+
+
 def _panels(ui: UiFrame) -> None:
     """Check boxes of the panels with details."""
-    for number, title in enumerate(OPENED_ON_REQUEST):
+    for number, title in enumerate(DETAILS):
         name = title.lower()
         if number:
             imgui.same_line()
