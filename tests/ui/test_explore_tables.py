@@ -11,7 +11,7 @@ from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.metrics.metrics import psnr_db, psnr_table
+from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse, psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
@@ -25,6 +25,8 @@ from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
 from viewer.state.pack_files import match_scene
 from viewer.ui.dock_layout import Docked, column_width, places_for
+from viewer.ui.panels.groups import quality_text
+from viewer.ui.panels.timings import axis_top, beyond_text, frame_ticks
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
@@ -113,8 +115,17 @@ def test_groups_and_their_distances(scene: Scene) -> None:
     )
     match = match_scene(pack, scene)
     first, second = group_rows(pack, match)
-    assert (first.members, first.mean_db, first.worst_db, first.absent) == ((0, 2), 31.0, 30.0, 1)
+    assert (first.members, first.worst_db, first.absent, first.before_db) == ((0, 2), 30.0, 1, None)
+    # Of the mean square error, as the training reports it: not the mean of 30 and 32.
+    assert first.psnr_db == pytest.approx(psnr_of_mse((mse_of_psnr(30.0) + mse_of_psnr(32.0)) / 2))
     assert (second.members, second.absent) == ((1,), 0)
+    older = replace(pack, textures=tuple(replace(item, psnr_db=25.0) for item in pack.textures))
+    retrained = group_rows(pack, match, (older, match))
+    assert [row.before_db for row in retrained] == [pytest.approx(25.0)] * 2
+    assert quality_text(retrained[1]) == "PSNR of mip 0: 25.00 -> 31.00 dB"
+    assert quality_text(second) == "PSNR of mip 0: 31.00 dB"
+    unmeasured = replace(pack, textures=(replace(pack.textures[0], psnr_db=None), *pack.textures[1:]))
+    assert group_rows(unmeasured, match)[0].psnr_db is None
     assert grouping_features(pack) == ("low_level", "")
     distances = group_distances(scene, match.decoders(pack), "low_level", "", JobReport()).by_texture
     assert set(distances) == {0, 1, 2}
@@ -187,6 +198,29 @@ def test_times_of_the_last_frames() -> None:
     assert history.wall_ms[[0, -1]].tolist() == [10.5, FRAMES + 9.5]
     assert history.passes_ms["cull"][0] == 10.0
     assert history.passes_ms["late"].sum() == 9.0
+
+
+def test_the_axis_of_times_holds_the_recent_frames_and_the_usual_ones() -> None:
+    cheap, heavy = np.full(250, 8.0), np.full(30, 300.0)
+    # Most frames cost little: those that do not must fit all the same.
+    assert axis_top(np.concatenate([cheap, heavy])) >= 300.0
+    assert axis_top(np.concatenate([heavy, cheap])) >= 300.0
+    compiling = np.concatenate([[5000.0], cheap])
+    assert axis_top(compiling) < 20.0
+    assert beyond_text(compiling, axis_top(compiling)) == "1 frame beyond the axis, at most 5,000 ms"
+    assert beyond_text(cheap, axis_top(cheap)) == ""
+    # What the medians below the plot are of is never cut off.
+    assert axis_top(np.concatenate([cheap, [5000.0]])) >= 5000.0
+    assert axis_top(np.zeros(0)) == 1.0
+
+
+@pytest.mark.parametrize("frames", [2, 3, 4, 10, 16, 77, 300])
+def test_frames_ago_are_whole_numbers(frames: int) -> None:
+    ticks = frame_ticks(frames)
+    assert ticks[-1] == 0
+    assert len(ticks) in (2, 3, 4)
+    assert all(0 <= tick < frames for tick in ticks)
+    assert ticks == sorted(ticks, reverse=True)
 
 
 def test_a_tree_of_many_instances_is_filtered_and_folded_quickly(scene: Scene) -> None:

@@ -1,9 +1,9 @@
 """The groups of a pack as a table: who is in them, how well they decode, how alike they are."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import FeatureName
 from ntc.codec.model import Pack
 from ntc.features import FeatureOptions, feature_matrix
+from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from ntc.pack.match import PackMatch
 from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
@@ -20,8 +21,6 @@ from viewer.scene.source_textures import source_textures
 QUICK_FEATURES = ("low_level", "spectral")
 """Those that need neither a network nor its weights."""
 
-GroupColumn = Literal["group", "members", "mean dB", "worst dB"]
-
 
 @dataclass(frozen=True)
 class GroupRow:
@@ -30,15 +29,30 @@ class GroupRow:
     group: int
     members: tuple[int, ...]
     """Texture ids of the scene."""
-    mean_db: float | None
-    """Mean of the members' PSNR in dB."""
+    psnr_db: float | None
+    """PSNR in dB of the mean square error of the members' mip 0, as encoders and training report it."""
     worst_db: float | None
+    """The least PSNR of a member's mip 0."""
     absent: int
     """Textures of the group in the pack that the scene does not have."""
+    before_db: float | None = None
+    """`psnr_db` of the same textures in the pack that this one replaced; None where that is not known."""
 
 
-def group_rows(pack: Pack, match: PackMatch) -> tuple[GroupRow, ...]:
-    """All groups of `pack` by their number."""
+def _psnr_db(pack: Pack, match: PackMatch, members: Iterable[int]) -> list[float] | None:
+    """PSNR in dB of mip 0 of textures of the scene; None where it is not known of all."""
+    indices = [match.texture_index[texture] for texture in members]
+    found = [pack.textures[index].psnr_db if index >= 0 else None for index in indices]
+    known = [value for value in found if value is not None]
+    return known if known and len(known) == len(found) else None
+
+
+def _together(values: Sequence[float] | None) -> float | None:
+    return None if values is None else psnr_of_mse(float(np.mean([mse_of_psnr(value) for value in values])))
+
+
+def group_rows(pack: Pack, match: PackMatch, before: tuple[Pack, PackMatch] | None = None) -> tuple[GroupRow, ...]:
+    """All groups of `pack` by their number; `before` is the pack that it replaced."""
     members: defaultdict[int, list[int]] = defaultdict(list)
     for texture_id, group in enumerate(match.decoders(pack)):
         if group >= 0:
@@ -46,15 +60,16 @@ def group_rows(pack: Pack, match: PackMatch) -> tuple[GroupRow, ...]:
     sizes = np.bincount([texture.group for texture in pack.textures], minlength=len(pack.decoders)).tolist()
     rows: list[GroupRow] = []
     for group in range(len(pack.decoders)):
-        of_group = [pack.textures[match.texture_index[texture]].psnr_db for texture in members[group]]
-        values = [value for value in of_group if value is not None]
+        values = _psnr_db(pack, match, members[group])
+        replaced = _psnr_db(*before, members[group]) if before is not None else None
         rows.append(
             GroupRow(
-                group,
-                tuple(members[group]),
-                float(np.mean(values)) if values else None,
-                min(values) if values else None,
-                sizes[group] - len(members[group]),
+                group=group,
+                members=tuple(members[group]),
+                psnr_db=_together(values),
+                worst_db=min(values) if values else None,
+                absent=sizes[group] - len(members[group]),
+                before_db=_together(replaced),
             )
         )
     return tuple(rows)

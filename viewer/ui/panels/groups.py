@@ -5,19 +5,35 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from ntc.codec.model import Pack
+from ntc.pack.match import PackMatch
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
+from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import cells, counted
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
 """Height of the list of groups at first, in rows."""
-COLUMNS = ("group", "members", "mean dB", "worst dB")
+COLUMNS = ("group", "members", "mip 0 dB", "worst dB")
 
 
 def _decibels(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
+
+
+def quality_text(row: GroupRow) -> str:
+    """The PSNR of a group, and before it what it was in the pack that this one replaced, where that is known."""
+    before = "" if row.before_db is None else f"{row.before_db:.2f} -> "
+    return f"PSNR of mip 0: {before}{_decibels(row.psnr_db)} dB"
+
+
+def replaced_source(session: Session, source: str) -> str | None:
+    """The open pack in whose place a training run put the pack `source`; None where it took none's place."""
+    previous = session.previous_views.get(source)
+    if previous is None:
+        return None
+    return next((slot.source for slot in (previous.slot_a, previous.slot_b) if slot.source in session.packs), None)
 
 
 class GroupsPanel:
@@ -39,9 +55,10 @@ class GroupsPanel:
         if pack is None or match is None:
             imgui.text_wrapped("slot A shows images: choose a pack in it to see its groups")
             return
-        if self._key != (ui.session.scene, pack, match):
-            self._key, self._order = (ui.session.scene, pack, match), None
-            self._rows = group_rows(pack, match)
+        before = self._replaced(ui, source)
+        if self._key != (ui.session.scene, pack, match, before):
+            self._key, self._order = (ui.session.scene, pack, match, before), None
+            self._rows = group_rows(pack, match, before)
             self._followed = None
         decoders = match.decoders(pack)
         self._follow_selection(ui.session.inspection.selected_texture, decoders)
@@ -54,6 +71,13 @@ class GroupsPanel:
             imgui.text_disabled(parameters[:200])
         self._list(ui)
         self._group(ui, pack, decoders)
+
+    @staticmethod
+    def _replaced(ui: UiFrame, source: str) -> tuple[Pack, PackMatch] | None:
+        """The pack that the shown one replaced, with how it fits the scene."""
+        name = replaced_source(ui.session, source)
+        match = ui.facts.matches.get(name) if name is not None else None
+        return (ui.session.packs[name], match) if name is not None and match is not None else None
 
     def _follow_selection(self, selected: int | None, decoders: tuple[int, ...]) -> None:
         """Show the group of a texture that has been selected elsewhere."""
@@ -91,7 +115,7 @@ class GroupsPanel:
                     self._chosen = row.group
                 ui.rects.note(f"group {row.group}")
                 absent = f" + {row.absent} not here" if row.absent else ""
-                cells(f"{len(row.members)}{absent}", _decibels(row.mean_db), _decibels(row.worst_db))
+                cells(f"{len(row.members)}{absent}", _decibels(row.psnr_db), _decibels(row.worst_db))
         imgui.end_table()
 
     def _sort(self) -> None:
@@ -108,13 +132,15 @@ class GroupsPanel:
         keys = (
             lambda row: row.group,
             lambda row: len(row.members),
-            lambda row: row.mean_db if row.mean_db is not None else float("inf"),
+            lambda row: row.psnr_db if row.psnr_db is not None else float("inf"),
             lambda row: row.worst_db if row.worst_db is not None else float("inf"),
         )
         self._shown = sorted(self._rows, key=keys[spec.column_user_id], reverse=descending)
 
     def _group(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> None:
         row = self._rows[self._chosen]
+        imgui.text(quality_text(row))
+        ui.rects.note("group PSNR")
         if imgui.button(f"Train group {row.group}"):
             ui.emit("training.retrain", str(row.group))
         ui.rects.note("Train group")

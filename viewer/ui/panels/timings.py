@@ -6,9 +6,39 @@ from numpy.typing import NDArray
 
 from viewer.render.frame_times import FrameHistory
 from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.widgets import counted
 
 PLOT_LINES = 9
 """Height, in lines of text."""
+RECENT = 15
+"""Frames that fit below the upper end of the axis whatever the others took: those that the medians are of."""
+TICKS = 3
+"""Most numbers on the axis of frames, besides that of the last one."""
+
+
+def axis_top(frames_ms: NDArray[np.float64]) -> float:
+    """Upper end in ms of an axis for times of frames [frames], oldest first.
+
+    All recent ones fit, and 95 of 100 of the others: frames that compile shaders take seconds, and must not flatten the rest for long.
+    """
+    if not len(frames_ms):
+        return 1.0
+    return max(1.15 * max(float(np.percentile(frames_ms, 95)), float(frames_ms[-RECENT:].max())), 1.0)
+
+
+def frame_ticks(frames: int) -> list[int]:
+    """Whole numbers of frames ago for the axis of `frames` (at least 2) frames, falling to 0."""
+    steps = (digit * 10**decade for decade in range(9) for digit in (1, 2, 5))
+    step = next(step for step in steps if step * TICKS >= frames - 1)
+    return list(range((frames - 1) // step * step, -1, -step))
+
+
+def beyond_text(frames_ms: NDArray[np.float64], top: float) -> str:
+    """What of the frames does not fit below `top` (ms); "" where all do."""
+    beyond = frames_ms[frames_ms > top]
+    if not len(beyond):
+        return ""
+    return f"{counted(len(beyond), 'frame')} beyond the axis, at most {beyond.max():,.0f} ms"
 
 
 class TimingsPlot:
@@ -20,6 +50,7 @@ class TimingsPlot:
         self._frames = np.zeros(0)
         self._wall = np.zeros(0)
         self._top = 1.0
+        self._beyond = ""
 
     def _update(self, history: FrameHistory) -> None:
         if history.version == self._version:
@@ -32,10 +63,9 @@ class TimingsPlot:
         for name, times in history.passes_ms.items():
             self._edges.append((name, low, low + times))
             low = low + times
-        # The first frames compile shaders and take seconds: they must not flatten all the others.
         tops = np.maximum(self._wall, low)
-        usual = float(np.percentile(tops, 95)) if len(tops) else 1.0
-        self._top = max(1.15 * min(usual, 3.0 * float(np.median(tops)) if len(tops) else 1.0), 1.0)
+        self._top = axis_top(tops)
+        self._beyond = beyond_text(tops, self._top)
 
     def color(self, name: str) -> imgui.ImVec4 | None:
         """Of the area of a pass; None for one that is not drawn."""
@@ -55,6 +85,8 @@ class TimingsPlot:
         if implot.begin_plot("##times", ImVec2(-1, height), flags):
             implot.setup_axes("frames ago", "ms", implot.AxisFlags_.no_grid_lines, 0)
             implot.setup_axes_limits(float(self._frames[0]), 0.0, 0.0, self._top, implot.Cond_.always)
+            ticks = frame_ticks(len(self._frames))
+            implot.setup_axis_ticks(implot.ImAxis_.x1, [-float(tick) for tick in ticks], [str(tick) for tick in ticks])
             for number, (name, low, high) in enumerate(self._edges):
                 spec = implot.Spec(fill_color=implot.get_colormap_color(number))
                 implot.plot_shaded(name, self._frames, low, high, spec)
@@ -62,6 +94,8 @@ class TimingsPlot:
             implot.plot_line("frame", self._frames, self._wall, line)
             implot.end_plot()
         ui.rects.note("times")
+        if self._beyond:
+            imgui.text_disabled(self._beyond)
 
 
 def timings_text(facts: FrameFacts) -> str:

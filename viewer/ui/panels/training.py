@@ -36,7 +36,7 @@ class TrainingPanel:
         if run is not None:
             self._under_way(run, ui)
             names = [texture.name for texture in run.request.textures] if run.request is not None else []
-            self._curves.draw(run.curves, names, ui)
+            self._curves.draw(run.curves, names, run.codec_kind, ui)
         else:
             if ui.training.log.undecided is not None:
                 self._decision(ui, ui.training.log.undecided_run())
@@ -48,8 +48,10 @@ class TrainingPanel:
                 ui.rects.note("curves of the last run")
                 if opened:
                     last = ui.training.log.runs[-1] if ui.training.log.runs else None
-                    names = [t.name for t in last.pack.textures] if last is not None and last.pack is not None else []
-                    self._curves.draw(ui.training.curves, names, ui)
+                    pack = last.pack if last is not None else None
+                    names = [texture.name for texture in pack.textures] if pack is not None else []
+                    kind = pack.config.kind if pack is not None else None
+                    self._curves.draw(ui.training.curves, names, kind, ui)
                     imgui.tree_pop()
         if ui.training.log.runs:
             imgui.separator()

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
+from ntc.codec.config import CodecKind
 from viewer.training.run_log import Curves
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo
@@ -15,6 +16,8 @@ MOST_NAMED = 6
 MEAN_COLOR = (0.95, 0.95, 0.95, 1.0)
 TEXTURE_COLOR = (0.35, 0.65, 1.0, 1.0)
 WORST = "worst texture"
+PSNR_TITLES: dict[CodecKind | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
+"""What figures under way are of, by codec (ntc.training.progress)."""
 
 
 class TrainingCurves:
@@ -24,8 +27,8 @@ class TrainingCurves:
         self._texture: int | None = None
         """None: the one that is worst now."""
 
-    def draw(self, curves: Curves, names: Sequence[str], ui: UiFrame) -> None:
-        """The plots, each as wide as the panel; `names` of all textures of the pack."""
+    def draw(self, curves: Curves, names: Sequence[str], kind: CodecKind | None, ui: UiFrame) -> None:
+        """The plots, each as wide as the panel; `names` of all textures of the pack, `kind` its codec, None if not known."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")
             return
@@ -34,8 +37,11 @@ class TrainingCurves:
         unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
         fit = implot.AxisFlags_.auto_fit
         size = ImVec2(imgui.get_content_region_avail().x, PLOT_HEIGHT)
+        # Beside the plot the curves stay in sight.
+        outside = implot.LegendFlags_.outside
         if implot.begin_plot("loss by group##loss", size, flags | unnamed):
-            implot.setup_axes("", "", fit, fit)
+            implot.setup_axes("seconds", "loss", fit, fit)
+            implot.setup_legend(implot.Location_.east, outside)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             ticks = _ticks(curves)
             implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
@@ -44,9 +50,9 @@ class TrainingCurves:
             implot.end_plot()
         ui.rects.note("loss by group")
         texture = self._chosen(curves)
-        if implot.begin_plot("PSNR, dB##psnr", size, flags):
-            implot.setup_axes("", "", fit, fit)
-            implot.setup_legend(implot.Location_.south_east)
+        if implot.begin_plot(f"{PSNR_TITLES.get(kind, 'PSNR')}##psnr", size, flags):
+            implot.setup_axes("seconds", "dB", fit, fit)
+            implot.setup_legend(implot.Location_.south, outside | implot.LegendFlags_.horizontal)
             white, blue = (imgui.ImVec4(*color) for color in (MEAN_COLOR, TEXTURE_COLOR))
             implot.plot_line(
                 "mean", seconds, curves.array(curves.mean_db), implot.Spec(line_color=white, line_weight=2.0)
