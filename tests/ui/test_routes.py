@@ -20,6 +20,8 @@ from viewer.script.inputs import press
 from viewer.script.parse import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import Session
+from viewer.ui.menu_bar import menu_entries
+from viewer.ui.menu_layout import ONLY_TYPED
 
 Seen = list[tuple[str, tuple[Any, ...]]]
 
@@ -48,6 +50,8 @@ def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
             run(context, command_id, *values)
 
     monkeypatch.setattr(frontend, "run_or_notify", note)
+    # What cannot run now is grey.
+    monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "")
     monkeypatch.setattr(parse, "run", note)
     yield reached
     shared.session.window.palette = None
@@ -62,7 +66,7 @@ def chosen(command: Command, session: Session) -> tuple[str, ...]:
 
     def text(parameter: Parameter) -> str:
         if parameter.is_choice:
-            return parameter.options(session)[-1]
+            return [option for option in parameter.options(session) if not parameter.refusal(session, option)][-1]
         least = parameter.arg.minimum
         number = int(least or 2) if parameter.type is int else least or 0.25
         return typed.get(parameter.type, str(number))
@@ -103,13 +107,23 @@ def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
 
 @every_command
 def test_by_menu(shared: DrivenApp, seen: Seen, command: Command) -> None:
-    arguments = chosen(command, shared.session)
-    shared.click(f"menu: {command.menu}")
-    if not command.needs_arguments:
+    menu = next((m for m, sections in menu_entries().items() if any(command in section for section in sections)), None)
+    assert (menu is None) == (command.id in ONLY_TYPED)
+    if menu is None:
+        return
+    needed = [parameter for parameter in command.parameters if parameter.default_text is None]
+    arguments = chosen(command, shared.session)[: len(needed)]
+    shared.click(f"menu: {menu}")
+    if command.is_switch:
+        before = command.is_on(shared.session)
+        shared.click(f"menu: {command.id}")
+        assert seen == [(command.id, (not before,) if command.parameters else ())]
+        return
+    if not needed:
         shared.click(f"menu: {command.id}")
         assert seen == [(command.id, ())]
         return
-    if not all(parameter.is_choice for parameter in command.parameters):
+    if not all(parameter.is_choice for parameter in needed):
         # The menu hands over to the palette, which asks.
         shared.click(f"menu: {command.id}")
         assert (seen, shared.session.window.palette) == ([], command.id)

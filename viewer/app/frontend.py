@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from ntc.errors import InputError
 from viewer.app.frame_facts import FactsReader
 from viewer.capture.picture_writer import PictureWriter
-from viewer.commands import bindings, run_or_notify
+from viewer.commands import bindings, run_or_notify, why_not
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
@@ -93,7 +93,8 @@ class Frontend:
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         emit = partial(run_or_notify, self._context)
-        frame = UiFrame(session, self._context.training, self.facts(), emit, self.interface.rects)
+        reason = partial(why_not, self._context)
+        frame = UiFrame(session, self._context.training, self.facts(), emit, self.interface.rects, reason)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
             notify(session, problem, "error")
@@ -118,7 +119,9 @@ class Frontend:
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.window.toasts)
         comparing = self._compares and self.live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
-        return waiting or ending or comparing or self._frame_is_due(size)
+        tooltip = self.interface.rects.tooltips.seconds_until_due
+        explains = tooltip is not None and tooltip <= 0.0
+        return waiting or ending or comparing or explains or self._frame_is_due(size)
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
@@ -131,13 +134,15 @@ class Frontend:
 
     @property
     def seconds_until_change(self) -> float:
-        """Seconds until the picture changes by itself; infinite where it does not."""
+        """Seconds until the window changes by itself; infinite where it does not."""
+        tooltip = self.interface.rects.tooltips.seconds_until_due
+        explains = math.inf if tooltip is None else max(tooltip, 0.0)
         if self.live.is_computing:
-            return COMPARISON_POLL_SECONDS
+            return min(COMPARISON_POLL_SECONDS, explains)
         if not self.session.window.flickers:
-            return math.inf
+            return explains
         turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
-        return (math.floor(turns) + 1.0 - turns) / (2.0 * self.session.settings.flicker_hz)
+        return min(explains, (math.floor(turns) + 1.0 - turns) / (2.0 * self.session.settings.flicker_hz))
 
     def release(self) -> None:
         """Free everything on the GPU, and end what runs beside it."""

@@ -55,6 +55,11 @@ def run(context: Context, command_id: str, *values: Any) -> None:
         raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
 
 
+def why_not(context: Context, command_id: str) -> str:
+    """Why a command cannot run now, in a line; "" where it can."""
+    return _BY_ID[command_id].why_not(context)
+
+
 def run_or_notify(context: Context, command_id: str, *values: Any) -> None:
     """Run a command with typed values; what keeps it from being carried out becomes a message."""
     try:

@@ -13,7 +13,7 @@ from viewer.state.event_handlers import apply_event
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 
-Menu = Literal["File", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
+Menu = Literal["File", "Edit", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
 SWITCH = {"on": True, "off": False}
 REQUIRED: Any = inspect.Parameter.empty
 
@@ -43,6 +43,9 @@ class Arg:
     """Take the nearer of minimum and maximum in place of a value beyond them."""
     suggestion: Callable[[Session], str] | None = None
     """What the palette has in its field to begin with; None: nothing."""
+    refuses: Callable[[Session, str], str] | None = None
+    """Why a choice, as it is typed, cannot be taken now; "" where it can. Menus, lists and palette show such a choice in grey, with
+    the reason; a script gets it as the error."""
 
 
 def typed_path(text: str) -> Path:
@@ -97,6 +100,10 @@ class Parameter:
         """The texts that it can be now; empty unless it is a choice."""
         return self.arg.choices(session) if self.arg.choices is not None else tuple(self.fixed)
 
+    def refusal(self, session: Session, text: str) -> str:
+        """Why the choice `text` cannot be taken now; "" where it can."""
+        return self.arg.refuses(session, text) if self.arg.refuses is not None else ""
+
     def parse(self, text: str) -> Any:
         """The value of `text`. Raises InputError where it is wrong whatever is open."""
         if self.fixed:
@@ -123,6 +130,8 @@ class Parameter:
                 raise InputError(
                     f"{self.name} {value!r}: must be one of {', '.join(map(str, options)) or 'nothing yet'}"
                 )
+            if reason := self.refusal(session, str(value)):
+                raise InputError(f"{self.name} {value}: {reason}")
         elif self.type in (int, float):
             self._require_finite(value)
             low, high = self.arg.minimum, self.arg.maximum
@@ -156,6 +165,12 @@ class Command:
     """Default key as `viewer.commands.keys` spells it; "" for none. Only for commands that need no arguments."""
     second_key: str = ""
     """Another one."""
+    unavailable: Callable[[Context], str] | None = None
+    """Why it cannot run now, in a line; "" where it can. Menus, palette and buttons are grey then, with the reason as a tooltip; a
+    script gets it as the error."""
+    current: Callable[..., str | None] | None = None
+    """What is chosen now, as it is typed: takes the session and the texts of all parameters but the last. `on` and `off` for a command
+    without parameters that switches something. Menus tick it."""
 
     @property
     def usage(self) -> str:
@@ -167,6 +182,20 @@ class Command:
     def needs_arguments(self) -> bool:
         """Whether a parameter has no default."""
         return any(parameter.default is REQUIRED for parameter in self.parameters)
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it switches something on and off, and tells which of them is so now."""
+        own = not self.parameters or (len(self.parameters) == 1 and self.parameters[0].type is bool)
+        return own and self.current is not None
+
+    def is_on(self, session: Session) -> bool:
+        """Of a switch: whether what it switches is on."""
+        return self.current is not None and self.current(session) == "on"
+
+    def why_not(self, context: Context) -> str:
+        """Why it cannot run now; "" where it can."""
+        return self.unavailable(context) if self.unavailable is not None else ""
 
     @cached_property
     def _takes_context(self) -> bool:
@@ -180,6 +209,8 @@ class Command:
     def run(self, context: Context, values: Sequence[Any]) -> None:
         """Check the values, and carry the command out. Raises InputError."""
         self._require_all(len(values))
+        if reason := self.why_not(context):
+            raise InputError(f"{self.id}: {reason}")
         values = [*values, *(parameter.default for parameter in self.parameters[len(values) :])]
         values = self._each(lambda parameter, value: parameter.checked(value, context.session), values)
         self.function(context if self._takes_context else context.session, *values)
@@ -199,12 +230,25 @@ class Command:
 
 
 def command(
-    command_id: str, title: str, help_line: str, menu: Menu, key: str = "", second_key: str = ""
+    command_id: str,
+    title: str,
+    help_line: str,
+    menu: Menu,
+    key: str = "",
+    second_key: str = "",
+    *,
+    unavailable: Callable[[Context], str] | None = None,
+    current: Callable[..., str | None] | None = None,
 ) -> Callable[[Callable[..., None]], Command]:
-    """Make a command of a function: its parameters after the first are the command's."""
+    """Make a command of a function: its parameters after the first are the command's. The rest as `Command` says."""
     return lambda function: Command(
-        command_id, title, help_line, menu, function, _parameters(function), key, second_key
+        command_id, title, help_line, menu, function, _parameters(function), key, second_key, unavailable, current
     )
+
+
+def switch(is_on: Callable[[Session], bool]) -> Callable[[Session], str]:
+    """What is chosen now, for `current` of a command that switches something on and off."""
+    return lambda session: "on" if is_on(session) else "off"
 
 
 def gesture(command_id: str) -> Callable[[Callable[..., None]], Command]:

@@ -158,28 +158,67 @@ def set_ahead(session: Session, state: Annotated[bool, Arg("on or off")]) -> Non
     session.settings = replace(session.settings, prepare_encoding=state)
 
 
-@command("training.pause", "Pause training", "let the training stand still", "Train")
+def _not_pausable(context: Context) -> str:
+    states = {"idle": "no training is under way", "preparing": "it has not begun yet; wait, or cancel it"}
+    return states.get(context.training.state, "" if context.training.state == "training" else "it does not train")
+
+
+def _not_resumable(context: Context) -> str:
+    return "" if context.training.state in ("paused", "pausing") else "no training is paused"
+
+
+def _none_under_way(context: Context) -> str:
+    return "no training is under way" if context.training.active is None else ""
+
+
+def _none_to_decide(context: Context) -> str:
+    if context.training.saving:
+        return "the pack is being written"
+    return "" if context.training.log.undecided is not None else "there is no finished run to decide about"
+
+
+@command(
+    "training.pause",
+    "Pause training",
+    "let the training stand still until it is resumed",
+    "Train",
+    unavailable=_not_pausable,
+)
 def pause(context: Context) -> None:
     context.training.pause()
 
 
-@command("training.resume", "Resume training", "let the training go on", "Train")
+@command("training.resume", "Resume training", "let a paused training go on", "Train", unavailable=_not_resumable)
 def resume(context: Context) -> None:
     context.training.resume()
 
 
-@command("training.cancel", "Cancel training", "end the training; the last picture stays", "Train")
+@command(
+    "training.cancel",
+    "Cancel training",
+    "end the training; its last picture stays",
+    "Train",
+    unavailable=_none_under_way,
+)
 def cancel(context: Context) -> None:
     context.training.cancel()
 
 
-@command("training.accept", "Accept", "write the pack of the last run to a file", "Train")
+@command(
+    "training.accept", "Accept run", "write the pack of the last run to a file", "Train", unavailable=_none_to_decide
+)
 def accept(context: Context, file: PackFile = Path()) -> None:
     path = None if file == Path() else file
     context.training.accept(path, context.session.scene, context.session.packs.values())
 
 
-@command("training.discard", "Discard", "show again what was shown before the last run", "Train")
+@command(
+    "training.discard",
+    "Discard run",
+    "show again what was shown before the last run",
+    "Train",
+    unavailable=_none_to_decide,
+)
 def discard(context: Context) -> None:
     context.training.discard()
 

@@ -86,3 +86,5 @@ class UiFrame:
     facts: FrameFacts
     emit: Emit
     rects: WidgetRects
+    why_not: Callable[[str], str] = lambda _command_id: ""
+    """Why the command of this id cannot run now; "" where it can."""

@@ -1,6 +1,6 @@
 """The bar of menus, made from the registry of commands."""
 
-from collections import defaultdict
+from functools import lru_cache
 from typing import get_args
 
 from imgui_bundle import imgui
@@ -9,16 +9,28 @@ from viewer.commands import COMMANDS, bindings
 from viewer.commands.command import Command, Menu
 from viewer.commands.keys import Bindings
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.explanations import command_text, value_text
+from viewer.ui.menu_layout import ONLY_TYPED, ORDER
 
 LABEL = "menu: "
 """Before the names under which scripts click on menus and their items: `menu: View`, `menu: compare.mode a`."""
 
 
+@lru_cache(maxsize=1)
+def menu_entries() -> dict[Menu, tuple[tuple[Command, ...], ...]]:
+    """Commands of each menu, in sections between which there is a line; those that have no place yet are the last one."""
+    by_id = {command.id: command for command in COMMANDS}
+    placed = {command_id for sections in ORDER.values() for section in sections for command_id in section}
+    entries = {}
+    for menu in get_args(Menu):
+        sections = [tuple(by_id[i] for i in section if i in by_id) for section in ORDER.get(menu, ())]
+        rest = tuple(c for c in COMMANDS if c.menu == menu and c.id not in placed and c.id not in ONLY_TYPED)
+        entries[menu] = tuple(section for section in (*sections, rest) if section)
+    return entries
+
+
 def draw_menu_bar(ui: UiFrame) -> float:
     """The bar at the upper edge; its height in window units."""
-    commands: defaultdict[Menu | None, list[Command]] = defaultdict(list)
-    for command in COMMANDS:
-        commands[command.menu].append(command)
     if not imgui.begin_main_menu_bar():
         return 0.0
     bound = bindings(ui.session.settings.keys)
@@ -26,14 +38,17 @@ def draw_menu_bar(ui: UiFrame) -> float:
     ground = imgui.get_style_color_vec4(imgui.Col_.popup_bg)
     imgui.push_style_color(imgui.Col_.popup_bg, imgui.ImVec4(ground.x, ground.y, ground.z, 1.0))
     height = imgui.get_window_size().y
-    for menu in get_args(Menu):
-        if not commands[menu]:
+    for menu, sections in menu_entries().items():
+        if not sections:
             continue
         opened = imgui.begin_menu(menu)
         ui.rects.note(f"{LABEL}{menu}")
         if opened:
-            for command in commands[menu]:
-                _command(command, bound, ui)
+            for number, section in enumerate(sections):
+                if number:
+                    imgui.separator()
+                for command in section:
+                    _command(command, bound, ui)
             if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
                 imgui.close_current_popup()
             imgui.end_menu()
@@ -43,34 +58,64 @@ def draw_menu_bar(ui: UiFrame) -> float:
 
 
 def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
-    """One entry: a submenu of choices, an item that runs the command, or one that opens the palette for its arguments."""
-    if command.needs_arguments and all(parameter.is_choice for parameter in command.parameters):
-        _choices(command, (), ui)
+    """One entry: a submenu of choices, an item that runs or switches something, or one that opens the palette for its arguments."""
+    reason = ui.why_not(command.id)
+    note = _explained(command_text(command, bound), reason)
+    if command.is_switch:
+        _switch(command, note, not reason, bound, ui)
         return
-    asks = command.needs_arguments
-    clicked = imgui.menu_item_simple(f"{command.title}{'...' if asks else ''}", bound.text(command.id))
-    ui.rects.note(f"{LABEL}{command.id}")
-    imgui.set_item_tooltip(command.help)
-    if clicked and asks:
+    needed = [parameter for parameter in command.parameters if parameter.default_text is None]
+    if needed and all(parameter.is_choice for parameter in needed) and not reason:
+        _choices(command, len(needed), (), note, ui)
+        return
+    title = f"{command.title}..." if needed else command.title
+    clicked = imgui.menu_item(title, bound.text(command.id), False, not reason)[0]
+    ui.rects.note(f"{LABEL}{command.id}", note)
+    if clicked and needed:
         ui.emit("palette.set", command.id)
     elif clicked:
         ui.emit(command.id)
 
 
-def _choices(command: Command, chosen: tuple[str, ...], ui: UiFrame) -> None:
-    """A submenu for the parameter after those that are chosen."""
-    options = command.parameters[len(chosen)].options(ui.session)
+def _switch(command: Command, note: str, enabled: bool, bound: Bindings, ui: UiFrame) -> None:
+    """A ticked item."""
+    is_on = command.is_on(ui.session)
+    clicked = imgui.menu_item(command.title, bound.text(command.id), is_on, enabled)[0]
+    ui.rects.note(f"{LABEL}{command.id}", note)
+    if clicked:
+        ui.emit(command.id, *([not is_on] if command.parameters else ()))
+
+
+def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, ui: UiFrame) -> None:
+    """A submenu for the parameter after those that are chosen, of the first `needed` ones."""
+    parameter = command.parameters[len(chosen)]
+    options = parameter.options(ui.session)
     name = " ".join((command.id, *chosen))
-    opened = imgui.begin_menu(f"{chosen[-1] if chosen else command.title}##{name}", bool(options))
-    ui.rects.note(f"{LABEL}{name}")
+    title = _shown(chosen[-1]) if chosen else command.title
+    opened = imgui.begin_menu(f"{title}##{name}", bool(options))
+    ui.rects.note(f"{LABEL}{name}", note if options else _explained(note, "there is none"))
     if not opened:
         return
-    is_last = len(chosen) == len(command.parameters) - 1
+    is_last = len(chosen) == needed - 1
+    current = command.current(ui.session, *chosen) if is_last and command.current is not None else None
     for option in options:
         if not is_last:
-            _choices(command, (*chosen, option), ui)
+            _choices(command, needed, (*chosen, option), note, ui)
             continue
-        if imgui.menu_item_simple(f"{option}##{name}"):
+        refusal = parameter.refusal(ui.session, option)
+        ticked = option == current
+        clicked = imgui.menu_item(f"{_shown(option)}##{name}", "", ticked, not refusal)[0]
+        ui.rects.note(f"{LABEL}{name} {option}", _explained(value_text(option), refusal))
+        if clicked:
             ui.emit(command.id, *command.parse((*chosen, option)))
-        ui.rects.note(f"{LABEL}{name} {option}")
     imgui.end_menu()
+
+
+def _shown(option: str) -> str:
+    """An option as menus show it: sides of the comparison as `A` and `B`."""
+    return option.upper() if option in ("a", "b") else option
+
+
+def _explained(text: str, reason: str) -> str:
+    """What something is, and why it cannot be taken now."""
+    return "\n".join(part for part in (text, f"Not now: {reason}" if reason else "") if part)

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.commands import bindings
 from viewer.jobs.background import Background
 from viewer.state.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.dock_layout import Docked, DockLayout
 from viewer.ui.facts import UiFrame
 from viewer.ui.flat_window import FlatWindow
-from viewer.ui.key_sheet import KeySheet
+from viewer.ui.help.explanations import explanation
+from viewer.ui.help.key_sheet import KeySheet
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
@@ -70,7 +72,8 @@ class UserInterface:
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
         session = ui.session
-        ui.rects.clear()
+        bound = bindings(session.settings.keys)
+        ui.rects.begin(lambda label: explanation(label, bound))
         # Asked before the panels: a list that this frame's Escape closes still owns the key.
         list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.window.palette is not None
         display = imgui.get_io().display_size
@@ -99,6 +102,7 @@ class UserInterface:
         self._palette.draw(ui, size)
         draw_toasts(session.window.toasts, area)
         self._input.handle(session, area, ui.emit, keys=not list_is_open)
+        ui.rects.tooltips.end()
 
     def _layout_panels(self, ui: UiFrame) -> Area:
         """Dock the panels; the rectangle that they leave to the picture."""

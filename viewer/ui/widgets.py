@@ -1,5 +1,7 @@
-"""What several panels share: rectangles, colours, a drop-down list, and where labelled widgets are."""
+"""What several panels share: rectangles, colours, a drop-down list, and where labelled widgets are with what explains them."""
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,20 +63,91 @@ class Area:
         return width, height
 
 
+TOOLTIP_SECONDS = 0.2
+"""ImGui shows a tooltip when the mouse has rested on a widget for 0.15 s."""
+TOOLTIP_FONT_SIZES = 28.0
+"""Width of a tooltip's longest line."""
+
+
+class Tooltips:
+    """Shows what explains a widget while the mouse rests on it, and says when the next frame is due for that."""
+
+    def __init__(self) -> None:
+        self._waits = False
+        self._due: float | None = None
+        """Monotonic time at which a tooltip is to appear; None while the mouse is on nothing, and when it is there."""
+
+    def begin(self) -> None:
+        """A frame begins."""
+        self._waits = False
+
+    def end(self) -> None:
+        """A frame has ended."""
+        if not self._waits:
+            self._due = None
+        elif self._due is None or self._due <= time.monotonic():
+            self._due = time.monotonic() + TOOLTIP_SECONDS
+
+    @property
+    def seconds_until_due(self) -> float | None:
+        """Seconds after which a frame must be drawn for a tooltip to appear, 0 or less when it is late; None for no tooltip."""
+        return None if self._due is None else self._due - time.monotonic()
+
+    def show(self, text: Callable[[], str]) -> None:
+        """Explain the last widget, disabled ones too. `text` is asked for while the mouse is on it."""
+        if not imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
+            return
+        shown = text()
+        if not shown:
+            return
+        if not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
+            self._waits = True
+        elif imgui.begin_tooltip():
+            imgui.push_text_wrap_pos(TOOLTIP_FONT_SIZES * imgui.get_font_size())
+            imgui.text_unformatted(shown)
+            imgui.pop_text_wrap_pos()
+            imgui.end_tooltip()
+
+
 class WidgetRects:
-    """Rectangles of the last frame's labelled widgets, in window pixels."""
+    """Rectangles of the last frame's labelled widgets, in window pixels, and what explains each."""
 
     def __init__(self) -> None:
         self._rects: dict[str, tuple[float, float, float, float]] = {}
+        self._texts: dict[str, str] = {}
+        """Explanations that widgets brought along."""
+        self._explain: Callable[[str], str] = lambda _label: ""
+        self.tooltips = Tooltips()
 
-    def clear(self) -> None:
-        """Remove those of the last frame."""
+    def begin(self, explain: Callable[[str], str]) -> None:
+        """A frame begins: forget the last one's. `explain` gives the explanation of a label, "" for none."""
         self._rects.clear()
+        self._texts.clear()
+        self._explain = explain
+        self.tooltips.begin()
 
-    def note(self, label: str) -> None:
-        """Record the last widget's rectangle."""
+    def note(self, label: str, text: str = "") -> None:
+        """Record the last widget's rectangle, and explain it while the mouse rests on it.
+
+        The explanation is `text`; without one, that of the label (viewer/ui/help/explanations.py).
+        """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
+        if text:
+            self._texts[label] = text
+        self.tooltips.show(lambda: self.explanation(label))
+
+    def explain(self, label: str) -> None:
+        """Explain the last widget as `label` is, without recording a rectangle: for figures beside their name."""
+        self.tooltips.show(lambda: self.explanation(label))
+
+    def tip(self, text: str) -> None:
+        """Explain the last widget, which has no label, by `text`."""
+        self.tooltips.show(lambda: text)
+
+    def explanation(self, label: str) -> str:
+        """What explains a label; "" where nothing does."""
+        return self._texts.get(label) or self._explain(label)
 
     def note_rectangle(self, label: str, left: float, top: float, right: float, bottom: float) -> None:
         """Record a rectangle that is no widget."""
@@ -116,3 +189,23 @@ def cells(*texts: str) -> None:
 def counted(number: int, noun: str) -> str:
     """`1 texture`, `2 textures`."""
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+
+
+def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
+    """A figure's name and its texts in the next columns of a table's row, each with the explanation of the name."""
+    imgui.table_next_column()
+    imgui.text(name)
+    items.note(name)
+    for text in texts:
+        imgui.table_next_column()
+        imgui.text(text)
+        items.explain(name)
+
+
+def headings(columns: tuple[str, ...], items: WidgetRects) -> None:
+    """The headings of a table, each with an explanation: that of `column NAME`. To be called after its columns are set up."""
+    imgui.table_next_row(imgui.TableRowFlags_.headers)
+    for number, name in enumerate(columns):
+        if imgui.table_set_column_index(number):
+            imgui.table_header(name)
+            items.note(f"column {name.partition('##')[0] or 'picture'}")

@@ -10,7 +10,7 @@ from ntc.metrics.divergence import cut_percent
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import cells, combo
+from viewer.ui.widgets import combo, headings, named_cells
 
 GAINS = (1.0, 64.0)
 """Ends of the slider."""
@@ -96,6 +96,7 @@ def draw_live_figures(ui: UiFrame) -> None:
         for name, text in texts:
             imgui.table_next_column()
             imgui.text_disabled(name)
+            ui.rects.note(name)
             imgui.table_next_column()
             if live.is_current:
                 imgui.text(text)
@@ -230,7 +231,7 @@ def _figures(ui: UiFrame) -> None:
         return
     for heading in ("", "A", "B"):
         imgui.table_setup_column(heading)
-    imgui.table_headers_row()
+    headings(("##figure", "A", "B"), ui.rects)
     rows: dict[str, list[str]] = {
         name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
     }
@@ -247,7 +248,7 @@ def _figures(ui: UiFrame) -> None:
     rows |= _figures_by_map(ui)
     for name, values in rows.items():
         imgui.table_next_row()
-        cells(name, *values)
+        named_cells(ui.rects, name, *values)
     imgui.end_table()
 
 

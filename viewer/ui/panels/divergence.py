@@ -8,7 +8,7 @@ from viewer.inspect.block_content import BlockContent
 from viewer.state.palettes import PALETTES
 from viewer.state.view_state import BLOCKS, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS, cells, combo, counted, heat, packed
+from viewer.ui.widgets import SLOT_COLORS, combo, counted, heat, named_cells, packed
 
 BAR_HEIGHT = 14.0
 MOST_TICKS = 16
@@ -80,7 +80,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
             imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
         for name, texts in rows.items():
             imgui.table_next_row()
-            cells(name, *texts)
+            named_cells(ui.rects, name, *texts)
         imgui.end_table()
         ui.rects.note("divergence figures")
     if len(sides) == 2:

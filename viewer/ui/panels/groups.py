@@ -10,7 +10,7 @@ from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances
 from viewer.jobs.background import Background
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import cells, counted
+from viewer.ui.widgets import cells, counted, headings
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
@@ -101,7 +101,7 @@ class GroupsPanel:
         imgui.table_setup_scroll_freeze(0, 1)
         for number, name in enumerate(COLUMNS):
             imgui.table_setup_column(name, 0, 0.0, number)
-        imgui.table_headers_row()
+        headings(COLUMNS, ui.rects)
         self._sort()
         clipper = imgui.ListClipper()
         clipper.begin(len(self._shown))

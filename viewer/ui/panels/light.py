@@ -17,19 +17,17 @@ LABEL_WIDTH = 90.0
 """Window units, at normal scale."""
 
 
-def _label(text: str, help_text: str) -> None:
+def _label(text: str, ui: UiFrame) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(text)
-    imgui.set_item_tooltip(help_text)
+    ui.rects.explain(text)
     imgui.same_line(LABEL_WIDTH * imgui.get_style().font_scale_main)
     imgui.set_next_item_width(-1)
 
 
-def _slider(
-    ui: UiFrame, label: str, value: float, ends: tuple[float, float], text: str, help_text: str
-) -> float | None:
+def _slider(ui: UiFrame, label: str, value: float, ends: tuple[float, float], text: str) -> float | None:
     """The value that the slider was moved to; None where it was not."""
-    _label(label, help_text)
+    _label(label, ui)
     moved, found = imgui.slider_float(f"##{label}", value, *ends, text, imgui.SliderFlags_.always_clamp)
     ui.rects.note(label)
     return round(found, 3) if moved else None
@@ -37,18 +35,13 @@ def _slider(
 
 def _draw_environment(ui: UiFrame) -> None:
     lighting = ui.session.view.lighting
-    _label(
-        "environment",
-        "What lights the scene from all sides: the sky that the sun makes, or a panorama. Drop an .hdr or .exr.",
-    )
+    _label("environment", ui)
     is_sky = lighting.environment == SKY
     choices = (SKY,) if is_sky else (Path(lighting.environment).name, SKY)
     if combo("environment", choices[0], choices, ui.rects) == SKY and not is_sky:
         ui.emit("light.environment", Path(SKY))
     if not is_sky:
-        turn = _slider(
-            ui, "turned by", lighting.environment_turn, (0.0, 360.0), "%.0f deg", "About the vertical axis, degrees"
-        )
+        turn = _slider(ui, "turned by", lighting.environment_turn, (0.0, 360.0), "%.0f deg")
         if turn is not None:
             ui.emit("light.turn", turn)
 
@@ -56,30 +49,21 @@ def _draw_environment(ui: UiFrame) -> None:
 def _draw_light(ui: UiFrame) -> None:
     lighting = ui.session.view.lighting
     _draw_environment(ui)
-    azimuth = _slider(
-        ui, "sun from", lighting.sun_azimuth, (0.0, 360.0), "%.0f deg", "Degrees from north (-Z) towards east (+X)"
-    )
-    elevation = _slider(
-        ui, "sun height", lighting.sun_elevation, ELEVATION_RANGE, "%.0f deg", "Degrees above the horizon"
-    )
+    azimuth = _slider(ui, "sun from", lighting.sun_azimuth, (0.0, 360.0), "%.0f deg")
+    elevation = _slider(ui, "sun height", lighting.sun_elevation, ELEVATION_RANGE, "%.0f deg")
     if azimuth is not None or elevation is not None:
         ui.emit(
             "light.sun",
             lighting.sun_azimuth if azimuth is None else azimuth,
             lighting.sun_elevation if elevation is None else elevation,
         )
-    strength = _slider(
-        ui, "sun", lighting.sun_strength, STRENGTHS, "x %.2f", "Times the sun's own strength; 0 leaves it out"
-    )
+    strength = _slider(ui, "sun", lighting.sun_strength, STRENGTHS, "x %.2f")
     if strength is not None:
         ui.emit("light.sun-strength", strength)
-    stops = _slider(ui, "exposure", lighting.exposure, STOPS, "%+.2f stops", "One stop more is twice as bright")
+    stops = _slider(ui, "exposure", lighting.exposure, STOPS, "%+.2f stops")
     if stops is not None:
         ui.emit("light.exposure", stops)
-    _label(
-        "tone map",
-        "How light becomes a picture: Khronos PBR Neutral keeps base colours, AgX bleaches bright light, none clips it",
-    )
+    _label("tone map", ui)
     tone_map = combo("tone map", lighting.tone_map, get_args(ToneMap), ui.rects)
     if tone_map != lighting.tone_map:
         ui.emit("light.tone-map", tone_map)
@@ -92,9 +76,7 @@ def _draw_decoded_maps(ui: UiFrame) -> None:
         if slot.source == REFERENCE:
             continue
         letter = side.upper()
-        _label(
-            f"{letter} decodes", "All maps, or one among the original ones: what its error alone does to the picture"
-        )
+        _label(f"{letter} decodes", ui)
         chosen = combo(f"{letter} maps", slot.maps, get_args(DecodedMaps), ui.rects)
         if chosen != slot.maps:
             ui.emit("slot.maps", side, chosen)
@@ -103,7 +85,7 @@ def _draw_decoded_maps(ui: UiFrame) -> None:
 def draw_light_panel(ui: UiFrame) -> None:
     """All of it; what lights is shown where it has an effect."""
     view = ui.session.view.material_view
-    _label("view", "What of the materials is shown: surfaces in the light, or one of their maps")
+    _label("view", ui)
     chosen = combo("materials", view, get_args(MaterialView), ui.rects)
     if chosen != view:
         ui.emit("materials.view", chosen)

@@ -69,7 +69,7 @@ class MemoryPanel:
                 write = imgui.text if row.is_total else imgui.text_disabled
                 write(row.name)
                 if row.explanation:
-                    imgui.set_item_tooltip(row.explanation)
+                    ui.rects.tip(row.explanation)
                 for text in (megabytes(row.bytes), ratio(row)):
                     imgui.table_next_column()
                     write(text)

@@ -160,7 +160,7 @@ def draw_scene_panel(ui: UiFrame, field: OpenField, lists: SceneLists) -> None:
     """The content of the panel."""
     scene = ui.session.scene
     imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
-    imgui.set_item_tooltip(str(scene.path or scene.name))
+    ui.rects.tip(str(scene.path or scene.name))
     used = scene.report.used
     imgui.text_disabled(
         ", ".join(f"{used[key]:,} {key}" for key in ("triangles", "materials", "textures") if key in used)
@@ -169,7 +169,9 @@ def draw_scene_panel(ui: UiFrame, field: OpenField, lists: SceneLists) -> None:
     if imgui.button("Frame all"):
         ui.emit("camera.frame-all")
     ui.rects.note("Frame all")
-    if imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open):
+    opened = imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open)
+    ui.rects.note("cameras")
+    if opened:
         for number, camera in enumerate(scene.cameras):
             label = f"{number + 1}  {camera.name}"
             if imgui.selectable(label, ui.session.view.camera == camera)[0]:

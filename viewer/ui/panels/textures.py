@@ -13,6 +13,7 @@ from viewer.inspect.texture_table import (
 )
 from viewer.state.view_state import is_image_source
 from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import headings
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail, in lines of text."""
@@ -70,7 +71,7 @@ class TexturesPanel:
         )
         below = imgui.get_text_line_height_with_spacing()
         if imgui.begin_table("textures", 1 + len(COLUMNS), flags, ImVec2(0, -below)):
-            self._headings()
+            self._headings(ui)
             self._update(ui, source)
             self._body(ui)
             imgui.end_table()
@@ -78,7 +79,7 @@ class TexturesPanel:
         not_made = f", {ui.facts.thumbnails_skipped:,} thumbnails skipped" if ui.facts.thumbnails_skipped else ""
         imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}{not_made}")
 
-    def _headings(self) -> None:
+    def _headings(self, ui: UiFrame) -> None:
         fixed = imgui.TableColumnFlags_.width_fixed
         size = imgui.get_font_size()
         imgui.table_setup_scroll_freeze(2, 1)
@@ -91,7 +92,7 @@ class TexturesPanel:
             if column == "name":
                 flags |= imgui.TableColumnFlags_.no_hide
             imgui.table_setup_column(column, flags, WIDTHS[column] * size, number)
-        imgui.table_headers_row()
+        headings(("##picture", *COLUMNS), ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:
         """Have the rows that are to be shown, anew only where something has changed."""

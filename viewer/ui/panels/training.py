@@ -11,8 +11,9 @@ from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.training_curves import TrainingCurves
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.widgets import SLOT_COLORS, Area, cells
+from viewer.ui.widgets import SLOT_COLORS, Area, cells, headings
 
+RUN_COLUMNS = ("run", "what", "dB", "time", "into")
 STATES = {
     "preparing": "preparing textures and groups",
     "training": "",
@@ -124,12 +125,9 @@ def _log(ui: UiFrame) -> None:
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
     if not imgui.begin_table("runs", 5, flags):
         return
-    imgui.table_setup_column("run")
-    imgui.table_setup_column("what", imgui.TableColumnFlags_.width_stretch)
-    imgui.table_setup_column("dB")
-    imgui.table_setup_column("time")
-    imgui.table_setup_column("into")
-    imgui.table_headers_row()
+    for name in RUN_COLUMNS:
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_stretch if name == "what" else 0)
+    headings(RUN_COLUMNS, ui.rects)
     shown = {"a": ui.session.view.slot_a.source, "b": ui.session.view.slot_b.source}
     for run in reversed(ui.training.log.runs):
         imgui.table_next_row()
@@ -137,7 +135,7 @@ def _log(ui: UiFrame) -> None:
         if imgui.is_item_hovered():
             saved = (f"written to {run.saved}",) if run.saved is not None else ()
             about = (run.title, run.settings, f"{run.groups} groups, {run.outcome}", *saved, *run.lines[:12])
-            imgui.set_tooltip("\n".join(about))
+            ui.rects.tip("\n".join(about))
         cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", _duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from ntc.errors import InputError
-from viewer.commands import COMMANDS, find_command, run, run_line, run_or_notify
+from viewer.commands import COMMANDS, find_command, run, run_line, run_or_notify, why_not
 from viewer.commands.command import Context, words
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
@@ -132,3 +132,19 @@ def test_what_keeps_a_command_from_running_becomes_a_message(context: Context) -
     run_or_notify(context, "overlay.opacity", 2.0)
     (entry,) = context.session.window.log
     assert (entry.kind, entry.text) == ("error", "overlay.opacity: opacity 2: must be 0 to 1")
+
+
+def test_a_command_that_cannot_run_now_says_why(context: Context) -> None:
+    with pytest.raises(InputError) as refused:
+        run_line(context, "training.pause")
+    assert str(refused.value) == f"training.pause: {why_not(context, 'training.pause')}"
+    assert why_not(context, "training.encode") == ""
+
+
+def test_every_command_has_help_and_a_line_in_the_documentation() -> None:
+    lines = (assets_folder().parent / "docs" / "scripts.md").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        assert command.help, f"{command.id}: give it a line of help"
+        assert f"| `{command.usage}` | {command.help} |" in lines, (
+            f"{command.id}: make the table of docs/scripts.md anew"
+        )

@@ -1,0 +1,148 @@
+"""Every widget, column and figure says what it is: a tooltip by its label, also in a window at rest."""
+
+import sys
+from collections.abc import Callable, Iterator
+from functools import wraps
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from imgui_bundle import imgui
+
+from tests.support.driven_app import DrivenApp
+from tests.ui.conftest import SIZE
+from viewer.commands.command import Menu
+from viewer.scene.model import Scene
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
+from viewer.ui.widgets import WidgetRects
+
+MAKE_WIDGETS = (
+    *("button", "small_button", "arrow_button", "image_button", "invisible_button", "checkbox", "radio_button"),
+    *("selectable", "menu_item", "menu_item_simple", "begin_menu", "begin_combo", "begin_tab_item", "table_header"),
+    *("slider_float", "slider_int", "drag_float", "input_text", "input_text_with_hint", "input_int", "input_float"),
+    *("tree_node", "tree_node_ex", "collapsing_header", "table_headers_row", "progress_bar"),
+)
+"""ImGui's functions after which `rects.note(LABEL)` is due."""
+WHERE_TO_ADD = (
+    "add it to viewer/ui/help/: COMMAND_OF of control_texts.py for a control that runs a command, CONTROLS for any other "
+    "control (a sentence), figure_texts.py for a figure, column or plot, value_texts.py for an entry of a list; "
+    "or give note() a text of its own. # stands for any number, first words do for labels that go on"
+)
+VIEWS = (
+    (),
+    ("compare.mode difference", "overlay.toggle", "pixel.panel", "errors.panel", "histogram.panel"),
+    ("compare.mode wipe", "materials.view lit", "slot.source b reference"),
+)
+"""Commands before panels are drawn: between them they show all that panels can show at rest."""
+
+
+class Widgets:
+    """Watches which widgets are made, and which of them get a label."""
+
+    def __init__(self) -> None:
+        self.unlabelled: set[str] = set()
+        self._last: str | None = None
+
+    def made(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """`function`, watched."""
+
+        @wraps(function)
+        def call(*arguments: Any, **named: Any) -> Any:
+            self.finish()
+            frame = sys._getframe(1)
+            result = function(*arguments, **named)
+            place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
+            self._last = f"{place}: imgui.{function.__name__}({', '.join(map(repr, arguments[:1]))})"
+            return result
+
+        return call
+
+    def labelled(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """`WidgetRects.note` or one of its kind, watched."""
+
+        @wraps(function)
+        def call(*arguments: Any, **named: Any) -> Any:
+            self._last = None
+            return function(*arguments, **named)
+
+        return call
+
+    def finish(self) -> None:
+        """Nothing more comes for the last widget."""
+        if self._last is not None:
+            self.unlabelled.add(self._last)
+        self._last = None
+
+
+@pytest.fixture(scope="module")
+def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
+    packs = open_packs(packs_beside(scene_path))
+    made = DrivenApp(scene, packs, (1600, 1000), tmp_path_factory.mktemp("pictures"), ViewerSettings())
+    made.settle()
+    yield made
+    made.close()
+
+
+def unexplained(rects: WidgetRects) -> set[str]:
+    return {label for label in rects.labels() if not rects.explanation(label)}
+
+
+@pytest.mark.parametrize("commands", VIEWS)
+def test_every_label_of_every_panel_is_explained(
+    shared: DrivenApp, commands: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for line in commands:
+        name, *values = line.split()
+        shared.run(name, *values)
+    shared.settle()
+    watch = Widgets()
+    for name in MAKE_WIDGETS:
+        monkeypatch.setattr(imgui, name, watch.made(getattr(imgui, name)))
+    for name in ("note", "tip", "explain"):
+        monkeypatch.setattr(WidgetRects, name, watch.labelled(getattr(WidgetRects, name)))
+    missing: dict[str, str] = {}
+    for title in shared.frontend.interface.panel_titles:
+        shared.show_panel(title)
+        watch.finish()
+        missing |= dict.fromkeys(unexplained(shared.widgets), title)
+        for label in [label for label in shared.widgets.labels() if label.startswith("tab ")]:
+            shared.click(label)
+            missing |= dict.fromkeys(unexplained(shared.widgets), f"{title}, {label}")
+    watch.finish()
+    assert not watch.unlabelled, f"widgets without ui.rects.note(LABEL) after them: {sorted(watch.unlabelled)}"
+    assert not missing, f"labels (and their panels) without an explanation: {missing}; {WHERE_TO_ADD}"
+
+
+@pytest.mark.parametrize("menu", get_args(Menu))
+def test_every_entry_of_every_menu_is_explained(app: DrivenApp, menu: str) -> None:
+    if f"menu: {menu}" not in app.widgets.labels():
+        pytest.skip("this menu has no entries")
+    app.click(f"menu: {menu}")
+    assert any(label.startswith("menu: ") and "." in label for label in app.widgets.labels())
+    assert not unexplained(app.widgets), WHERE_TO_ADD
+
+
+def test_other_windows_are_explained(app: DrivenApp) -> None:
+    app.run("texture.flat", "0")
+    app.settle()
+    assert not unexplained(app.widgets), WHERE_TO_ADD
+    app.run("texture.close-flat")
+    for command in ("help.keys", "help.palette"):
+        app.run(command)
+        app.settle()
+        assert not unexplained(app.widgets), WHERE_TO_ADD
+        app.run(command)
+
+
+def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: DrivenApp) -> None:
+    app.move(*app.widgets.centre("Measure"))
+    tooltips = app.widgets.tooltips
+    assert tooltips.seconds_until_due is not None, "a window at rest must know that a frame is due"
+    before = app.screenshot()
+    for _ in range(30):
+        app.frame()
+    assert tooltips.seconds_until_due is None, "it is there"
+    assert (app.screenshot() != before).any()
+    app.move(SIZE[0] / 2, SIZE[1] / 2)
+    assert tooltips.seconds_until_due is None

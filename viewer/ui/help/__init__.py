@@ -1,0 +1,1 @@
+"""What explains the window: tooltips, the glossary, the sheet of keys."""

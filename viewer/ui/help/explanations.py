@@ -1,0 +1,67 @@
+"""What explains each labelled widget, column and figure of the window: shown as a tooltip while the mouse rests on it."""
+
+import re
+
+from viewer.commands import COMMANDS
+from viewer.commands.command import Command
+from viewer.commands.keys import Bindings
+from viewer.ui.help.control_texts import COMMAND_OF, CONTROLS
+from viewer.ui.help.figure_texts import FIGURES
+from viewer.ui.help.value_texts import FORMATS, VALUES
+
+_BY_ID = {command.id: command for command in COMMANDS}
+_COMMAND_PREFIXES = ("menu: ", "palette: ")
+"""Labels of these entries name a command, and maybe values for it."""
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}" if text else ""
+
+
+def command_text(command: Command, bound: Bindings) -> str:
+    """What a command does, and its key."""
+    key = bound.text(command.id)
+    return sentence(command.help) + (f"\nKey: {key}" if key else "")
+
+
+def value_text(value: str) -> str:
+    """What one entry of a list stands for; "" where its name says it, or it is a name of the scene's."""
+    if value in VALUES:
+        return VALUES[value]
+    return next((text for start, text in FORMATS.items() if value.startswith(start)), "")
+
+
+def explanation(label: str, bound: Bindings) -> str:
+    """The explanation of a label, its key included; "" for none.
+
+    Numbers in a label count as `#`, and a label without an entry of its own has that of its first words.
+    """
+    for prefix in _COMMAND_PREFIXES:
+        if label.startswith(prefix) and label.removeprefix(prefix).partition(" ")[0] in _BY_ID:
+            return _of_command(label.removeprefix(prefix), bound)
+    text = _own(label, bound) or _own(re.sub(r"\d+", "#", label), bound)
+    if text:
+        return text
+    list_label, colon, value = label.partition(": ")
+    if colon:
+        return value_text(value) or explanation(list_label, bound)
+    words = label.split(" ")
+    return next((found for end in range(len(words) - 1, 0, -1) if (found := _own(" ".join(words[:end]), bound))), "")
+
+
+def _own(label: str, bound: Bindings) -> str:
+    """Of exactly this label."""
+    command = _BY_ID.get(COMMAND_OF.get(label, ""))
+    text = CONTROLS.get(label) or FIGURES.get(label, "")
+    if command is None:
+        return text
+    key = bound.text(command.id)
+    return f"{text}\nKey: {key}" if text and key else text or command_text(command, bound)
+
+
+def _of_command(words: str, bound: Bindings) -> str:
+    """Of a command and maybe values: what the last value is, else what the command does."""
+    command_id, _, values = words.partition(" ")
+    of_value = value_text(values.rpartition(" ")[2]) if values else ""
+    return of_value or command_text(_BY_ID[command_id], bound)
