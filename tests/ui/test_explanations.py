@@ -110,8 +110,10 @@ def test_every_label_of_every_panel_is_explained(
             shared.click(label)
             missing |= dict.fromkeys(unexplained(shared.widgets), f"{title}, {label}")
     watch.finish()
-    assert not watch.unlabelled, f"widgets without ui.rects.note(LABEL) after them: {sorted(watch.unlabelled)}"
-    assert not missing, f"labels (and their panels) without an explanation: {missing}; {WHERE_TO_ADD}"
+    if watch.unlabelled:
+        pytest.fail(f"widgets without ui.rects.note(LABEL) after them: {sorted(watch.unlabelled)}", pytrace=False)
+    if missing:
+        pytest.fail(f"labels (and their panels) without an explanation: {missing}; {WHERE_TO_ADD}", pytrace=False)
 
 
 @pytest.mark.parametrize("menu", get_args(Menu))
@@ -120,19 +122,21 @@ def test_every_entry_of_every_menu_is_explained(app: DrivenApp, menu: str) -> No
         pytest.skip("this menu has no entries")
     app.click(f"menu: {menu}")
     assert any(label.startswith("menu: ") and "." in label for label in app.widgets.labels())
-    assert not unexplained(app.widgets), WHERE_TO_ADD
+    assert [label for label in unexplained(app.widgets) if label.startswith("menu: ")] == []
 
 
 def test_other_windows_are_explained(app: DrivenApp) -> None:
     app.run("texture.flat", "0")
     app.settle()
-    assert not unexplained(app.widgets), WHERE_TO_ADD
+    missing = unexplained(app.widgets)
     app.run("texture.close-flat")
     for command in ("help.keys", "help.palette"):
         app.run(command)
         app.settle()
-        assert not unexplained(app.widgets), WHERE_TO_ADD
+        missing |= unexplained(app.widgets)
         app.run(command)
+    if missing:
+        pytest.fail(f"labels without an explanation: {missing}; {WHERE_TO_ADD}", pytrace=False)
 
 
 def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: DrivenApp) -> None:

@@ -188,6 +188,7 @@ CONTROLS: Final = {
     # Windows over the picture
     "search keys": "Shows only keys whose line has this text.",
     "help": "All keys, and what the mouse does.",
+    "status": "What is under way, and the last message.",
     # Menus
     "menu: File": "Open files, keep the view, take pictures.",
     "menu: Edit": "Undo; the whole view to and from the clipboard.",
