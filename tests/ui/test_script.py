@@ -18,6 +18,8 @@ from viewer.scene.model import Camera, Scene
 from viewer.script.parse import parse_script
 from viewer.state.session import Toast
 from viewer.state.zoom import Zoom
+from viewer.ui.status_bar import status_bar_height
+from viewer.ui.user_interface import SETTLING_FRAMES
 
 
 def play(app: DrivenApp, *lines: str) -> None:
@@ -76,6 +78,32 @@ def test_a_film_that_is_not_ended_is_written(scene: Scene, tmp_path: Path) -> No
     assert (tmp_path / "a.webp").is_file()
 
 
+def test_a_script_that_waits_draws_what_changes_alone(app: DrivenApp) -> None:
+    frames = 0
+    draw = app.frontend.build
+
+    def counted(size: tuple[int, int]) -> object:
+        nonlocal frames
+        frames += 1
+        return draw(size)
+
+    app.frontend.build = counted  # type: ignore[assignment, method-assign]
+    play(app, "wait settled")
+    frames = 0
+    play(app, "wait seconds 0.4")
+    assert frames <= SETTLING_FRAMES
+    play(app, "wait frames 20")
+    assert frames >= 20
+    frames = 0
+    play(app, "camera.turntable", "wait seconds 0.4", "camera.stop")
+    assert frames > SETTLING_FRAMES
+
+
+def test_waiting_for_a_run_that_never_began(app: DrivenApp) -> None:
+    with pytest.raises(InputError, match="test:1: wait trained: nothing is trained"):
+        play(app, "wait trained")
+
+
 def test_files_are_dropped(app: DrivenApp, scene_path: Path) -> None:
     play(app, "compare.mode a", f"drop '{scene_path.with_name('scene.single.ntc')}'", "expect source single")
 
@@ -116,11 +144,13 @@ def test_pictures(app: DrivenApp, tmp_path: Path) -> None:
 
 def test_the_window_shows_the_same_after_a_picture_of_something_else(app: DrivenApp) -> None:
     play(app, "wait settled")
-    before = app.screenshot()
+    # The status bar goes on showing the last message.
+    rest = slice(None, -round(status_bar_height()))
+    before = app.screenshot()[rest]
     play(app, "file.screenshot-picture b b.png", "wait settled")
     app.session.window.toasts = ()
-    play(app, "wait settled")
-    np.testing.assert_array_equal(app.screenshot(), before)
+    app.settle()
+    np.testing.assert_array_equal(app.screenshot()[rest], before)
 
 
 def test_views_go_through_files_and_the_clipboard(app: DrivenApp, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import blocks
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
+from viewer.script.parse import parse_script
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
@@ -294,3 +295,11 @@ def test_more_groups_than_textures(app: DrivenApp) -> None:
     run(app, "training.encode clustered 9 32 10steps")
     assert "only 2 textures" in messages(app)
     assert not app.session.packs
+
+
+def test_a_script_waits_for_a_run(app: DrivenApp, folder: Path) -> None:
+    lines = ("training.encode category auto 32 1s", "wait trained", "expect training idle", "expect source 'run 1'")
+    app.play(parse_script("\n".join(lines), "test"))
+    assert app.training.log.runs[-1].pack is not None
+    app.play(parse_script(f"training.accept {folder / 'kept.ntc'}\nwait trained", "test"))
+    assert (folder / "kept.ntc").is_file()

@@ -11,6 +11,7 @@ from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.script.parse import Script
 from viewer.script.play import play_script
+from viewer.script.stage import Turn
 from viewer.state.session import Session
 from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
@@ -57,8 +58,8 @@ class App:
         for path in paths:
             self.run("file.open", path)
 
-    def played(self, script: Script) -> Iterator[None]:
-        """Plays a script: yields for every frame that it needs. Raises InputError with its file and line."""
+    def played(self, script: Script) -> Iterator[Turn]:
+        """Plays a script: yields for every frame that it needs, and while it waits. Raises InputError with its file and line."""
         return play_script(script, self)
 
     def _apply_appearance(self, monitor_scale: float) -> None:

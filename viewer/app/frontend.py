@@ -32,15 +32,17 @@ from viewer.state.event_handlers import (
     start_frame,
 )
 from viewer.ui.facts import FrameFacts, UiFrame
-from viewer.ui.user_interface import UserInterface
+from viewer.ui.user_interface import SETTLING_FRAMES, UserInterface
 
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
 RECORDING_SECONDS = 0.25
 """A recorded path has a camera so often."""
 LONGEST_STEP = 0.1
 """Seconds that a camera moves by itself in one frame: a slow one must not make it jump."""
-COMPARISON_POLL_SECONDS = 0.05
-"""A comparison that is under way is asked for its result so often."""
+SECONDS_BETWEEN_FIGURES = 0.25
+"""The figures of a training are drawn no more often while nothing else changes."""
+POLL_SECONDS = 0.05
+"""What is under way in another process is asked for news so often."""
 
 
 class Frontend:
@@ -64,6 +66,12 @@ class Frontend:
         self._formats = FormatEncoding(blocks_cache(), emit)
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
+        self._news = False
+        """Whether jobs have found something since the last frame."""
+        self._built_at = -math.inf
+        """Monotonic seconds."""
+        self._training_shown: tuple[object, ...] = ()
+        """Of the last frame."""
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
@@ -76,7 +84,9 @@ class Frontend:
         """
         session, room = self.session, self._picture_size(size)
         self._times.begin()
-        self._context.training.tick(session.scene, frozenset(slot.source for slot in session.view.slots.values()))
+        self._news, self._built_at = False, time.monotonic()
+        self._tick_training()
+        self._training_shown = self._training_facts()
         self._precision.step(session)
         self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
@@ -84,10 +94,7 @@ class Frontend:
         if room is not None:
             self._draw_picture(room)
         self._prepare_ahead()
-        now = time.monotonic()
-        if now - self._recorded_at >= RECORDING_SECONDS:
-            self._recorded_at = now
-            sample_camera(session)
+        self._record_camera()
         # After the picture: a message is on screen from now on, however long drawing took.
         expire_toasts(session, time.monotonic())
         last = self.picture.last
@@ -113,9 +120,22 @@ class Frontend:
         self._writer.write_requested(framebuffer)
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
-        """Whether the picture is out of date, a message is about to end, or a request is open."""
+        """Whether the picture or a panel is out of date, a message is about to end, or a request is open."""
+        return self.frames_needed(size) > 0
+
+    def frames_needed(self, size: tuple[int, int]) -> int:
+        """How many frames show what has changed: one for the figures of a training, else as many as the layout needs; 0 for none."""
+        self._follow_training()
+        self._record_camera()
+        if self._is_out_of_date(size):
+            return SETTLING_FRAMES
+        shown = self._training_shown
+        news = shown != self._training_facts()
+        return int(news and (time.monotonic() - self._built_at >= SECONDS_BETWEEN_FIGURES))
+
+    def _is_out_of_date(self, size: tuple[int, int]) -> bool:
         session = self.session
-        waiting = session.requests.camera_path is not None or self._context.training.is_due
+        waiting = session.requests.camera_path is not None
         ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.window.toasts)
         comparing = self._compares and self.live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
@@ -135,10 +155,10 @@ class Frontend:
     @property
     def seconds_until_change(self) -> float:
         """Seconds until the window changes by itself; infinite where it does not."""
-        tooltip = self.interface.rects.tooltips.seconds_until_due
+        tooltip, training = self.interface.rects.tooltips.seconds_until_due, self._context.training
         explains = math.inf if tooltip is None else max(tooltip, 0.0)
-        if self.live.is_computing:
-            return min(COMPARISON_POLL_SECONDS, explains)
+        if self.live.is_computing or training.active is not None or training.saving:
+            return min(POLL_SECONDS, explains)
         if not self.session.window.flickers:
             return explains
         turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
@@ -192,6 +212,28 @@ class Frontend:
         if self.live.step(view, self._figures_are_wanted(), now):
             self.picture.compose_again(view)
 
+    def _record_camera(self) -> None:
+        now = time.monotonic()
+        if now - self._recorded_at >= RECORDING_SECONDS:
+            self._recorded_at = now
+            sample_camera(self.session)
+
+    def _tick_training(self) -> None:
+        shown = frozenset(slot.source for slot in self.session.view.slots.values())
+        self._context.training.tick(self.session.scene, shown)
+
+    def _follow_training(self) -> None:
+        """Take what has come from a training. That draws nothing: it may be nothing that is seen."""
+        if self._context.training.is_due:
+            self._tick_training()
+
+    def _training_facts(self) -> tuple[object, ...]:
+        """What panels show of a training and its messages, as values that are equal while they show the same."""
+        training = self._context.training
+        run, log = training.active, training.log
+        under_way = (run.state, run.progress, run.notes) if run is not None else ()
+        return (*under_way, self.session.window.log.count, log.runs, log.undecided, training.saving)
+
     def _figures_are_wanted(self) -> bool:
         """Whether anything shows what a comparison of A and B would find."""
         session, view = self.session, self.session.view
@@ -218,8 +260,10 @@ class Frontend:
     def _frame_is_due(self, size: tuple[int, int]) -> bool:
         """Whether the next frame shows something else, because of a request, an opened file, or a result of a background job."""
         session, room = self.session, self._picture_size(size)
-        encoded = self._formats.take_news()
-        found = encoded or self.interface.background.take_news() or self.interface.is_settling(session)
+        encoded, computed = self._formats.take_news(), self.interface.background.take_news()
+        # Kept until a frame shows it, whoever asks first.
+        self._news = self._news or encoded or computed
+        found = self._news or self.interface.is_settling(session)
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None

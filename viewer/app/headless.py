@@ -1,5 +1,6 @@
 """The window's content without a window: plays scripts."""
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
 
 FRAME_SECONDS = 1.0 / 60.0
+REST_SECONDS = 0.02
+"""A waiting script looks so often for what has changed."""
 
 
 class HeadlessApp(App):
@@ -68,8 +71,15 @@ class HeadlessApp(App):
 
     def play(self, script: Script) -> None:
         """Play a script to its end. Raises InputError with its file and line where a line cannot be carried out."""
-        for _ in self.played(script):
-            self.frame()
+        awake = 0
+        for turn in self.played(script):
+            awake = max(awake, self.frontend.frames_needed(self._size))
+            if turn == "frame" or awake > 0:
+                awake = max(0, awake - 1)
+                self.frame()
+            else:
+                # What works beside the frames needs the processors, and Python's lock.
+                time.sleep(REST_SECONDS)
 
     def frame(self, count: int = 1) -> None:
         """Draw this many frames."""

@@ -21,6 +21,7 @@ from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene
 from viewer.script.parse import Script
+from viewer.script.stage import Turn
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
@@ -29,6 +30,8 @@ from viewer.ui.user_interface import SETTLING_FRAMES
 
 IDLE_SECONDS = 0.2
 """Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
+WAITING_SECONDS = 0.02
+"""A script that waits is asked so often whether it goes on."""
 FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
 """Environment variable for tests: close after this many frames."""
 LARGEST_MONITOR_SCALE = 4.0
@@ -72,7 +75,7 @@ class WindowApp(App):
         window = self._open(Placement(self._size))
         session = new_session(content.scene, content.packs, settings, content.initial, content.pictures)
         super().__init__(window.context, session)
-        self._playing: Iterator[None] | None = self.played(content.script) if content.script else None
+        self._playing: Iterator[Turn] | None = self.played(content.script) if content.script else None
         if problem is not None:
             notify(self.session, problem, "error")
 
@@ -136,11 +139,12 @@ class WindowApp(App):
         glfw.set_window_size(self._handle, width, height)
 
     def _play_on(self) -> None:
-        """Let the script go on to where it needs the next frame; a line that cannot be carried out ends it."""
+        """Let the script go on to where it needs the next frame, or waits; a line that cannot be carried out ends it."""
         if self._playing is None:
             return
         try:
-            next(self._playing)
+            if next(self._playing) == "rest":
+                return
         except StopIteration:
             self._playing = None
         except InputError as error:
@@ -179,8 +183,7 @@ class WindowApp(App):
         if min(size) <= 0:
             glfw.wait_events_timeout(IDLE_SECONDS)
             return 0
-        if self.frontend.needs_frame(size):
-            self._wake()
+        self._awake = max(self._awake, self.frontend.frames_needed(size))
         if started:
             self._play_on()
         if self._awake > 0 or self._keys_held() or always:
@@ -188,7 +191,8 @@ class WindowApp(App):
             self._frame(window, size)
             return 1
         if not self.frontend.picture.prepare_next():
-            glfw.wait_events_timeout(min(IDLE_SECONDS, self.frontend.seconds_until_change))
+            longest = WAITING_SECONDS if self._playing is not None else IDLE_SECONDS
+            glfw.wait_events_timeout(min(longest, self.frontend.seconds_until_change))
         return 0
 
     def _recover(self, window: ImguiWindow, lost: ContextLostError) -> None:

@@ -11,10 +11,10 @@ from viewer.commands import run
 from viewer.commands.command import typed_path
 from viewer.commands.keys import parse_chord
 from viewer.script import inputs
-from viewer.script.stage import PROPERTIES, Stage, expect
+from viewer.script.stage import PROPERTIES, Stage, Turn, expect
 
-Play = Callable[[Stage], Iterator[None]]
-"""What a line does: yields once for each frame that is to be drawn before it goes on. Raises InputError."""
+Play = Callable[[Stage], Iterator[Turn]]
+"""What a line does: yields for each frame that is to be drawn before it goes on, and while it waits. Raises InputError."""
 
 MOST_FRAMES = 100_000
 LONGEST_WAIT = 3600.0
@@ -73,20 +73,42 @@ def _wait(arguments: Sequence[str]) -> Play:
         return _settle
     if what == "frames" and len(arguments) == 2:
         count = _whole(arguments[1], 1, MOST_FRAMES)
-        return lambda _stage: iter([None] * count)
+        return lambda _stage: _frames(count)
     if what == "seconds" and len(arguments) == 2:
         seconds = _number(arguments[1], 0.0, LONGEST_WAIT)
         return lambda _stage: _wait_seconds(seconds)
-    raise InputError("wait: must be `wait frames N`, `wait seconds S` or `wait settled`")
+    if what == "trained" and len(arguments) == 1:
+        return _trained
+    raise InputError("wait: must be `wait frames N`, `wait seconds S`, `wait settled` or `wait trained`")
 
 
-def _wait_seconds(seconds: float) -> Iterator[None]:
+def _frames(count: int) -> Iterator[Turn]:
+    for _ in range(count):
+        yield "frame"
+
+
+def _wait_seconds(seconds: float) -> Iterator[Turn]:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        yield
+        yield "rest"
 
 
-def _settle(stage: Stage) -> Iterator[None]:
+def _trained(stage: Stage) -> Iterator[Turn]:
+    training = stage.context.training
+    if training.active is None and not training.saving and not training.log.runs:
+        raise InputError("wait trained: nothing is trained; training.encode begins a run")
+    end = time.monotonic() + LONGEST_WAIT
+    yield from inputs.rest()
+    while training.active is not None or training.saving:
+        if training.state == "paused":
+            raise InputError("wait trained: the run is paused; training.resume goes on with it")
+        if time.monotonic() > end:
+            raise InputError(f"wait trained: the run had not ended after {LONGEST_WAIT:g} s; training.cancel ends it")
+        yield "rest"
+    yield from inputs.rest()
+
+
+def _settle(stage: Stage) -> Iterator[Turn]:
     end = time.monotonic() + SETTLING_SECONDS
     yield from inputs.rest()
     while not stage.is_settled:
@@ -94,7 +116,7 @@ def _settle(stage: Stage) -> Iterator[None]:
             raise InputError("wait settled: the camera moves by itself; camera.stop ends that")
         if time.monotonic() > end:
             raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
-        yield
+        yield "rest"
     yield from inputs.rest()
 
 
@@ -102,14 +124,14 @@ def _size(arguments: Sequence[str]) -> Play:
     width, _, height = arguments[0].lower().partition("x")
     size = _whole(width, SMALLEST_SIDE, LARGEST_SIDE), _whole(height, SMALLEST_SIDE, LARGEST_SIDE)
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         stage.resize(size)
         end = time.monotonic() + RESIZING_SECONDS
-        yield
+        yield "frame"
         while stage.size != size:
             if time.monotonic() > end:
                 raise InputError("size: the window system gave {}x{}".format(*stage.size))
-            yield
+            yield "frame"
         yield from inputs.rest()
 
     return play
@@ -120,9 +142,9 @@ def _screenshot(arguments: Sequence[str]) -> Play:
     if file.suffix.lower() != ".png":
         raise InputError(f"{arguments[0]!r}: must end with .png")
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         run(stage.context, "file.screenshot-quietly", file)
-        yield
+        yield "frame"
 
     return play
 
@@ -132,9 +154,9 @@ def _film(arguments: Sequence[str]) -> Play:
     if file is not None and file.suffix.lower() != ".webp":
         raise InputError(f"{arguments[0]!r}: must end with .webp, or be `end`")
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         run(stage.context, "file.film", file)
-        yield
+        yield "frame"
 
     return play
 
@@ -142,9 +164,9 @@ def _film(arguments: Sequence[str]) -> Play:
 def _drop(arguments: Sequence[str]) -> Play:
     paths = [typed_path(text) for text in arguments]
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         stage.open_files(paths)
-        yield
+        yield "frame"
 
     return play
 
@@ -203,7 +225,7 @@ def _expect(arguments: Sequence[str]) -> Play:
     if name not in PROPERTIES:
         raise InputError(f"{name!r}: must be one of {', '.join(PROPERTIES)}")
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         expect(name, value, stage)
         return iter(())
 
@@ -213,7 +235,11 @@ def _expect(arguments: Sequence[str]) -> Play:
 MANY = 1000
 DIRECTIONS = {
     "wait": Direction(
-        "wait frames N | seconds S | settled", "draw on; settled: until the picture is whole", 1, 2, _wait
+        "wait frames N | seconds S | settled | trained",
+        "draw N frames, or wait: for so long, until the picture is whole, until the run has ended and its pack is written",
+        1,
+        2,
+        _wait,
     ),
     "size": Direction("size WIDTHxHEIGHT", "give the window's content this size in pixels", 1, 1, _size),
     "screenshot": Direction(

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 
 from ntc.errors import InputError
 from viewer.commands.keys import Chord
-from viewer.script.stage import Stage
+from viewer.script.stage import Stage, Turn
 from viewer.ui.keyboard import imgui_key
 from viewer.ui.user_interface import SETTLING_FRAMES
 
@@ -17,53 +17,53 @@ LABELS_SHOWN = 3
 MODIFIER_KEYS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift, "Alt": imgui.Key.mod_alt}
 
 
-def rest() -> Iterator[None]:
+def rest() -> Iterator[Turn]:
     """The frames that the layout needs after an event."""
     for _ in range(SETTLING_FRAMES):
-        yield
+        yield "frame"
 
 
-def hold(chord: Chord, down: bool) -> Iterator[None]:
+def hold(chord: Chord, down: bool) -> Iterator[Turn]:
     """Press a key with its modifiers, or let them go."""
     io = imgui.get_io()
     for is_held, modifier in zip((chord.ctrl, chord.shift, chord.alt), MODIFIER_KEYS.values(), strict=True):
         if is_held:
             io.add_key_event(modifier, down)
     io.add_key_event(imgui_key(chord.key), down)
-    yield
+    yield "frame"
 
 
-def hold_modifier(name: str, down: bool) -> Iterator[None]:
+def hold_modifier(name: str, down: bool) -> Iterator[Turn]:
     """Press one of MODIFIER_KEYS, for the mouse, or let it go."""
     imgui.get_io().add_key_event(MODIFIER_KEYS[name], down)
-    yield
+    yield "frame"
 
 
-def press(chord: Chord) -> Iterator[None]:
+def press(chord: Chord) -> Iterator[Turn]:
     """Press a key with its modifiers and let them go."""
     yield from hold(chord, True)
     yield from hold(chord, False)
     yield from rest()
 
 
-def move(x: float, y: float) -> Iterator[None]:
+def move(x: float, y: float) -> Iterator[Turn]:
     """Move the mouse to a place in pixels of the window's content."""
     imgui.get_io().add_mouse_pos_event(x, y)
-    yield
+    yield "frame"
 
 
-def _button(down: bool, button: int) -> Iterator[None]:
+def _button(down: bool, button: int) -> Iterator[Turn]:
     imgui.get_io().add_mouse_button_event(button, down)
-    yield
+    yield "frame"
 
 
-def click(label: str, stage: Stage) -> Iterator[None]:
+def click(label: str, stage: Stage) -> Iterator[Turn]:
     """Click on the widget called `label`, which may still be on its way to the front. Raises InputError where there is none."""
     items = stage.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
             break
-        yield
+        yield "frame"
     try:
         place = items.centre(label)
     except KeyError:
@@ -76,7 +76,7 @@ def click(label: str, stage: Stage) -> Iterator[None]:
     yield from rest()
 
 
-def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> Iterator[None]:
+def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> Iterator[Turn]:
     """Drag from one place to another with a mouse button (0 left, 1 right, 2 middle)."""
     yield from move(*start)
     yield from _button(True, button)
@@ -86,13 +86,13 @@ def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> I
     yield from rest()
 
 
-def wheel(notches: float) -> Iterator[None]:
+def wheel(notches: float) -> Iterator[Turn]:
     """Turn the wheel; positive is away from the hand."""
     imgui.get_io().add_mouse_wheel_event(0.0, notches)
     yield from rest()
 
 
-def type_text(text: str) -> Iterator[None]:
+def type_text(text: str) -> Iterator[Turn]:
     """Type into the active field."""
     imgui.get_io().add_input_characters_utf8(text)
     yield from rest()

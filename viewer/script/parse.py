@@ -10,7 +10,7 @@ from ntc.io import read_file
 from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
 from viewer.script.directions import DIRECTIONS, Play
-from viewer.script.stage import Stage
+from viewer.script.stage import Stage, Turn
 
 LARGEST_SCRIPT = 1 << 20
 """Bytes."""
@@ -38,9 +38,9 @@ Script = tuple[Step, ...]
 def _command(command_id: str, arguments: Sequence[str]) -> Play:
     values = find_command(command_id).parse(arguments)
 
-    def play(stage: Stage) -> Iterator[None]:
+    def play(stage: Stage) -> Iterator[Turn]:
         run(stage.context, command_id, *values)
-        yield
+        yield "frame"
 
     return play
 

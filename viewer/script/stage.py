@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 from ntc.errors import InputError
 from viewer.commands.command import Context
 from viewer.state.session import Session
 from viewer.ui.widgets import WidgetRects
+
+Turn = Literal["frame", "rest"]
+"""What a script waits for: the next frame, or a moment in which one is drawn only where it shows something else."""
 
 
 class Stage(Protocol):
@@ -64,6 +67,7 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "help": lambda stage: _switch(stage.session.window.show_help),
     "palette": lambda stage: _switch(stage.session.window.palette is not None),
     "moving": lambda stage: _switch(stage.session.navigation.motion is not None),
+    "training": lambda stage: stage.context.training.state,
     "waiting": lambda stage: _switch(not stage.is_settled),
     "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
     "label": lambda stage: " | ".join(stage.widgets.labels()),
