@@ -15,6 +15,9 @@ from tests.ui.conftest import hide_panels, write_scene
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
+STATUS_BAR = 24
+"""Pixels at the lower edge that hold it."""
+
 
 def test_a_dropped_pack_goes_into_slot_a(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
     pack = read_pack(scene_path.with_name("scene.single.ntc"))
@@ -62,13 +65,74 @@ def test_a_pack_of_another_scene_is_refused(app: DrivenApp, tmp_path: Path) -> N
     assert "0 of 2 textures match" in app.session.window.toasts[-1].text
 
 
-def test_a_path_can_be_typed(app: DrivenApp, tmp_path: Path) -> None:
+def dialog(app: DrivenApp) -> None:
+    """Open the dialog by its key."""
+    imgui.get_io().add_key_event(imgui.Key.mod_ctrl, True)
+    app.press(imgui.Key.o)
+    imgui.get_io().add_key_event(imgui.Key.mod_ctrl, False)
+    app.settle()
+    assert app.session.window.file_dialog
+
+
+def test_a_path_can_be_typed_and_completed(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=11)
-    app.show_panel("Scene")
-    app.click("path")
-    app.type(str(path))
+    dialog(app)
+    app.type(f"{tmp_path}/sce")
+    app.press(imgui.Key.tab)
+    app.type("glb")
     app.press(imgui.Key.enter)
     assert app.session.scene.path == path
+    assert not app.session.window.file_dialog
+
+
+def test_a_typed_path_stays_after_an_error(app: DrivenApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=16)
+    dialog(app)
+    app.type(f"{path}x")
+    app.press(imgui.Key.enter)
+    assert app.session.window.file_dialog
+    assert "scene.glbx" in app.session.window.toasts[-1].text
+    app.press(imgui.Key.backspace)
+    app.press(imgui.Key.enter)
+    assert app.session.scene.path == path
+
+
+def test_the_dialog_goes_through_folders_and_filters(app: DrivenApp, tmp_path: Path) -> None:
+    (tmp_path / "town").mkdir()
+    (tmp_path / "town" / "notes.txt").write_text("")
+    path = write_scene(tmp_path / "town", seed=17)
+    dialog(app)
+    app.type(f"{tmp_path}/")
+    app.press(imgui.Key.enter)
+    app.click("file: town/")
+    listed = [label for label in app.widgets.labels() if label.startswith("file: scene")]
+    assert listed == ["file: scene.clustered.ntc", "file: scene.glb", "file: scene.single.ntc"]
+    app.type("glb")
+    assert [label for label in app.widgets.labels() if label.startswith("file: scene.")] == ["file: scene.glb"]
+    app.click("Open file")
+    assert app.session.scene.path == path
+
+
+def test_a_double_click_opens_and_recent_files_are_listed(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=18)
+    dialog(app)
+    app.type(f"{tmp_path}/")
+    app.press(imgui.Key.enter)
+    app.double_click("file: scene.glb")
+    assert app.session.scene.path == path
+    dialog(app)
+    app.click("file: courtyard")
+    assert app.session.scene.name == "courtyard"
+    dialog(app)
+    app.click("file: recent scene.glb")
+    assert app.session.scene.path in (path, scene_path)
+
+
+def test_escape_closes_the_dialog_and_nothing_else(app: DrivenApp) -> None:
+    dialog(app)
+    app.press(imgui.Key.escape)
+    assert not app.session.window.file_dialog
+    assert not app.session.requests.close
 
 
 def test_a_scene_that_cannot_be_drawn_is_put_away(
@@ -88,7 +152,8 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
     ]
     app.session.window.toasts = ()
     app.settle()
-    assert (app.screenshot() == shown).all()
+    # All but the status bar, which goes on showing the last message.
+    assert (app.screenshot()[:-STATUS_BAR] == shown[:-STATUS_BAR]).all()
 
 
 def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: DrivenApp, scene: Scene, tmp_path: Path) -> None:

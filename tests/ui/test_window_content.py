@@ -233,7 +233,7 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: DrivenApp) -> N
 
 def test_typing_runs_no_commands(app: DrivenApp) -> None:
     app.show_panel("Scene")
-    app.click("path")
+    app.click("scene filter")
     app.key(imgui.Key.h, True)
     app.key(imgui.Key.h, False)
     assert app.session.window.show_panels

@@ -75,6 +75,8 @@ class WindowApp(App):
         window = self._open(Placement(self._size))
         session = new_session(content.scene, content.packs, settings, content.initial, content.pictures)
         super().__init__(window.context, session)
+        if settings.first_steps:
+            self.run("help.first-steps")
         self._playing: Iterator[Turn] | None = self.played(content.script) if content.script else None
         if problem is not None:
             notify(self.session, problem, "error")

@@ -35,8 +35,10 @@ def open_any(session: Session, file: OpenedFile = Path()) -> None:
     elif file.suffix.lower() in PANORAMA_SUFFIXES:
         use_environment(session, file)
         session.view = replace(session.view, material_view="lit")
+        session.window.file_dialog = False
     else:
         open_file(session, file)
+        session.window.file_dialog = False
 
 
 RecentFile = Annotated[str, Arg("a file that was opened before", lambda session: session.settings.recent_files)]

@@ -105,6 +105,17 @@ def note_layout(session: Session) -> None:
     session.requests.reset_layout = False
 
 
+@command("help.first-steps", "First steps", "what this program is for, and three things to try", "Help")
+def toggle_first_steps(session: Session) -> None:
+    session.window.show_first_steps = not session.window.show_first_steps
+
+
+@gesture("help.first-steps-done")
+def close_first_steps(session: Session) -> None:
+    session.window.show_first_steps = False
+    session.settings = replace(session.settings, first_steps=False)
+
+
 @gesture("help.close")
 def close_help(session: Session) -> None:
     session.window.show_help = False

@@ -10,6 +10,8 @@ from viewer.state.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.dock_layout import Docked, DockLayout
 from viewer.ui.facts import UiFrame
+from viewer.ui.file_dialog import FileDialog
+from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.help.explanations import explanation
 from viewer.ui.help.key_sheet import KeySheet
@@ -39,6 +41,8 @@ class UserInterface:
         self._palette = Palette()
         self._key_sheet = KeySheet()
         self._offer = EncodeOffer()
+        self._first_run_card = FirstRunCard()
+        self._file_dialog = FileDialog()
         self._in_front: list[str] = []
         """Panels that were visible when panels were drawn last: they come to the front when panels are shown again."""
         self._were_shown = True
@@ -67,7 +71,9 @@ class UserInterface:
     def is_settling(self, session: Session) -> bool:
         """Whether the next frame puts panels elsewhere although nothing happens."""
         asked = session.requests.reset_layout or session.requests.raised_panel is not None
-        return session.window.show_panels and (asked or self._layout.is_settling)
+        return self._file_dialog.system.has_answer or (
+            session.window.show_panels and (asked or self._layout.is_settling)
+        )
 
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -75,7 +81,11 @@ class UserInterface:
         bound = bindings(session.settings.keys)
         ui.rects.begin(lambda label: explanation(label, bound))
         # Asked before the panels: a list that this frame's Escape closes still owns the key.
-        list_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup) or session.window.palette is not None
+        list_is_open = (
+            imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+            or session.window.palette is not None
+            or session.window.file_dialog
+        )
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
@@ -98,7 +108,9 @@ class UserInterface:
             self._offer.draw(ui, area)
             self._flat.draw(ui)
         self._were_shown = session.window.show_panels
+        self._first_run_card.draw(ui, area)
         self._key_sheet.draw(ui, size, bar)
+        self._file_dialog.draw(ui, size)
         self._palette.draw(ui, size)
         draw_toasts(session.window.toasts, area)
         self._input.handle(session, area, ui.emit, keys=not list_is_open)

@@ -16,7 +16,7 @@ from viewer.ui.panels.light import draw_light_panel
 from viewer.ui.panels.log import LogPanel
 from viewer.ui.panels.memory import MemoryPanel
 from viewer.ui.panels.pixel import draw_pixel_panel
-from viewer.ui.panels.scene import OpenField, SceneLists, draw_scene_panel
+from viewer.ui.panels.scene import SceneLists, draw_scene_panel
 from viewer.ui.panels.textures import TexturesPanel
 from viewer.ui.panels.timings import TimingsPlot, draw_timings_panel
 from viewer.ui.panels.training import TrainingPanel
@@ -40,13 +40,13 @@ def _on_request(title: str) -> Callable[[Session], bool]:
 
 def make_panels(background: Background) -> tuple[Panel, ...]:
     """The panels of one window; those that remember something remember it for this window."""
-    open_field, lists, plot, histogram = OpenField(), SceneLists(), TimingsPlot(), HistogramPanel()
+    lists, plot, histogram = SceneLists(), TimingsPlot(), HistogramPanel()
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     training = TrainingPanel()
     return (
         Panel("Compare", "upper", draw_compare_panel),
         Panel("Training", "upper", training.draw),
-        Panel("Scene", "upper", lambda ui: draw_scene_panel(ui, open_field, lists)),
+        Panel("Scene", "upper", lambda ui: draw_scene_panel(ui, lists)),
         Panel("Textures", "upper", textures.draw),
         Panel("Groups", "upper", groups.draw),
         Panel("Light", "lower", draw_light_panel),

@@ -1,8 +1,5 @@
 """Panel "Scene": cameras, and what of the file is drawn, ignored or missing."""
 
-import os
-from pathlib import Path
-
 from imgui_bundle import imgui
 
 from viewer.inspect.scene_tree import SceneTree
@@ -107,27 +104,6 @@ class SceneLists:
                     ui.emit("texture.flat" if doubly else "texture.select", str(texture))
 
 
-class OpenField:
-    """A line to type a path into."""
-
-    def __init__(self) -> None:
-        self._text = ""
-
-    def draw(self, ui: UiFrame) -> None:
-        """The field and its button."""
-        imgui.set_next_item_width(-60)
-        entered, self._text = imgui.input_text_with_hint(
-            "##path", "path of a .gltf, .glb or .ntc", self._text, imgui.InputTextFlags_.enter_returns_true
-        )
-        ui.rects.note("path")
-        imgui.same_line()
-        clicked = imgui.button("Open")
-        ui.rects.note("Open")
-        if (entered or clicked) and self._text.strip():
-            ui.emit("file.open", Path(os.path.expanduser(self._text.strip())))  # noqa: PTH111 - keeps what is no user
-            self._text = ""
-
-
 def _report(scene: Scene, ui: UiFrame) -> None:
     report: LoadReport = scene.report
     opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
@@ -156,7 +132,7 @@ def _parts(report: LoadReport, ui: UiFrame) -> None:
             imgui.tree_pop()
 
 
-def draw_scene_panel(ui: UiFrame, field: OpenField, lists: SceneLists) -> None:
+def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
     """The content of the panel."""
     scene = ui.session.scene
     imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
@@ -165,7 +141,10 @@ def draw_scene_panel(ui: UiFrame, field: OpenField, lists: SceneLists) -> None:
     imgui.text_disabled(
         ", ".join(f"{used[key]:,} {key}" for key in ("triangles", "materials", "textures") if key in used)
     )
-    field.draw(ui)
+    if imgui.button("Open..."):
+        ui.emit("file.open")
+    ui.rects.note("Open...")
+    imgui.same_line()
     if imgui.button("Frame all"):
         ui.emit("camera.frame-all")
     ui.rects.note("Frame all")

@@ -8,6 +8,7 @@ from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import noise, png
 from viewer.scene.cameras_file import cameras_beside, with_cameras_beside
+from viewer.scene.folder_listing import completed, list_folder, matching
 from viewer.scene.load import load_scene
 from viewer.scene.scene_files import SCENES_NAMED, scene_file
 
@@ -73,3 +74,26 @@ def test_cameras_of_the_scenes_name_win(tmp_path: Path) -> None:
         (tmp_path / name).write_text(CAMERAS)
     assert cameras_beside(tmp_path / "town.glb") == tmp_path / "town.cameras.json"
     assert cameras_beside(tmp_path / "field.glb") == tmp_path / "cameras.json"
+
+
+def test_a_folder_lists_folders_and_what_can_be_opened(tmp_path: Path) -> None:
+    for name in ("b.glb", "A.gltf", "c.ntc", "sky.exr", "notes.txt", ".hidden.glb"):
+        (tmp_path / name).write_bytes(b"12")
+    (tmp_path / "zoo").mkdir()
+    listed = list_folder(tmp_path)
+    assert [entry.name for entry in listed] == ["zoo/", "A.gltf", "b.glb", "c.ntc", "sky.exr"]
+    assert [(entry.kind, entry.size) for entry in listed[:2]] == [("folder", 0), ("scene", 2)]
+    assert [entry.name for entry in matching(listed, "GL b")] == ["b.glb"]
+    with pytest.raises(InputError, match="cannot be read"):
+        list_folder(tmp_path / "none")
+
+
+def test_typed_paths_are_completed_as_far_as_they_are_sure(tmp_path: Path) -> None:
+    for name in ("town.clustered.ntc", "town.glb"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "woods").mkdir()
+    assert completed(f"{tmp_path}/t", tmp_path) == f"{tmp_path}/town."
+    assert completed("./to", tmp_path) == "./town."
+    assert completed("./wo", tmp_path) == "./woods/"
+    assert completed("./x", tmp_path) == "./x"
+    assert completed("./none/x", tmp_path) == "./none/x"

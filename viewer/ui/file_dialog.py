@@ -1,0 +1,272 @@
+"""The dialog that chooses a file to open: recent files, the folders of this machine, and a line that filters or takes a path."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+
+from ntc.errors import InputError
+from viewer.locations import BUILTIN_SCENES, builtin_scene_path
+from viewer.scene.folder_listing import (
+    FolderEntry,
+    completed,
+    is_path,
+    list_folder,
+    matching,
+    typed_folder,
+)
+from viewer.scene.scene_files import OPENABLE
+from viewer.ui.facts import UiFrame
+from viewer.ui.system_dialog import SystemDialog
+
+SIZE = (46.0, 30.0)
+"""Largest (width, height) in heights of the font."""
+RECENT_SHARE = 0.3
+"""Of the width, for recent files."""
+LABEL = "file: "
+"""Before the names under which scripts click on entries: `file: textures/`, `file: recent town.glb`."""
+PROBLEM = (1.0, 0.55, 0.45, 1.0)
+PROBLEM_ON_LIGHT = (0.7, 0.1, 0.05, 1.0)
+
+
+def _bytes(size: int) -> str:
+    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{max(size / 1e3, 0.1):,.1f} kB"
+
+
+class FileDialog:
+    """What is looked at and typed; the folder stays from one opening to the next."""
+
+    def __init__(self) -> None:
+        self.system = SystemDialog()
+        self._was_open = False
+        self._folder = Path()
+        self._entries: tuple[FolderEntry, ...] = ()
+        self._text = ""
+        self._selected = 0
+        self._problem = ""
+        self._step = 0
+        """Part of the field's id: ImGui keeps the text of an active one."""
+        self._focus = False
+        self._scroll = False
+
+    def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
+        """The dialog, while the session has it open, in a window of `size` (width, height)."""
+        answer = self.system.take()
+        if answer is not None:
+            self._open(answer, ui)
+        opening, self._was_open = ui.session.window.file_dialog and not self._was_open, ui.session.window.file_dialog
+        if not ui.session.window.file_dialog:
+            return
+        if opening:
+            self._begin(ui)
+        font = imgui.get_font_size()
+        extent = ImVec2(min(SIZE[0] * font, size[0] - 16.0), min(SIZE[1] * font, size[1] - 16.0))
+        imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] / 2.0), imgui.Cond_.always, ImVec2(0.5, 0.5))
+        imgui.set_next_window_size(extent)
+        imgui.set_next_window_bg_alpha(1.0)
+        flags = imgui.WindowFlags_
+        if opening:
+            imgui.set_next_window_focus()
+        _, stays = imgui.begin(
+            "Open a scene, a pack or a panorama###open",
+            True,
+            flags.no_collapse | flags.no_saved_settings | flags.no_docking | flags.no_resize | flags.no_move,
+        )
+        self._content(ui)
+        imgui.end()
+        if not stays or imgui.is_key_pressed(imgui.Key.escape, repeat=False):
+            ui.emit("file.close-dialog")
+
+    def _begin(self, ui: UiFrame) -> None:
+        recent = ui.session.settings.recent_files
+        if self._folder == Path():
+            self._folder = Path(recent[0]).parent if recent else Path.cwd()
+        self._go(self._folder if self._folder.is_dir() else Path.home())
+
+    def _go(self, folder: Path) -> None:
+        """Show another folder; where it cannot be read, the present one stays."""
+        try:
+            self._entries = list_folder(folder)
+        except InputError as error:
+            self._problem = str(error)
+            self._focus = True
+            return
+        first_file = sum(entry.kind == "folder" for entry in self._entries)
+        self._selected = first_file if first_file < len(self._entries) else 0
+        self._folder, self._problem = folder, ""
+        self._set_text("")
+
+    def _set_text(self, text: str) -> None:
+        self._text = text
+        self._step += 1
+        self._focus = True
+
+    def _open(self, path: Path, ui: UiFrame) -> None:
+        """Open a file; where that fails, the dialog stays with the reason and with what was typed."""
+        log = ui.session.window.log
+        before = log[-1] if len(log) else None
+        ui.emit("file.open", path)
+        last = log[-1] if len(log) else None
+        self._problem = last.text if last is not None and last is not before and last.kind == "error" else ""
+        self._focus = True
+
+    def _choose(self, path: Path, ui: UiFrame) -> None:
+        """Go into a folder, or open a file."""
+        try:
+            is_folder = path.is_dir()
+        except OSError:
+            # A name that no file can have: opening it says so.
+            is_folder = False
+        if is_folder:
+            self._go(path)
+        else:
+            self._open(path, ui)
+
+    def _complete(self, data: imgui.InputTextCallbackData) -> int:
+        # The stubs take the text for a number.
+        typed = str(data.buf)
+        text = completed(typed, self._folder)
+        if text != typed:
+            data.delete_chars(0, data.buf_text_len)
+            data.insert_chars(0, text)
+        return 0
+
+    def _content(self, ui: UiFrame) -> None:
+        entries = self._listed()
+        entered = self._field(entries, ui)
+        if self._problem:
+            theme = ui.session.settings.theme
+            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(PROBLEM if theme == "dark" else PROBLEM_ON_LIGHT)))
+            imgui.text_wrapped(self._problem)
+            imgui.pop_style_color()
+        line = imgui.get_frame_height_with_spacing()
+        room = imgui.get_content_region_avail()
+        imgui.begin_child("##recent", ImVec2(room.x * RECENT_SHARE, room.y - line))
+        chosen = self._recent(ui)
+        imgui.end_child()
+        imgui.same_line()
+        imgui.begin_child("##entries", ImVec2(0.0, room.y - line))
+        listed = self._list(entries, ui)
+        imgui.end_child()
+        pressed = self._buttons(ui)
+        if entered is not None or pressed:
+            self._answer(entries, entered if entered is not None else self._text, ui)
+        elif chosen is not None:
+            self._open(chosen, ui)
+        elif listed is not None:
+            self._choose(listed, ui)
+
+    def _listed(self) -> tuple[FolderEntry, ...]:
+        """What fits the text; of a path, what its folder has."""
+        if not is_path(self._text):
+            return matching(self._entries, self._text)
+        folder, beginning = typed_folder(self._text, self._folder)
+        try:
+            return tuple(entry for entry in list_folder(folder) if entry.name.startswith(beginning))
+        except InputError:
+            return ()
+
+    def _field(self, entries: Sequence[FolderEntry], ui: UiFrame) -> str | None:
+        """The line that filters or takes a path; what Enter gave."""
+        imgui.text_wrapped(str(self._folder))
+        ui.rects.note("folder")
+        imgui.set_next_item_width(-1.0)
+        if self._focus:
+            imgui.set_keyboard_focus_here()
+            self._focus = False
+        flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.callback_completion
+        entered, text = imgui.input_text_with_hint(
+            f"##path{self._step}",
+            "type a part of a name, or a path; Tab completes it",
+            self._text,
+            flags,
+            self._complete,
+        )
+        ui.rects.note("path")
+        if text != self._text:
+            self._text, self._selected, self._problem = text, 0, ""
+        for key, step in ((imgui.Key.down_arrow, 1), (imgui.Key.up_arrow, -1)):
+            if entries and imgui.is_key_pressed(key):
+                self._selected, self._scroll = (self._selected + step) % len(entries), True
+        return text if entered else None
+
+    def _answer(self, entries: Sequence[FolderEntry], text: str, ui: UiFrame) -> None:
+        """Enter, or the button: the path that is typed, else the entry that is selected."""
+        if is_path(text):
+            folder, name = typed_folder(text.strip(), self._folder)
+            self._choose(folder / name, ui)
+        elif entries:
+            self._choose(entries[min(self._selected, len(entries) - 1)].path, ui)
+        else:
+            self._problem = (
+                f"nothing here has {text!r} in its name; {OPENABLE}" if text else f"nothing here; {OPENABLE}"
+            )
+            self._focus = True
+
+    def _recent(self, ui: UiFrame) -> Path | None:
+        """Recent files and built-in scenes; the one that was clicked on."""
+        chosen = None
+        imgui.text_disabled("Recent")
+        if not ui.session.settings.recent_files:
+            imgui.text_wrapped("what you open is listed here")
+        for name in ui.session.settings.recent_files:
+            path = Path(name)
+            if imgui.selectable(f"{path.name}##{name}", False)[0]:
+                chosen = path
+            ui.rects.note(f"{LABEL}recent {path.name}")
+            imgui.set_item_tooltip(name)
+        imgui.separator()
+        imgui.text_disabled("Built in")
+        for name in BUILTIN_SCENES:
+            if imgui.selectable(f"{name}##built in", False)[0]:
+                chosen = builtin_scene_path(name)
+            ui.rects.note(f"{LABEL}{name}")
+        return chosen
+
+    def _list(self, entries: Sequence[FolderEntry], ui: UiFrame) -> Path | None:
+        """The folder's entries in three columns; the one that was double-clicked, or the folder above."""
+        chosen = None
+        doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
+        flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click
+        if not imgui.begin_table("entries", 3, imgui.TableFlags_.row_bg | imgui.TableFlags_.scroll_y):
+            return None
+        imgui.table_setup_column("name", imgui.TableColumnFlags_.width_stretch)
+        imgui.table_setup_column("kind", imgui.TableColumnFlags_.width_fixed)
+        imgui.table_setup_column("size", imgui.TableColumnFlags_.width_fixed)
+        imgui.table_next_column()
+        if imgui.selectable("../", False, flags)[0]:
+            chosen = self._folder.parent
+        ui.rects.note(f"{LABEL}../")
+        imgui.table_next_row()
+        for index, entry in enumerate(entries):
+            imgui.table_next_column()
+            if imgui.selectable(f"{entry.name}##{index}", index == self._selected, flags)[0]:
+                self._selected = index
+                chosen = entry.path if doubly or entry.kind == "folder" else chosen
+            ui.rects.note(f"{LABEL}{entry.name}")
+            if self._scroll and index == self._selected:
+                imgui.set_scroll_here_y(0.5)
+                self._scroll = False
+            imgui.table_next_column()
+            imgui.text_disabled("" if entry.kind == "folder" else entry.kind)
+            imgui.table_next_column()
+            imgui.text_disabled("" if entry.kind == "folder" else _bytes(entry.size))
+        imgui.end_table()
+        return chosen
+
+    def _buttons(self, ui: UiFrame) -> bool:
+        """The row at the lower edge; whether the first was pressed."""
+        pressed = imgui.button("Open")
+        ui.rects.note("Open file")
+        imgui.same_line()
+        if imgui.button("Cancel"):
+            ui.emit("file.close-dialog")
+        ui.rects.note("Cancel opening")
+        if self.system.is_available:
+            imgui.same_line()
+            if imgui.button("System dialog..."):
+                self.system.ask(self._folder)
+            ui.rects.note("System dialog...")
+        imgui.same_line()
+        imgui.text_disabled(".gltf .glb .obj .ply .stl .ntc .hdr .exr")
+        return pressed

@@ -1,0 +1,106 @@
+"""The card of first steps: what this program is for, and three things to try."""
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.commands import bindings
+from viewer.commands.keys import HOLD_KEY
+from viewer.state.session import Session
+from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import Area
+
+WIDTH = 30.0
+"""Largest width in heights of the font."""
+MARGIN = 12.0
+PURPOSE = (
+    "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
+    "beside the original, with the error and the cost of every pixel."
+)
+DONE = (0.3, 0.75, 0.4, 1.0)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One thing to try."""
+
+    do: str
+    """What to do, in a few words."""
+    why: str
+    """What is seen then."""
+
+
+def _steps(session: Session) -> tuple[_Step, ...]:
+    bound = bindings(session.settings.keys)
+    overlay, opening = bound.text("overlay.toggle") or "the menu Overlay", bound.text("file.open") or "File > Open"
+    return (
+        _Step(f"Hold {HOLD_KEY}", "A and B change places: watch for what differs."),
+        _Step(f"Press {overlay}", "A map shows where blocks of pixels need more than one decoder."),
+        _Step("Drop your glTF on the window", f"Or press {opening}; then encode it and watch it sharpen."),
+    )
+
+
+class FirstRunCard:
+    """Remembers which of the steps have been tried."""
+
+    def __init__(self) -> None:
+        self._done = [False, False, False]
+        self._scene: str | None = None
+
+    def draw(self, ui: UiFrame, area: Area) -> None:
+        """The card, while the session shows it, at the lower left of `area`."""
+        if not ui.session.window.show_first_steps:
+            return
+        self._note_progress(ui.session)
+        font = imgui.get_font_size()
+        width = min(WIDTH * font, area.width - 2.0 * MARGIN)
+        low = ImVec2(area.left + MARGIN, area.bottom - 3.0 * font)
+        imgui.set_next_window_pos(low, imgui.Cond_.always, ImVec2(0.0, 1.0))
+        imgui.set_next_window_size(ImVec2(max(width, 8.0 * font), 0.0))
+        imgui.set_next_window_bg_alpha(0.95)
+        flags = imgui.WindowFlags_
+        imgui.begin(
+            "##first steps",
+            None,
+            flags.no_decoration
+            | flags.always_auto_resize
+            | flags.no_saved_settings
+            | flags.no_docking
+            | flags.no_move
+            | flags.no_focus_on_appearing
+            | flags.no_nav,
+        )
+        imgui.text_wrapped(PURPOSE)
+        imgui.separator()
+        for number, (step, done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
+            self._row(number, step, done)
+            ui.rects.note(f"first step {number}")
+        if imgui.button("Got it"):
+            ui.emit("help.first-steps-done")
+        ui.rects.note("Got it")
+        imgui.same_line()
+        imgui.text_disabled("Help > First steps shows this again.")
+        imgui.end()
+
+    @staticmethod
+    def _row(number: int, step: _Step, done: bool) -> None:
+        imgui.begin_group()
+        if done:
+            imgui.text_colored(imgui.ImVec4(*DONE), f"{number}. {step.do}: done")
+        else:
+            imgui.text(f"{number}. {step.do}")
+        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+        imgui.indent()
+        imgui.text_wrapped(step.why)
+        imgui.unindent()
+        imgui.pop_style_color()
+        imgui.end_group()
+
+    def _note_progress(self, session: Session) -> None:
+        self._scene = self._scene or session.scene_key
+        tried = (
+            session.window.show_other,
+            session.view.overlay.kind == "divergence",
+            session.scene_key != self._scene,
+        )
+        self._done = [before or now for before, now in zip(self._done, tried, strict=True)]
