@@ -329,3 +329,17 @@ def test_a_panel_is_hidden_and_shown_by_its_title_and_no_other_with_it(app: Driv
 
 def test_the_row_of_a_texture_is_plain_data() -> None:
     assert TextureRow(0, "a", 1, 1, "", 0, None, None).gpu_bytes is None
+
+
+def test_a_group_of_the_list_is_pointed_out_in_the_picture(app: DrivenApp) -> None:
+    app.run("slot.source", "a", "clustered")
+    app.show_panel("Training")
+    app.click("tab Retrain")
+    assert app.session.shown_view.highlight == ()
+    app.move(*app.widgets.centre("group 1"))
+    app.settle()
+    assert app.session.shown_view.highlight == (1,)
+    assert app.session.view.highlight == ()
+    app.move(*app.widgets.centre("tab Retrain"))
+    app.settle()
+    assert app.session.shown_view.highlight == ()

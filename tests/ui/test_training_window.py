@@ -161,7 +161,7 @@ def test_encode_accept_retrain_discard(
     first = read_pack(written)
     assert first.config.kind == codec
     assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["run 1"].textures]
-    with pytest.raises(InputError, match="no finished run waits"):
+    with pytest.raises(InputError, match="no finished run"):
         run_line(app.context, "training.discard")
 
     app.click("tab Retrain")
@@ -185,7 +185,7 @@ def test_encode_accept_retrain_discard(
     assert fingerprint(old, 0) == fingerprint(new, 0)
     assert new.textures[0] is old.textures[0]
     assert (new.textures[1].psnr_db or 0.0) >= (old.textures[1].psnr_db or 0.0)
-    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", "run 1")
+    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", REFERENCE), "B keeps what it shows"
 
     run_line(app.context, "training.discard")
     app.settle()

@@ -23,6 +23,7 @@ from viewer.render.resources.precision import supported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
     apply_event,
+    expire_pointing,
     expire_toasts,
     finish_measurement,
     notify,
@@ -97,6 +98,7 @@ class Frontend:
         self._record_camera()
         # After the picture: a message is on screen from now on, however long drawing took.
         expire_toasts(session, time.monotonic())
+        expire_pointing(session, time.monotonic())
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         emit = partial(run_or_notify, self._context)
@@ -136,7 +138,9 @@ class Frontend:
     def _is_out_of_date(self, size: tuple[int, int]) -> bool:
         session = self.session
         waiting = session.requests.camera_path is not None
-        ending = any(toast.until is not None and toast.until <= time.monotonic() for toast in session.window.toasts)
+        pointed = session.inspection.pointed_out
+        ends = [toast.until for toast in session.window.toasts] + ([] if pointed is None else [pointed.until])
+        ending = any(end is not None and end <= time.monotonic() for end in ends)
         comparing = self._compares and self.live.has_work(self._figures_are_wanted(), time.monotonic())
         self._update_flicker()
         tooltip = self.interface.rects.tooltips.seconds_until_due

@@ -1,5 +1,6 @@
 """Commands: train in the background, and what becomes of it."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -7,8 +8,9 @@ from typing import Annotated, Literal
 from ntc.codec.config import CodecKind, GroupingName, RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from viewer.commands.command import Arg, Context, command
-from viewer.state.pack_files import base_pack_name
+from viewer.commands.command import Arg, Context, command, gesture
+from viewer.state.event_handlers import point_out
+from viewer.state.pack_files import base_pack_name, match_scene
 from viewer.state.session import Session
 from viewer.state.view_state import Side, is_image_source
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
@@ -51,6 +53,21 @@ def _start(context: Context, job: TrainingJob) -> None:
     context.training.start(job, session.scene, None if name is None else (name, session.packs[name]))
     # It shows the progress.
     session.requests.raised_panel = "Training"
+
+
+def _show_where(context: Context, pack: Pack, groups: Collection[int], textures: Collection[int] = ()) -> None:
+    """Point out, in the picture, the textures of `groups` of `pack`, and those of these numbers in the pack."""
+    found = match_scene(pack, context.session.scene)
+    members = {n for n, texture in enumerate(pack.textures) if texture.group in groups} | set(textures)
+    ids = tuple(texture for texture, index in enumerate(found.texture_index) if index in members)
+    # Where that is all there is, nothing would be told apart.
+    point_out(context.session, ids if len(ids) < len(found.texture_index) else ())
+
+
+@gesture("training.point-out")
+def point_out_groups(context: Context, groups: frozenset[int]) -> None:
+    """While the mouse is on their names; none when it has left them."""
+    _show_where(context, _base(context), groups)
 
 
 def _base(context: Context) -> Pack:
@@ -120,8 +137,10 @@ def encode(
     "Train",
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> None:
-    chosen = _groups(groups, _base(context))
+    pack = _base(context)
+    chosen = _groups(groups, pack)
     _start(context, RetrainGroups(_settings(budget, recipe), chosen))
+    _show_where(context, pack, chosen)
 
 
 @command("training.move", "Move a texture", "put a texture into another group, and train both", "Train")
@@ -131,7 +150,9 @@ def move(
     pack = _base(context)
     count = pack.grouping.group_count
     number = count if group == NEW_GROUP else _whole(group, "group", count - 1)
-    _start(context, MoveTexture(_settings(budget, recipe), _texture(texture, pack), number))
+    moved = _texture(texture, pack)
+    _start(context, MoveTexture(_settings(budget, recipe), moved, number))
+    _show_where(context, pack, {number}, {moved})
 
 
 @command(

@@ -7,11 +7,15 @@ from functools import singledispatch
 from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
-from viewer.state.session import PackChange, PreviousView, Session, SlotMeasurement, Toast
+from viewer.state.session import PackChange, PointedOut, PreviousView, Session, SlotMeasurement, Toast
 from viewer.state.view_state import REFERENCE, Side, is_image_source
 
 TOAST_SECONDS = 6.0
 MOST_TOASTS = 5
+NARROWEST_A = 0.4
+"""Of the picture: where the divider leaves slot A less, it goes back to the middle when a training begins to show there."""
+POINTING_SECONDS = 2.5
+"""Textures that a command is about are pointed out for so long."""
 LONGEST_PATH = 10_000
 """Cameras of a recorded path."""
 
@@ -73,14 +77,13 @@ def _run_started(event: events.RunStarted, session: Session) -> None:
     view = session.view
     previous = PreviousView(view.slot_a, view.slot_b, view.compare)
     session.previous_views = {**session.previous_views, event.name: previous}
-    slot_b = view.slot_b
-    if event.base_name is not None and event.base_name in session.packs:
-        # The base is decoded as A was: no other decode of it is needed.
-        slot_b = replace(view.slot_a, source=event.base_name)
     path = "cached" if is_image_source(view.slot_a.source) else view.slot_a.path
-    compare = "wipe" if view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE else view.compare
+    # What is trained is to be seen, and beside it what it is compared with.
+    alone = view.compare == "b" or (view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE)
+    compare = "wipe" if alone else view.compare
+    position = 0.5 if view.wipe_position < NARROWEST_A else view.wipe_position
     slot_a = replace(view.slot_a, source=event.name, path=path)
-    session.view = replace(view, slot_a=slot_a, slot_b=slot_b, compare=compare)
+    session.view = replace(view, slot_a=slot_a, compare=compare, wipe_position=position)
 
 
 @_apply.register
@@ -155,6 +158,19 @@ def sample_camera(session: Session) -> None:
     camera = replace(session.view.camera, name=f"path_{len(path) + 1:04d}")
     if not path or replace(path[-1], name=camera.name) != camera:
         session.navigation.recording = (*path, camera)
+
+
+def point_out(session: Session, textures: tuple[int, ...], seconds: float = POINTING_SECONDS) -> None:
+    """Dim everything but these textures (by id) for a while; nothing for none."""
+    session.inspection.pointed_out = PointedOut(textures, seconds) if textures else None
+
+
+def expire_pointing(session: Session, now: float) -> None:
+    """End the pointing out of textures that has lasted for long enough; `now` in monotonic seconds."""
+    pointed = session.inspection.pointed_out
+    if pointed is not None:
+        until = pointed.until or now + pointed.seconds
+        session.inspection.pointed_out = replace(pointed, until=until) if until > now else None
 
 
 def finish_measurement(session: Session, measurements: Mapping[Side, SlotMeasurement] | None) -> None:

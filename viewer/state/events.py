@@ -51,12 +51,10 @@ class PackClosed:
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The first pack of a training run is open: slot A shows it, slot B the pack that it goes on from."""
+    """The first pack of a training run is open: slot A is to show it; slot B keeps what it shows."""
 
     name: str
     """Under which the run's pack is open."""
-    base_name: str | None
-    """Under which the pack that it goes on from is open; None for an encoding from nothing: slot B stays."""
 
 
 @dataclass(frozen=True)

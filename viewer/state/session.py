@@ -78,6 +78,17 @@ class PreviousView:
 
 
 @dataclass(frozen=True)
+class PointedOut:
+    """Textures that are shown for a while where they are in the picture: everything else is dimmed."""
+
+    textures: tuple[int, ...]
+    """Their ids."""
+    seconds: float
+    until: float | None = None
+    """Monotonic time in seconds; None until a frame has shown them."""
+
+
+@dataclass(frozen=True)
 class ErrorTable:
     """What the panel Errors lists, and in which order."""
 
@@ -119,6 +130,7 @@ class InspectionState:
     """Place of the pixel that stays in the panel Pixel."""
     hovered: tuple[float, float] | None = None
     """Place of the mouse over the picture."""
+    pointed_out: PointedOut | None = None
     measurements: Mapping[Side, SlotMeasurement] = field(default_factory=dict)
     measured_view: ViewState | None = None
     errors: ErrorTable = ErrorTable()
@@ -209,11 +221,13 @@ class Session:
 
     @property
     def shown_view(self) -> ViewState:
-        """The view to draw now, the held key and the flicker taken into account.
+        """The view to draw now: held key, flicker, and textures that are pointed out taken into account.
 
         One slot becomes the other; two change places; instead of the difference the slots themselves are shown.
         """
-        view, window = self.view, self.window
+        view, window, pointed = self.view, self.window, self.inspection.pointed_out
+        if pointed is not None and max(pointed.textures) < len(self.scene.textures):
+            view = replace(view, highlight=pointed.textures)
         other = window.show_other != (window.flickers and window.flicker_phase)
         if view.compare == "difference" and (window.flickers or other):
             return replace(view, compare="b" if other else "a")

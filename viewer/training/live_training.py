@@ -261,7 +261,7 @@ class LiveTraining:
         self._emit(PackUpdated(run.name, pack, changed_groups(before, pack), before))
         if before is None:
             run.first_picture_seconds = run.published_at - run.began
-            self._emit(RunStarted(run.name, run.base_name))
+            self._emit(RunStarted(run.name))
 
     def _take_finished(self, run: ActiveRun, finished: Finished) -> None:
         lines = tuple(outcome.line() for outcome in finished.outcomes)

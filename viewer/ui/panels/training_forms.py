@@ -47,6 +47,8 @@ class TrainingForms:
         self._unit = "s"
         self._value = USUAL_VALUES["s"]
         self._groups: set[int] = set()
+        self._pointed_out: set[int] = set()
+        """Groups under the mouse, which the picture shows."""
         self._texture = 0
         self._group = "0"
         self._pack: Pack | None = None
@@ -169,13 +171,19 @@ class TrainingForms:
         self._encode(ui)
 
     def _retrain(self, pack: Pack, ui: UiFrame) -> None:
+        hovered: set[int] = set()
         if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
             for group, line in enumerate(_group_lines(pack)):
                 changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
                 ui.rects.note(f"group {group}")
+                if imgui.is_item_hovered():
+                    hovered = {group}
                 if changed:
                     self._groups ^= {group} if chosen != (group in self._groups) else set()
         imgui.end_child()
+        if hovered != self._pointed_out:
+            self._pointed_out = hovered
+            ui.emit("training.point-out", frozenset(hovered))
         if imgui.small_button("all"):
             self._groups = set(range(pack.grouping.group_count))
         ui.rects.note("all groups")

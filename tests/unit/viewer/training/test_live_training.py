@@ -65,7 +65,7 @@ def test_a_run_is_a_sequence_of_events(
     first = updates(events)[0]
     assert (first.name, first.replaces, first.changed_groups) == ("run 1", None, frozenset((0, 1)))
     assert isinstance(events[1], RunStarted)
-    assert (events[1].name, events[1].base_name) == ("run 1", None)
+    assert events[1].name == "run 1"
     for before, after in zip(updates(events), updates(events)[1:], strict=False):
         assert after.replaces is before.pack
     assert isinstance(events[-1], Notification)
@@ -84,7 +84,7 @@ def test_a_run_is_a_sequence_of_events(
     assert base is not None
     training.start(RetrainGroups(settings, frozenset((1,))), scene, ("run 1", base))
     tick_until(training, scene, lambda: training.active is None)
-    assert [event.base_name for event in events if isinstance(event, RunStarted)] == ["run 1"]
+    assert [event.name for event in events if isinstance(event, RunStarted)] == ["run 2"]
     assert all(event.changed_groups is not None and event.changed_groups <= {1} for event in updates(events)[1:])
     training.discard()
     assert [event.name for event in events if isinstance(event, PackClosed)] == ["run 2"]
