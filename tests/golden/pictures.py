@@ -56,7 +56,7 @@ HALF_PATHS: dict[Precision, tuple[DecodePath, ...]] = {
 PLAIN = Overlay()
 OVERLAYS = (
     Overlay("divergence"),
-    Overlay("divergence", opacity=0.9, palette="viridis", block="16x4"),
+    Overlay("divergence", opacity=0.6, palette="green-red", block="16x4", scale="picture"),
 )
 """Maps that are compared too, A against B."""
 

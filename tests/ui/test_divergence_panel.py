@@ -1,6 +1,7 @@
 """The divergence map in the window: settings, figures, the block under the mouse, the magnifying glass, recorded paths."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,13 @@ from imgui_bundle import imgui
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
+from viewer.render.viewport import Viewport
 from viewer.scene.cameras_file import read_cameras
+from viewer.state.open_files import InitialView, new_session
+from viewer.state.settings import parse_settings
 from viewer.state.view_state import Overlay, Slot
 from viewer.state.zoom import WHOLE
+from viewer.ui.map_legend import decoder_fields, slot_note
 
 MEETING = (SIZE[0] / 2, SIZE[1] / 2)
 """Where the two squares meet, as `mapped` looks at them."""
@@ -50,9 +55,9 @@ def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
 
 
 def test_the_panel_is_there_with_the_map_only(mapped: DrivenApp) -> None:
-    assert {"color bar", "divergence figures", "blocks with D", "up to D"} <= set(labels(mapped))
+    assert {"divergence figures", "blocks with D", "up to D"} <= set(labels(mapped))
     mapped.press(imgui.Key.o)
-    assert "color bar" not in labels(mapped)
+    assert "divergence figures" not in labels(mapped)
 
 
 def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
@@ -60,12 +65,68 @@ def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
     mapped.click("block: 16x4")
     assert mapped.session.view.overlay.block == "16x4"
     mapped.click("palette")
-    mapped.click("palette: viridis")
-    assert mapped.session.view.overlay.palette == "viridis"
+    mapped.click("palette: green-red")
+    assert mapped.session.view.overlay.palette == "green-red"
+    mapped.click("scale")
+    mapped.click("scale: scale of picture")
+    assert mapped.session.view.overlay.scale == "picture"
     mapped.press(imgui.Key.b)
     assert mapped.session.view.overlay.block == "4x4"
     mapped.press(imgui.Key.l)
-    assert mapped.session.view.overlay.palette == "green-red"
+    assert mapped.session.view.overlay.palette == "viridis"
+
+
+def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slot(mapped: DrivenApp) -> None:
+    overlay = mapped.session.view.overlay
+    assert (overlay.opacity, overlay.palette, overlay.scale) == (1.0, "viridis", "block")
+    assert "map legend" in labels(mapped)
+    assert decoder_fields(overlay, 2) == decoder_fields(overlay, 40) == ("1", "2", "3", "4", "5", "6", "7", "8+")
+    assert decoder_fields(replace(overlay, block="4x4"), 2)[-1] == "4+"
+    assert decoder_fields(replace(overlay, scale="picture"), 3) == ("1", "2", "3")
+    mapped.session.window.show_panels = False
+    mapped.session.view = replace(mapped.session.view, compare="wipe")
+    mapped.settle()
+    # Left of the divider, and clear of the legend and the labels.
+    rows, columns = slice(60, SIZE[1] // 2), slice(20, SIZE[0] // 2 - 20)
+    before = mapped.screenshot()[rows, columns]
+    mapped.run("slot.source", "b", "reference")
+    mapped.settle()
+    np.testing.assert_array_equal(mapped.screenshot()[rows, columns], before)
+    view, facts = mapped.session.view, mapped.frontend.facts()
+    assert slot_note(view.slot_b, view, facts) == "images are not decoded: no map here"
+    assert slot_note(view.slot_a, view, facts) == ""
+    mapped.press(imgui.Key.o)
+    assert "map legend" not in labels(mapped)
+
+
+def test_while_moving_blocks_are_as_large_as_at_rest_and_figures_stay(
+    mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_rest = mapped.frontend.facts()
+    assert not at_rest.is_preview
+    monkeypatch.setattr(Viewport, "is_coarse", lambda _: True)
+    camera = mapped.session.view.camera
+    mapped.session.view = replace(mapped.session.view, camera=replace(camera, eye=(0.04, 0.0, 1.5)))
+    mapped.frame(2)
+    view, facts = mapped.frontend.picture.last_view, mapped.frontend.facts()
+    assert view is not None
+    assert facts.is_preview
+    assert view.coarseness * view.block[0] == 8
+    assert (view.coarseness * view.size[0]) == pytest.approx(mapped.session.window.picture_size[0], abs=2)
+    assert facts.divergence == at_rest.divergence
+    assert facts.block is None
+    monkeypatch.undo()
+    mapped.settle()
+    assert not mapped.frontend.facts().is_preview
+
+
+def test_how_the_map_looks_is_remembered_but_not_that_it_is_shown(mapped: DrivenApp) -> None:
+    mapped.run("overlay.palette", "green-red")
+    mapped.run("overlay.opacity", 0.5)
+    mapped.run("overlay.block", "16x4")
+    kept = parse_settings(json.dumps(asdict(mapped.session.present_settings)), "settings.json")
+    again = new_session(mapped.session.scene, mapped.session.packs, kept, InitialView())
+    assert again.view.overlay == Overlay("none", 0.5, "green-red", "16x4")
 
 
 def test_both_sides_and_the_cut_are_shown(mapped: DrivenApp) -> None:

@@ -21,7 +21,7 @@ from viewer.script.inputs import hold
 from viewer.state.event_handlers import expire_toasts, notify
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, Slot
+from viewer.state.view_state import REFERENCE, Overlay, Slot
 from viewer.state.zoom import Zoom
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
@@ -193,7 +193,8 @@ def test_measuring_fills_the_table(app: DrivenApp) -> None:
 def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> None:
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
-    app.session.view = replace(app.session.view, camera=camera, compare="a")
+    look = Overlay(palette="green-red", scale="picture")
+    app.session.view = replace(app.session.view, camera=camera, compare="a", overlay=look)
     app.settle()
     hide_panels(app)
     plain = app.screenshot().astype(int)

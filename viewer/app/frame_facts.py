@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, BlockReader
@@ -30,6 +31,7 @@ class FactsReader:
         self._session, self._picture, self._times = session, picture, times
         self._images = NamedImages(context)
         self._blocks = BlockReader()
+        self._counted: Mapping[str, DivergenceStatistics] = {}
         self.pixels = PixelReader()
 
     def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> FrameFacts:
@@ -45,10 +47,11 @@ class FactsReader:
             slot_ms=self._times.slot_ms,
             skipped=last.skipped if last else {},
             drawn=last.drawn if last else {},
-            divergence=last.divergence if last else {},
+            divergence=self._divergence(),
             block=self._block(),
             thumbnail=self.thumbnail if thumbnails is not None else None,
             frames_drawn=self._picture.frames_drawn,
+            is_preview=self._is_preview,
             live=live,
             is_training=is_training,
             encoding=encoding,
@@ -63,6 +66,18 @@ class FactsReader:
             thumbnails_made=made,
             thumbnails_skipped=len(self._session.scene.textures) - made,
         )
+
+    @property
+    def _is_preview(self) -> bool:
+        view = self._picture.last_view
+        return view is not None and view.coarseness > 1
+
+    def _divergence(self) -> Mapping[str, DivergenceStatistics]:
+        """Of the last picture that was no preview: a preview counts fewer pixels of each block."""
+        last = self._picture.last
+        if last is not None and not (self._is_preview and last.divergence.keys() == self._counted.keys()):
+            self._counted = last.divergence
+        return self._counted
 
     def thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
         """A small picture of a texture of the scene."""
@@ -122,5 +137,8 @@ class FactsReader:
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.block or session.inspection.hovered
         if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
+            return None
+        if view.coarseness > 1:
+            # Its few pixels would say that it has fewer textures than at rest.
             return None
         return self._blocks.read(renderer, session.packs, view, at)

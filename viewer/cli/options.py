@@ -11,13 +11,12 @@ from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from ntc.codec.map_weights import MapWeightsName
 from viewer.scene.source_textures import MapChoice
+from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
-    BlockName,
     Lighting,
     MaterialView,
-    Overlay,
     PathChoice,
     Precision,
     TexelFilter,
@@ -148,12 +147,14 @@ class RenderOptions:
     """Vertical field of view of --eye/--target, degrees."""
     overlay: Literal["none", "divergence", "error"] = "none"
     """Also write overlay.png: decoders per block, or error against the reference."""
-    opacity: float = Overlay.opacity
+    opacity: float = 0.6
     """Opacity of the divergence overlay, 0 to 1."""
-    palette: PaletteName = Overlay.palette
+    palette: PaletteName = "green-red"
     """Colours of the divergence overlay; viridis is fit for the colour-blind."""
     block: BlockName = Overlay.block
     """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
+    scale: ScaleName = "picture"
+    """Most decoders of the divergence overlay's colours: those of the picture, or as in the window a number for each block shape."""
     anisotropy: Anisotropy = 1
     """Anisotropic filtering of images and of path `cached`; 1 is trilinear, as the other paths filter."""
     view: MaterialView = "base"

@@ -32,8 +32,17 @@ from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_png
-from viewer.state.palettes import PaletteName
-from viewer.state.view_state import BLOCKS, REFERENCE, SKY, Lighting, Overlay, Slot, ViewState, is_image_source
+from viewer.state.view_state import (
+    BLOCKS,
+    REFERENCE,
+    SKY,
+    Lighting,
+    Overlay,
+    OverlayKind,
+    Slot,
+    ViewState,
+    is_image_source,
+)
 
 WARM_UP_DIVISOR = 16
 """A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
@@ -147,16 +156,16 @@ def _npy(array: NDArray[Any]) -> bytes:
     return buffer.getvalue()
 
 
-def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], overlay: str, palette: PaletteName) -> None:
-    """Write the files of `render` into `folder`, stats.json last."""
+def write_picture(folder: Path, picture: Picture, stats: dict[str, Any], kind: str, overlay: Overlay) -> None:
+    """Write the files of `render` into `folder`, stats.json last; `kind` is that of `overlay.png`, "none" for no such file."""
     write_png(folder / "color.png", picture.color)
     write_bytes(folder / "texture_id.npy", _npy(picture.texture_ids))
     write_bytes(folder / "decoder_id.npy", _npy(picture.decoder_ids))
     write_bytes(folder / "divergence.npy", _npy(picture.divergence))
-    if overlay == "divergence":
-        most = int(picture.divergence.max(initial=0))
-        write_png(folder / "overlay.png", with_color_bar(picture.shown, palette, most))
-    elif overlay == "error":
+    if kind == "divergence":
+        most = overlay.most(int(picture.divergence.max(initial=0)))
+        write_png(folder / "overlay.png", with_color_bar(picture.shown, overlay.palette, most))
+    elif kind == "error":
         write_png(folder / "overlay.png", error_overlay(picture.color, picture.reference))
     write_text(folder / "stats.json", json.dumps(stats, indent=2, allow_nan=False) + "\n")
 
@@ -211,9 +220,8 @@ def render(options: RenderOptions) -> int:
         renderer.set_packs(chosen)
         precision = resolve_precision(options.precision, chosen.get(source), context)
         slot = Slot(source, options.path, precision, options.filter)
-        overlay = Overlay(
-            "divergence" if options.overlay == "divergence" else "none", options.opacity, options.palette, options.block
-        )
+        kind: OverlayKind = "divergence" if options.overlay == "divergence" else "none"
+        overlay = Overlay(kind, options.opacity, options.palette, options.block, options.scale)
         view = ViewState(
             camera=camera,
             size=options.size,
@@ -239,7 +247,7 @@ def render(options: RenderOptions) -> int:
         write_map_errors(options.out, map_errors)
     if compressed is not None:
         stats["block_compression"] = compression_statistics(compressed)
-    write_picture(options.out, picture, stats, options.overlay, options.palette)
+    write_picture(options.out, picture, stats, options.overlay, overlay)
     quality = stats["psnr_db"]
     sys.stdout.write(
         f"wrote {options.out}: {source}, camera {camera.name!r}"

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from viewer.commands.command import Arg, command
 from viewer.state.event_handlers import notify
+from viewer.state.overlay import ScaleName
 from viewer.state.palettes import PALETTES, PaletteName
 from viewer.state.session import Session
 from viewer.state.view_state import BLOCKS, BlockName, OverlayKind
@@ -60,6 +61,18 @@ def next_palette(session: Session) -> None:
 @command("overlay.palette", "Palette", "colours of the heatmap", "Overlay")
 def set_palette(session: Session, palette: Annotated[PaletteName, Arg("colours")]) -> None:
     _change(session, palette=palette)
+
+
+@command(
+    "overlay.scale",
+    "Scale",
+    "end the heatmap's colours at a fixed number of decoders, or at the picture's most",
+    "Overlay",
+)
+def set_scale(
+    session: Session, scale: Annotated[ScaleName, Arg("block: fixed, picture: the most of this view")]
+) -> None:
+    _change(session, scale=scale)
 
 
 @command("overlay.opacity", "Opacity", "of the heatmap", "Overlay")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.model import Pack
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
-from viewer.state.view_state import BLOCKS, ViewState, is_image_source
+from viewer.state.view_state import ViewState, is_image_source
 
 
 def pixel_at(share: tuple[float, float], picture: tuple[int, int]) -> tuple[int, int]:
@@ -109,7 +109,7 @@ class BlockReader:
         self, renderer: Renderer, packs: Mapping[str, Pack], view: ViewState, at: tuple[float, float]
     ) -> BlockContent | None:
         """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn."""
-        place = BlockPlace.at(at, BLOCKS[view.overlay.block], view.size)
+        place = BlockPlace.at(at, view.block, view.size)
         sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
         key = (renderer, packs, view.camera, place, sources)
         if key != self._key:

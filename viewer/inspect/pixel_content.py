@@ -11,7 +11,7 @@ from ntc.codec.color import linear_to_srgb8
 from viewer.inspect.block_content import BlockPlace, block_content, pixel_at
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import materials_of, texture_ids_of
-from viewer.state.view_state import BLOCKS, Slot, ViewState, is_image_source
+from viewer.state.view_state import Slot, ViewState, is_image_source
 
 LEAST_FOOTPRINT = 1e-10
 REACH = 7
@@ -123,7 +123,7 @@ class PixelReader:
     def read(self, renderer: Renderer, view: ViewState, at: tuple[float, float]) -> PixelContent | None:
         """The pixel at `at` (shares of the picture from its upper left corner) of the last view that was drawn."""
         place = PatchPlace.at(at, view.size)
-        key = (renderer, place, view.camera, view.overlay.block, renderer.pair_key())
+        key = (renderer, place, view.camera, view.block, renderer.pair_key())
         if key != self._key:
             self._content = self._read(renderer, view, place)
             self._key = key
@@ -138,9 +138,7 @@ class PixelReader:
         texture = scene.textures[texture_id] if texture_id >= 0 else None
         sources = list(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
         decoders = {source: renderer.decoders(source) for source in sources}
-        block = BlockPlace.at(
-            ((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), BLOCKS[view.overlay.block], view.size
-        )
+        block = BlockPlace.at(((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), view.block, view.size)
         content = block_content(renderer.texture_ids_in(block.pixels), block, scene, decoders)
 
         def patch(slot: Slot) -> PixelPatch | None:

@@ -47,7 +47,7 @@ class Compositor:
         if view.overlay.kind != "divergence":
             self._scheduler.skipped["divergence_passes"] += 1
             return {}
-        self._divergence.update(targets.visibility, view.camera, groupings, view.overlay.block)
+        self._divergence.update(targets.visibility, view.camera, groupings, view.block)
         statistics = self._divergence.statistics
         return {source: statistics[source] for source in groupings if not is_image_source(source)}
 

@@ -15,7 +15,7 @@ from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Camera
-from viewer.state.view_state import BLOCKS, BlockName, Overlay
+from viewer.state.view_state import Overlay
 
 LARGEST_COUNT = 3
 """Groupings that are counted in one pass: those of two slots, and one that was shown before."""
@@ -37,7 +37,7 @@ class MapPlace:
 
     visibility: VisibilityTarget
     camera: Camera
-    block: BlockName
+    block: tuple[int, int]
 
 
 class DivergenceOverlay:
@@ -58,9 +58,13 @@ class DivergenceOverlay:
         """Of each grouping, by the name of its source."""
 
     def update(
-        self, visibility: VisibilityTarget, camera: Camera, groupings: Mapping[str, CountedGrouping], block: BlockName
+        self,
+        visibility: VisibilityTarget,
+        camera: Camera,
+        groupings: Mapping[str, CountedGrouping],
+        block: tuple[int, int],
     ) -> None:
-        """Count the maps of `groupings`, unless they are known.
+        """Count the maps of `groupings` in blocks of (width, height) pixels, unless they are known.
 
         What was counted last for the same picture is counted with it: slots that alternate are then counted once.
         """
@@ -78,7 +82,7 @@ class DivergenceOverlay:
             if self._tables is not None:
                 self._tables.release()
             self._tables, self._groupings = tables, wanted
-        shape = (visibility.size, BLOCKS[block], len(wanted))
+        shape = (visibility.size, block, len(wanted))
         target = self._target
         if target is None or (target.picture, target.block, target.groupings) != shape:
             made = DivergenceTarget(self._context, *shape)
@@ -94,7 +98,7 @@ class DivergenceOverlay:
         """The maps of two sources as an overlay; both must have been counted."""
         if self._target is None:
             raise RuntimeError("count first")
-        most = max(2, *(self.statistics[source].maximum for source in (first, second)))
+        most = settings.most(max(self.statistics[source].maximum for source in (first, second)))
         rows = (self._row(first), self._row(second))
         return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette, self._counts)
 

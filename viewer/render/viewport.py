@@ -31,7 +31,10 @@ from viewer.state.view_state import REFERENCE, DecodePath, ViewState
 
 SLOW_FRAME_MS = 120.0
 """A whole frame that takes longer makes a moving picture coarse."""
-COARSE_SHARE = 0.25
+COARSENESS = 4
+"""Of a coarse picture: pixels at rest along a side of one of its pixels."""
+COARSENESS_OF_MAPS = 2
+"""The same with a map of decoders over it: four of the 64 pixels of a block would say little of its decoders."""
 TILE_MILLISECONDS = 25.0
 """Of a frame, for decoding tiles that have come into sight."""
 LEAST_TILES = 3
@@ -219,9 +222,13 @@ class Viewport:
         return self.renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
-        share = self._session.resolution * (COARSE_SHARE if self.is_coarse() else 1.0)
+        view = self._session.shown_view
+        coarseness = 1
+        if self.is_coarse():
+            coarseness = COARSENESS_OF_MAPS if view.overlay.kind == "divergence" else COARSENESS
+        share = self._session.resolution / coarseness
         scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
-        return replace(self._session.shown_view, size=scaled)
+        return replace(view, size=scaled, coarseness=coarseness)
 
     def _wanted(self, size: tuple[int, int]) -> tuple[Scene, Mapping[str, Pack], ViewState]:
         """What is to be drawn."""

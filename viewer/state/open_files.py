@@ -1,7 +1,7 @@
 """Opening scenes and packs: a session begins with a scene, and goes on with others."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ntc.codec.config import PrecisionChoice
@@ -117,6 +117,7 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
         slot_b=Slot(REFERENCE),
         compare="a" if source == REFERENCE else "wipe",
         wipe_position=settings.wipe_position,
+        overlay=replace(settings.overlay, kind="none"),
         anisotropy=settings.anisotropy,
         material_view=initial.material_view,
         lighting=initial.lighting,

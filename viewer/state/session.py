@@ -271,6 +271,7 @@ class Session:
             anisotropy=self.view.anisotropy,
             texel_filter=self.view.slot_a.filter,
             wipe_position=self.view.wipe_position,
+            overlay=replace(self.view.overlay, kind="none"),
         )
 
     def file_to_read(self, file: Path) -> Path:

@@ -12,6 +12,7 @@ from ntc.errors import InputError
 from ntc.io import read_file, write_text
 from viewer.locations import CONFIG_FOLDER_VARIABLE
 from viewer.scene.json_text import Share, convert, parse_json
+from viewer.state.overlay import NO_OVERLAY, Overlay
 
 CameraMode = Literal["orbit", "fly"]
 Theme = Literal["dark", "light"]
@@ -54,6 +55,8 @@ class ViewerSettings:
     """Filter of slot A, of the paths that decode every pixel."""
     wipe_position: Share = 0.5
     """Divider of the wipe as a share of the picture's width."""
+    overlay: Overlay = NO_OVERLAY
+    """How maps over the picture look. A start shows none: its `kind` is "none"."""
     window_size: tuple[
         Annotated[int, Meta(ge=320, le=LARGEST_WINDOW_SIDE)], Annotated[int, Meta(ge=200, le=LARGEST_WINDOW_SIDE)]
     ] = (1280, 720)

@@ -7,9 +7,12 @@ from msgspec import Meta
 
 from ntc.codec.config import Precision as Precision
 from ntc.metrics.block_compression import BLOCK_FORMATS
-from viewer.scene.json_text import Share
 from viewer.scene.model import Camera
-from viewer.state.palettes import PaletteName
+from viewer.state.overlay import BLOCKS as BLOCKS
+from viewer.state.overlay import NO_OVERLAY
+from viewer.state.overlay import BlockName as BlockName
+from viewer.state.overlay import Overlay as Overlay
+from viewer.state.overlay import OverlayKind as OverlayKind
 from viewer.state.settings import GAIN_RANGE
 from viewer.state.settings import TexelFilter as TexelFilter
 from viewer.state.zoom import WHOLE, Zoom
@@ -24,11 +27,6 @@ ToneMap = Literal["neutral", "agx", "none"]
 """Khronos PBR Neutral, AgX, or clipping alone."""
 DecodedMaps = Literal["all", "base", "normal", "roughness", "metalness", "emissive", "occlusion"]
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
-OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
-BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
-
-BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
-"""(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
 
 ELEVATION_RANGE: Final = (-10.0, 90.0)
 """Of the sun, in degrees above the horizon."""
@@ -64,17 +62,6 @@ class Slot:
     maps: DecodedMaps = "all"
     """Which maps are the pack's: all, or one of them, the others being those of the original images. So one sees what one map's error
     does to the picture. Of no effect for the originals."""
-
-
-@dataclass(frozen=True)
-class Overlay:
-    """What lies over the picture."""
-
-    kind: OverlayKind = "none"
-    """Nothing, the map of decoders per block, or the error of each texture or decoder between A and B."""
-    opacity: Share = 0.6
-    palette: PaletteName = "green-red"
-    block: BlockName = "8x8"
 
 
 @dataclass(frozen=True)
@@ -123,7 +110,7 @@ class ViewState:
     flipped: bool = False
     """Where both slots are shown, each is in the other's place."""
     difference: Difference = Difference()
-    overlay: Overlay = Overlay()
+    overlay: Overlay = NO_OVERLAY
     highlight: tuple[int, ...] = ()
     """Ids of textures: everything else is dimmed. Empty: nothing is."""
     zoom: Zoom = WHOLE
@@ -131,11 +118,19 @@ class ViewState:
     """Anisotropic filtering of images and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
     material_view: MaterialView = "base"
     lighting: Lighting = DEFAULT_LIGHTING
+    coarseness: int = 1
+    """Pixels of the picture at rest along one side of a pixel: more than 1 in a preview while the camera moves."""
 
     @property
     def slots(self) -> dict[Side, Slot]:
         """Both slots, by their side."""
         return {"a": self.slot_a, "b": self.slot_b}
+
+    @property
+    def block(self) -> tuple[int, int]:
+        """(width, height) in pixels of the blocks that decoders are counted in: fewer in a preview, but as large on screen."""
+        width, height = BLOCKS[self.overlay.block]
+        return max(1, width // self.coarseness), max(1, height // self.coarseness)
 
     def with_slot(self, side: Side, slot: Slot) -> "ViewState":
         """This view with another slot on one side."""

@@ -6,6 +6,7 @@ from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown
 from viewer.state.session import Toast
 from viewer.state.view_state import Slot, ViewState, is_image_source
 from viewer.ui.facts import UiFrame
+from viewer.ui.map_legend import slot_note
 from viewer.ui.widgets import Area, counted, packed
 
 MARGIN = 12.0
@@ -59,22 +60,26 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
 
     sides = shown_sides(view)
     names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
+    noted = [
+        f"{name}\n{note}" if (note := slot_note(view.slots[side], view, ui.facts)) else name
+        for side, name in zip(sides, names, strict=True)
+    ]
     split = layout_of(view)
     if split is None:
-        text = names[0] if view.compare in ("a", "b") else f"{_difference_label(view)}: {names[0]} - {names[1]}"
+        text = noted[0] if view.compare in ("a", "b") else f"{_difference_label(view)}: {names[0]} - {names[1]}"
         plate(middle.x - imgui.calc_text_size(text).x / 2, top, text)
     elif not split.vertical:
         y = area.at(0.0, split.position)[1]
         _line(ImVec2(area.left, y), ImVec2(area.right, y))
         draw.add_circle_filled(ImVec2(middle.x, y), 7.0, packed(WHITE))
-        for text, text_top in ((names[0], y - MARGIN - imgui.get_text_line_height()), (names[1], y + MARGIN)):
+        for text, text_top in ((noted[0], y - MARGIN - imgui.calc_text_size(noted[0]).y), (noted[1], y + MARGIN)):
             plate(middle.x - imgui.calc_text_size(text).x / 2, text_top, text)
         ui.rects.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
     else:
         x = area.at(split.position, 0.0)[0]
         _line(ImVec2(x, area.top), ImVec2(x, area.bottom))
-        plate(x - MARGIN - imgui.calc_text_size(names[0]).x, top, names[0])
-        plate(x + MARGIN, top, names[1])
+        plate(x - MARGIN - imgui.calc_text_size(noted[0]).x, top, noted[0])
+        plate(x + MARGIN, top, noted[1])
         if view.compare in WIPES:
             draw.add_circle_filled(ImVec2(x, middle.y), 7.0, packed(WHITE))
             ui.rects.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)

@@ -58,6 +58,8 @@ class FrameFacts:
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Small picture of a texture by its id."""
     frames_drawn: int = 0
+    is_preview: bool = False
+    """Whether the picture has fewer pixels than at rest, because the camera moves. `divergence` is that of the last whole one then."""
     paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
     """The path by which each slot is drawn: what `auto` chose, else its own."""
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)

@@ -15,6 +15,7 @@ from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.help.explanations import explanation
 from viewer.ui.help.key_sheet import KeySheet
+from viewer.ui.map_legend import draw_map_legend
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
@@ -97,6 +98,7 @@ class UserInterface:
             corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
         draw_labels(ui, area)
+        draw_map_legend(ui, area)
         draw_block(ui, area)
         draw_pixel(ui, area)
         if session.window.show_panels:

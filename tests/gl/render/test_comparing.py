@@ -141,7 +141,9 @@ def test_errors_colour_textures(renderer: Renderer, kind: str) -> None:
     by_texture = np.linspace(1.0, 9.0, count, dtype=np.float32)
     by_texture[0] = np.nan
     by_decoder = by_texture[::-1].copy()
-    overlay = Overlay("error-texture" if kind == "error-texture" else "error-decoder", opacity=0.75)
+    overlay = Overlay(
+        "error-texture" if kind == "error-texture" else "error-decoder", opacity=0.75, palette="green-red"
+    )
     renderer.errors.set_errors(ComparisonErrors(by_texture, by_decoder))
     picture = shown(renderer, replace(VIEW, compare="a", overlay=overlay))
     values = by_texture if kind == "error-texture" else by_decoder

@@ -1,20 +1,21 @@
-"""Panel "Divergence": the map's settings, colour bar, figures of A and B, plots, and the block under the mouse."""
+"""Panel "Divergence": the map's settings, figures of A and B, plots, and the block under the mouse."""
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.block_content import BlockContent
+from viewer.state.overlay import ScaleName
 from viewer.state.palettes import PALETTES
 from viewer.state.view_state import BLOCKS, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS, combo, counted, heat, named_cells, packed
+from viewer.ui.widgets import SLOT_COLORS, combo, counted, named_cells
 
-BAR_HEIGHT = 14.0
-MOST_TICKS = 16
 PLOT_HEIGHT = 130.0
 THUMBNAIL = 32.0
 TEXTURES_SHOWN = 12
+SCALES: dict[str, ScaleName] = {"fixed scale": "block", "scale of picture": "picture"}
+SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 
 def _settings(ui: UiFrame) -> None:
@@ -26,33 +27,19 @@ def _settings(ui: UiFrame) -> None:
     palette = combo("palette", overlay.palette, tuple(PALETTES), ui.rects)
     imgui.same_line()
     imgui.set_next_item_width(-1)
+    scale = SCALES[combo("scale", SCALE_NAMES[overlay.scale], tuple(SCALES), ui.rects)]
+    imgui.set_next_item_width(-1)
     always_clamp = imgui.SliderFlags_.always_clamp
     moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f", always_clamp)
     ui.rects.note("opacity")
+    if scale != overlay.scale:
+        ui.emit("overlay.scale", scale)
     if block != overlay.block:
         ui.emit("overlay.block", block)
     if palette != overlay.palette:
         ui.emit("overlay.palette", palette)
     if moved:
         ui.emit("overlay.opacity", opacity)
-
-
-def _color_bar(ui: UiFrame, most: int) -> None:
-    """One field for each number of decoders, from one to the most, with integers below."""
-    draw = imgui.get_window_draw_list()
-    at, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    field = width / most
-    every = -(-most // MOST_TICKS)
-    for decoders in range(1, most + 1):
-        left = at.x + (decoders - 1) * field
-        color = packed(heat(ui.session.view.overlay.palette, decoders, most))
-        draw.add_rect_filled(ImVec2(left, at.y), ImVec2(left + field, at.y + BAR_HEIGHT), color)
-        if (decoders - 1) % every == 0 or decoders == most:
-            text = str(decoders)
-            x = left + (field - imgui.calc_text_size(text).x) / 2.0
-            draw.add_text(ImVec2(x, at.y + BAR_HEIGHT + 1.0), imgui.get_color_u32(imgui.Col_.text), text)
-    imgui.dummy(ImVec2(width, BAR_HEIGHT + imgui.get_text_line_height() + 2.0))
-    ui.rects.note("color bar")
 
 
 def _sides(ui: UiFrame) -> dict[str, tuple[str, DivergenceStatistics]]:
@@ -156,7 +143,8 @@ def draw_divergence_panel(ui: UiFrame) -> None:
     if not sides:
         imgui.text_disabled("nothing is decoded here: show a pack")
         return
-    _color_bar(ui, max(2, *(figures.maximum for _, figures in sides.values()), 2))
+    if ui.facts.is_preview:
+        imgui.text_disabled("figures of the last picture at rest")
     _figures(sides, ui)
     _plots(sides, ui)
     imgui.separator()
