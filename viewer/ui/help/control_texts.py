@@ -29,6 +29,7 @@ COMMAND_OF: Final = {
     "block": "overlay.next-block",
     "palette": "overlay.next-palette",
     "opacity": "overlay.opacity",
+    "scale": "overlay.scale",
     "materials": "materials.next",
     "Frame all": "camera.frame-all",
     "Open": "file.open",

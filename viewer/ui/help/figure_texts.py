@@ -18,7 +18,6 @@ FIGURES: Final = {
     "decoders a block": "Mean number of decoders in a block that shows the scene, and the largest.",
     "wave efficiency": "Share of decoder runs that would be needed without divergence: blocks divided by decoders summed over them. "
     "100 % is best.",
-    "color bar": "Colours of the map: how many decoders a block needs.",
     "divergence figures": "How much the pixels of a block disagree about their decoder, for A and B.",
     "blocks with D": "Share of the blocks that need exactly D decoders, in per cent.",
     "up to D": "Share of the blocks that need at most D decoders, in per cent.",
@@ -42,8 +41,12 @@ FIGURES: Final = {
     "column bits/texel": "Bits of latents, all mips, for each texel of the original. Click to sort.",
     "column on GPU": "Latents of this texture that are on the GPU now, in kilobytes. Click to sort.",
     "column members": "Textures of the group. Click to sort.",
-    "column mean dB": "Mean of the PSNR of its textures, dB: higher is better. Click to sort.",
-    "column worst dB": "Lowest PSNR of its textures, dB. Click to sort.",
+    "column mip 0 dB": "PSNR in dB of the mean square error of the largest mip of its textures, as training reports it: "
+    "higher is better. Click to sort.",
+    "map legend": "What the map over the picture shows, and which colour stands for how much.",
+    "column worst dB": "Lowest PSNR of the largest mip of its textures, dB. Click to sort.",
+    "group PSNR": "PSNR in dB of the mean square error of the largest mip of the group's textures: higher is better. "
+    "Before the arrow stands what it was in the pack that training replaced.",
     "column run": "Number of the training run.",
     "column what": "What was trained. Rest the mouse on a line for more.",
     "column dB": "PSNR of the mean square error over all textures, dB: higher is better.",
