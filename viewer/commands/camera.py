@@ -34,7 +34,6 @@ def set_camera(session: Session, camera: Camera) -> None:
 @gesture("camera.fly-faster")
 def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
-    notify(session, f"speed {1.25**session.navigation.speed_notches:.2f}x")
 
 
 @command("camera.frame-all", "Frame all", "see the whole scene", "Camera", "F")

@@ -15,6 +15,12 @@ POLE_MARGIN = math.radians(1.0)
 """The view direction stays this far from straight up and down."""
 ZOOM_STEP = 1.12
 """Factor of distance for one notch of the wheel."""
+FASTER_STEP = 1.25
+"""Factor of the speed of flight for one notch of the wheel."""
+NEAR_SHARE = 1.5
+"""Of the distance to what is nearest, flown in a second: walking where the ground is at eye height."""
+FARTHEST = 1.5
+"""Flying ends this many diagonals of the scene away from it."""
 FREE = "free"
 """Name of a camera that was moved by hand."""
 
@@ -139,7 +145,24 @@ def frame(camera: Camera, bounds: NDArray[np.float32], aspect: float) -> Camera:
     return framed
 
 
-def fly_speed(bounds: NDArray[np.float32], notches: float, fast: bool) -> float:
-    """Scene units a second: crosses the scene in about 12 s, 1.25 times faster a notch, 4 times with Shift."""
+def fly_speed(bounds: NDArray[np.float32], near: float, notches: float, fast: bool) -> float:
+    """Scene units a second: NEAR_SHARE of `near`, the distance to what is nearest to the eye.
+
+    At least a thousandth of the scene a second, so that walls are no ends, at most a twelfth of it. FASTER_STEP times faster a notch,
+    4 times with Shift.
+    """
     size = max(float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0])), 1e-6)
-    return float(size / 12.0 * 1.25 ** float(np.clip(notches, -40.0, 40.0)) * (4.0 if fast else 1.0))
+    usual = min(max(NEAR_SHARE * near, size / 1000.0), size / 12.0)
+    return float(usual * FASTER_STEP ** float(np.clip(notches, -40.0, 40.0)) * (4.0 if fast else 1.0))
+
+
+def kept_in_sight(before: Camera, moved: Camera, bounds: NDArray[np.float32]) -> Camera:
+    """`moved`, or `before` where that would go on flying away from a scene in `bounds` [2, 3] that lies far behind."""
+    low, high = bounds.astype(np.float64)
+    reach = max(float(np.linalg.norm(high - low)), 1e-6) * FARTHEST
+
+    def away(camera: Camera) -> float:
+        eye = _vector(camera.eye)
+        return float(np.linalg.norm(eye - np.clip(eye, low, high)))
+
+    return before if away(moved) > max(reach, away(before)) else moved

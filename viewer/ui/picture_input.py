@@ -5,10 +5,12 @@ import math
 from imgui_bundle import imgui
 
 from viewer.commands.keys import HOLD_KEY
+from viewer.jobs.background import Background
 from viewer.state import navigation
 from viewer.state.compare_layout import WIPES, window_to_image
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
+from viewer.ui.flight import Flight
 from viewer.ui.keyboard import imgui_key, run_commands
 from viewer.ui.widgets import Area
 
@@ -16,19 +18,17 @@ GRAB_WIDTH = 12.0
 """Window units on either side of the divider within which it can be grabbed."""
 CLICK_DISTANCE = 4.0
 """Window units: a press that moves less is a click."""
-MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
 SUN_DEGREES = 180.0
 """That a drag over the picture's height moves the sun by."""
-LONGEST_STEP = 0.1
-"""Seconds: a slow frame must not throw the camera across the scene."""
 
 
 class PictureInput:
     """Remembers what a drag began on."""
 
-    def __init__(self) -> None:
+    def __init__(self, background: Background) -> None:
         self._dragging_divider = False
         self._pressed_at: tuple[float, float] | None = None
+        self.flight = Flight(background)
 
     def handle(self, session: Session, area: Area, emit: Emit, keys: bool = True) -> None:
         """Run commands for this frame's events on the picture in `area`; `keys` False leaves those of commands to an open list."""
@@ -40,24 +40,13 @@ class PictureInput:
         held = not io.want_text_input and imgui.is_key_down(imgui_key(HOLD_KEY))
         if held != session.window.show_other:
             emit("compare.show-other", held)
-        if not io.want_text_input:
-            self._fly(session, io, emit)
+        self.flight.handle(session, emit, typing=io.want_text_input)
         self._mouse(session, area, io, emit)
 
     def _camera_keys(self, session: Session, emit: Emit) -> None:
         for number, camera in enumerate(session.scene.cameras[:9]):
             if imgui.is_key_pressed(getattr(imgui.Key, f"_{number + 1}"), repeat=False):
                 emit("camera.set", camera)
-
-    def _fly(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        held = [move for key, move in MOVES.items() if imgui.is_key_down(imgui_key(key))]
-        if not held or io.key_ctrl:
-            return
-        direction = (sum(m[0] for m in held), sum(m[1] for m in held), sum(m[2] for m in held))
-        speed = navigation.fly_speed(session.scene.bounds, session.navigation.speed_notches, io.key_shift)
-        moved = navigation.fly(session.view.camera, direction, speed * min(io.delta_time, LONGEST_STEP))
-        if moved != session.view.camera:
-            emit("camera.set", moved)
 
     @staticmethod
     def _near_divider(session: Session, area: Area, at: tuple[float, float]) -> bool:

@@ -10,13 +10,13 @@ from viewer.state.session import Session
 from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
 from viewer.ui.dock_layout import Docked, DockLayout
 from viewer.ui.facts import UiFrame
-from viewer.ui.file_dialog import FileDialog
-from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.help.explanations import explanation
 from viewer.ui.help.key_sheet import KeySheet
 from viewer.ui.map_legend import draw_map_legend
 from viewer.ui.menu_bar import draw_menu_bar
+from viewer.ui.opening.file_dialog import FileDialog
+from viewer.ui.opening.first_run_card import FirstRunCard
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
 from viewer.ui.panels.training import EncodeOffer
@@ -35,7 +35,7 @@ class UserInterface:
         self.rects = WidgetRects()
         self.background = Background()
         """What panels have computed beside the frames."""
-        self._input = PictureInput()
+        self._input = PictureInput(self.background)
         self._all_panels = make_panels(self.background)
         self._layout = DockLayout()
         self._flat = FlatWindow(self.background)
@@ -72,9 +72,8 @@ class UserInterface:
     def is_settling(self, session: Session) -> bool:
         """Whether the next frame puts panels elsewhere although nothing happens."""
         asked = session.requests.reset_layout or session.requests.raised_panel is not None
-        return self._file_dialog.system.has_answer or (
-            session.window.show_panels and (asked or self._layout.is_settling)
-        )
+        waits = self._file_dialog.system.has_answer or self._input.flight.is_ending
+        return waits or (session.window.show_panels and (asked or self._layout.is_settling))
 
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -116,6 +115,7 @@ class UserInterface:
         self._palette.draw(ui, size)
         draw_toasts(session.window.toasts, area)
         self._input.handle(session, area, ui.emit, keys=not list_is_open)
+        self._input.flight.draw(area, ui.rects)
         ui.rects.tooltips.end()
 
     def _layout_panels(self, ui: UiFrame) -> Area:

@@ -17,7 +17,7 @@ from viewer.scene.folder_listing import (
 )
 from viewer.scene.scene_files import OPENABLE
 from viewer.ui.facts import UiFrame
-from viewer.ui.system_dialog import SystemDialog
+from viewer.ui.opening.system_dialog import SystemDialog
 
 SIZE = (46.0, 30.0)
 """Largest (width, height) in heights of the font."""

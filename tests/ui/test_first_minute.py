@@ -1,0 +1,121 @@
+"""The first minute: the card of first steps, and flying at a speed that fits the place, shown while it changes."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from tests.support.driven_app import DrivenApp
+from tests.ui.conftest import run_window
+from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
+
+CLOSED_AT_ONCE = "wait frames 3; expect label 'Got it'; click 'Got it'; wait frames 2; window.close"
+
+
+def settings(folder: Path) -> ViewerSettings:
+    return parse_settings((folder / "settings" / SETTINGS_FILE).read_text(), SETTINGS_FILE)
+
+
+def test_the_card_is_closed_for_good_and_comes_back_from_the_menu(app: DrivenApp) -> None:
+    assert "Got it" not in app.widgets.labels()
+    app.run("help.first-steps")
+    app.settle()
+    assert {"first step 1", "first step 2", "first step 3"} <= set(app.widgets.labels())
+    app.click("Got it")
+    assert "Got it" not in app.widgets.labels()
+    assert not app.session.settings.first_steps
+    app.click("menu: Help")
+    app.click("menu: help.first-steps")
+    assert "Got it" in app.widgets.labels()
+
+
+def test_the_card_lies_within_the_picture(app: DrivenApp) -> None:
+    app.resize((1280, 720))
+    app.run("help.first-steps")
+    app.settle()
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    x, y = app.widgets.centre("first step 2")
+    assert area.left < x < area.right
+    assert area.top < y < area.bottom
+
+
+def test_keys_work_while_the_card_is_shown(app: DrivenApp) -> None:
+    app.run("help.first-steps")
+    app.settle()
+    app.press(imgui.Key.o)
+    assert app.session.view.overlay.kind == "divergence"
+
+
+@pytest.mark.process
+def test_a_new_window_shows_the_card_until_it_is_closed(display: str, scene_path: Path, tmp_path: Path) -> None:
+    command = ("-m", "viewer", "view", str(scene_path), "--exec")
+    result = run_window(display, tmp_path, *command, CLOSED_AT_ONCE)
+    assert result.returncode == 0, result.stderr
+    assert not settings(tmp_path).first_steps
+    # What is expected ends the script where it is not so: panels stay.
+    script, ends = "wait frames 3; expect label 'Got it'; window.panels", {"NTC_VIEWER_EXIT_AFTER_FRAMES": "12"}
+    run_window(display, tmp_path, *command, script, variables=ends)
+    assert settings(tmp_path).show_panels
+
+
+def shown_speed(app: DrivenApp) -> str:
+    return next((label for label in app.widgets.labels() if label.startswith("flying")), "")
+
+
+def hold(app: DrivenApp, key: imgui.Key, frames: int) -> float:
+    """Distance that the eye moves while `key` is held."""
+    before = np.array(app.session.view.camera.eye)
+    app.key(key, True)
+    app.frame(frames)
+    app.key(key, False)
+    return float(np.linalg.norm(np.array(app.session.view.camera.eye) - before))
+
+
+def known(app: DrivenApp) -> None:
+    """Fly until what is near is known."""
+    hold(app, imgui.Key.w, 1)
+    deadline = time.monotonic() + 20.0
+    while app.frontend.interface.background.is_busy and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def test_flying_is_slower_near_a_surface(app: DrivenApp) -> None:
+    known(app)
+    far = hold(app, imgui.Key.w, 10)
+    eye = app.session.view.camera.eye
+    target = tuple(np.array(app.session.scene.bounds, np.float64).mean(axis=0).tolist())
+    direction = np.array(target) - eye
+    near = np.array(target) - direction / np.linalg.norm(direction) * 0.05
+    app.run("camera.look", *near.tolist(), *target)
+    assert hold(app, imgui.Key.w, 10) < 0.5 * far
+
+
+def test_the_speed_is_shown_and_goes(app: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not shown_speed(app)
+    known(app)
+    hold(app, imgui.Key.w, 2)
+    assert shown_speed(app).endswith("units a second")
+    start = time.monotonic()
+    monkeypatch.setattr("viewer.ui.flight.time.monotonic", lambda: start + 10.0)
+    app.settle()
+    assert not shown_speed(app)
+
+
+def test_the_wheel_changes_the_speed_and_says_so(app: DrivenApp) -> None:
+    known(app)
+    app.run("camera.mode", "fly")
+    app.run("camera.fly-faster", 2.0)
+    app.settle()
+    assert shown_speed(app).endswith("(1.6 x the usual)")
+    assert not any("speed" in toast.text for toast in app.session.window.toasts)
+
+
+def test_letters_that_are_typed_do_not_fly(app: DrivenApp) -> None:
+    before = app.session.view.camera
+    app.run("file.open")
+    app.settle()
+    hold(app, imgui.Key.w, 3)
+    assert app.session.view.camera == before
