@@ -20,6 +20,8 @@ from viewer.jobs.job import Job, JobReport
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import Reverted, TexturesCompressed
 from viewer.state.view_state import Slot
+from viewer.ui.facts import Work
+from viewer.ui.status_bar import work_text
 
 pytest.importorskip("quicktex")
 pytest.importorskip("astc_encoder")
@@ -201,3 +203,27 @@ def test_textures_of_another_scene_are_not_shown(driven: DrivenApp, scene_path: 
     apply_event(driven.session, Reverted(old, driven.session.packs, view))
     assert driven.session.view.slot_a.source == "reference"
     driven.frame(2)
+
+
+def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, process: HeldProcess) -> None:
+    before, process.may_go = driven.session.view.slot_a, False
+    assert "work" not in driven.widgets.labels()
+    driven.run("slot.source", "a", "bc1")
+    driven.frame(3)
+    assert driven.widgets.explanation("work") == "encoding bc1: 0 %"
+    driven.click("cancel work")
+    assert driven.session.requests.formats == {}
+    assert "work" not in driven.widgets.labels()
+    assert driven.session.view.slot_a == before
+
+
+@pytest.mark.parametrize(
+    ("work", "text"),
+    [
+        (Work("comparing A with B"), "comparing A with B"),
+        (Work("encoding bc7", 0.34, 12.4), "encoding bc7: 34 %, 12 s left"),
+        (Work("run 1: encode clustered", 0.5, 300.0), "run 1: encode clustered: 50 %, 5 min left"),
+    ],
+)
+def test_work_is_told_with_its_share_and_the_time_it_takes(work: Work, text: str) -> None:
+    assert work_text(work) == text

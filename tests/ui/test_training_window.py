@@ -303,3 +303,18 @@ def test_a_script_waits_for_a_run(app: DrivenApp, folder: Path) -> None:
     assert app.training.log.runs[-1].pack is not None
     app.play(parse_script(f"training.accept {folder / 'kept.ntc'}\nwait trained", "test"))
     assert (folder / "kept.ntc").is_file()
+
+
+def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
+    run_line(app.context, "training.encode category auto 32 60s paper")
+    app.settle()
+    assert "run 1: encode category" in app.widgets.explanation("work")
+    place = app.widgets.centre("cancel work")
+    wait(app, lambda t: t.active is None or t.active.progress)
+    app.frame()
+    assert "left" in app.widgets.explanation("work")
+    assert app.widgets.centre("cancel work") == place, "a button stays where it is"
+    app.click("cancel work")
+    wait(app, lambda t: t.active is None)
+    app.settle()
+    assert "work" not in app.widgets.labels()

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from functools import partial
 
 import moderngl
@@ -9,6 +10,7 @@ from imgui_bundle import imgui
 
 from ntc.errors import InputError
 from viewer.app.frame_facts import FactsReader
+from viewer.app.work_under_way import WorkUnderWay
 from viewer.capture.picture_writer import PictureWriter
 from viewer.commands import bindings, run_or_notify, why_not
 from viewer.commands.command import Context
@@ -67,6 +69,7 @@ class Frontend:
         self._formats = FormatEncoding(blocks_cache(), emit)
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
+        self._work = WorkUnderWay()
         self._news = False
         """Whether jobs have found something since the last frame."""
         self._built_at = -math.inf
@@ -76,7 +79,10 @@ class Frontend:
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
-        return self.reader.read(self.live.figures, self._is_training, self._formats.progress)
+        encoding, last = self._formats.progress, self.picture.last
+        tiles = last.waiting if last is not None else 0
+        work = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, tiles)
+        return replace(self.reader.read(self.live.figures, self._is_training, encoding), work=work)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.

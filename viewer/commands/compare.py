@@ -120,6 +120,12 @@ def show_source(session: Session, side: Side, source: str) -> None:
         session.requests.formats = {**others, side: block_format}
 
 
+@gesture("slot.leave-format")
+def leave_formats(session: Session) -> None:
+    """Slots that wait for a block format keep what they show."""
+    session.requests.formats = {}
+
+
 @command("slot.source", "Source of a slot", "show a pack, the reference or a block format in a slot", "Compare")
 def set_source(session: Session, side: SlotSide, source: Source) -> None:
     show_source(session, side, source)

@@ -31,6 +31,19 @@ class Emit(Protocol):
 
 
 @dataclass(frozen=True)
+class Work:
+    """Something that is under way beside the frames."""
+
+    title: str
+    share: float | None = None
+    """Of it that is done, 0 to 1; None where that is not known."""
+    seconds_left: float | None = None
+    """None where that is not known."""
+    cancel: str = ""
+    """Id of the command that ends it; "" where none does."""
+
+
+@dataclass(frozen=True)
 class FrameFacts:
     """Figures of recent frames."""
 
@@ -53,6 +66,8 @@ class FrameFacts:
     """Whether a training keeps the processors busy: A is not compared with B then."""
     encoding: Mapping[BlockFormat, float] = field(default_factory=dict)
     """Share of the work done of each block format that is encoded for a slot, 0 to 1."""
+    work: tuple[Work, ...] = ()
+    """What is under way beside the frames."""
     pixel: PixelContent | None = None
     """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None

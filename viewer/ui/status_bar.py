@@ -1,29 +1,43 @@
-"""The bar at the lower edge of the window: the last message."""
+"""The bar at the lower edge of the window: the last message, and what is under way."""
+
+from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.ui.facts import UiFrame
+from viewer.state.message_log import MessageLog
+from viewer.ui.facts import UiFrame, Work
+from viewer.ui.widgets import duration
 
 SIDE = 4.0
 """Window units, at normal scale, above and below the text."""
+SHARE_WIDTH = 90.0
+"""Window units, at normal scale, of the bar that shows how far the work is."""
+SHARE_HEIGHT = 6.0
+MESSAGE_SHARE = 0.3
+"""Of the bar's width, which the last message keeps beside what is under way."""
+CANCEL = "Cancel"
+FLAGS = (
+    imgui.WindowFlags_.no_scrollbar
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_nav
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_decoration
+)
+
+
+def _scale() -> float:
+    style = imgui.get_style()
+    return float(style.font_scale_main * style.font_scale_dpi)
 
 
 def status_bar_height() -> float:
     """In window units: one line of text, whatever it says."""
-    style = imgui.get_style()
-    return float(imgui.get_text_line_height() + 2.0 * SIDE * style.font_scale_main * style.font_scale_dpi)
+    return float(imgui.get_text_line_height() + 2.0 * SIDE * _scale())
 
 
 def draw_status_bar(ui: UiFrame) -> float:
     """The bar, which takes its height from the viewport's work area from the next frame on; its height in window units."""
     height = status_bar_height()
-    flags = (
-        imgui.WindowFlags_.no_scrollbar
-        | imgui.WindowFlags_.no_saved_settings
-        | imgui.WindowFlags_.no_nav
-        | imgui.WindowFlags_.no_focus_on_appearing
-        | imgui.WindowFlags_.no_decoration
-    )
     style = imgui.get_style()
     inset = (height - imgui.get_text_line_height()) / 2.0
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(style.window_padding.x, inset))
@@ -32,13 +46,78 @@ def draw_status_bar(ui: UiFrame) -> float:
     imgui.push_style_color(imgui.Col_.window_bg, style.color_(imgui.Col_.menu_bar_bg))
     # Known to ImGui as a side bar: panels are docked in what it leaves.
     opened = imgui.internal.begin_viewport_side_bar(
-        "##status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
+        "##status", imgui.get_main_viewport(), imgui.Dir.down, height, FLAGS
     )
     imgui.pop_style_color()
     imgui.pop_style_var(3)
     if opened:
-        log = ui.session.window.log
-        imgui.text_disabled(log[-1].text if len(log) else "")
-        ui.rects.note("status")
+        right = imgui.get_content_region_avail().x
+        _message(ui.session.window.log, _work(ui.facts.work, right, ui) if ui.facts.work else right, ui)
     imgui.end()
     return height
+
+
+def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
+    """The last message, as much of it as fits into `width`; the tooltip has all of it."""
+    imgui.set_cursor_pos_x(imgui.get_style().window_padding.x)
+    if not len(log):
+        imgui.text("")
+        ui.rects.note("status")
+        return
+    last = log[-1]
+    shown = shortened(("error: " if last.kind == "error" else "") + " ".join(last.text.split()), width)
+    if last.kind == "error":
+        imgui.text(shown)
+    else:
+        imgui.text_disabled(shown)
+    ui.rects.note("status", last.line())
+
+
+def shortened(text: str, width: float) -> str:
+    """`text`, or as much of its beginning as fits into `width` window units, with dots after it."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    low, high = 0, len(text)
+    while low < high:
+        middle = (low + high + 1) // 2
+        fits = imgui.calc_text_size(text[:middle].rstrip() + "...").x <= width
+        low, high = (middle, high) if fits else (low, middle - 1)
+    return text[:low].rstrip() + "..." if low else ""
+
+
+def work_text(work: Work) -> str:
+    """`encoding bc7: 34 %, 12 s left`."""
+    share = f": {work.share:.0%}".replace("%", " %") if work.share is not None else ""
+    left = f", {duration(work.seconds_left)} left" if work.seconds_left is not None else ""
+    return work.title + share + left
+
+
+def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
+    """What is under way, from the right edge on, so that the button stays where it is; the width that is left of it."""
+    first, style = all_work[0], imgui.get_style()
+    gap, left = style.item_spacing.x, style.window_padding.x + right
+    button = imgui.calc_text_size(CANCEL).x + 2.0 * style.frame_padding.x
+    left -= button
+    imgui.set_cursor_pos_x(left)
+    if first.cancel:
+        if imgui.small_button(f"{CANCEL}##work"):
+            ui.emit(first.cancel)
+        ui.rects.note("cancel work", f"Ends this: {first.title}.")
+        imgui.same_line()
+    bar = SHARE_WIDTH * _scale()
+    top = imgui.get_cursor_pos_y()
+    if first.share is not None:
+        left -= gap + bar
+        imgui.set_cursor_pos(ImVec2(left, top + (imgui.get_text_line_height() - SHARE_HEIGHT) / 2.0))
+        imgui.progress_bar(min(1.0, first.share), ImVec2(bar, SHARE_HEIGHT), "")
+        ui.rects.note("share of the work", work_text(first))
+        imgui.same_line()
+    more = f"  (+ {len(all_work) - 1})" if len(all_work) > 1 else ""
+    message = MESSAGE_SHARE * right if len(ui.session.window.log) else 0.0
+    text = shortened(work_text(first), left - 2.0 * gap - message - imgui.calc_text_size(more).x) + more
+    left -= gap + imgui.calc_text_size(text).x
+    imgui.set_cursor_pos(ImVec2(left, top))
+    imgui.text(text)
+    ui.rects.note("work", "\n".join(map(work_text, all_work)))
+    imgui.same_line()
+    return left - style.window_padding.x - 2.0 * gap

@@ -191,6 +191,13 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
 
 
+def duration(seconds: float) -> str:
+    """`45 s`, `3 min`, `2.5 h`."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
 def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
     """A figure's name and its texts in the next columns of a table's row, each with the explanation of the name."""
     imgui.table_next_column()

@@ -11,7 +11,7 @@ from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.training_curves import TrainingCurves
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.widgets import SLOT_COLORS, Area, cells, headings
+from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
 STATES = {
@@ -73,7 +73,7 @@ class TrainingPanel:
         else:
             counted = "texture" if run.codec_kind == "block" else "step"
             imgui.text(
-                f"{counted} {progress.step} of {progress.steps}, {state or _duration(progress.seconds_left) + ' left'}"
+                f"{counted} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
             )
         waits = run.state in ("paused", "pausing")
         third = (imgui.get_content_region_avail().x - 8.0) / 2.0
@@ -113,12 +113,6 @@ class TrainingPanel:
         imgui.end_disabled()
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 99.5:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def _log(ui: UiFrame) -> None:
     """All runs, newest first."""
     imgui.text_disabled("runs")
@@ -136,7 +130,7 @@ def _log(ui: UiFrame) -> None:
             saved = (f"written to {run.saved}",) if run.saved is not None else ()
             about = (run.title, run.settings, f"{run.groups} groups, {run.outcome}", *saved, *run.lines[:12])
             ui.rects.tip("\n".join(about))
-        cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", _duration(run.seconds))
+        cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):
             imgui.begin_disabled(run.pack is None or shown[side] == run.name)

@@ -1,0 +1,72 @@
+"""What is under way beside the frames, for the status bar: how far it is, and how long it goes on."""
+
+import time
+from collections.abc import Iterator, Mapping
+
+from ntc.metrics.block_compression import BlockFormat
+from viewer.state.session import Session
+from viewer.training.live_training import LiveTraining
+from viewer.training.preparation import job_title
+from viewer.ui.facts import Work
+
+LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
+"""Of the work, and since its beginning: before that its end cannot be told."""
+TRAINING_STATES = {
+    "preparing": "preparing textures and groups",
+    "pausing": "about to pause",
+    "paused": "paused",
+    "cancelling": "about to end",
+}
+
+
+class WorkUnderWay:
+    """Remembers when each piece of work was seen first."""
+
+    def __init__(self) -> None:
+        self._began: dict[str, float] = {}
+        """Monotonic seconds, by title."""
+
+    def read(
+        self,
+        session: Session,
+        training: LiveTraining,
+        encoding: Mapping[BlockFormat, float],
+        comparing: bool,
+        tiles: int,
+    ) -> tuple[Work, ...]:
+        """All that is under way, what takes longest first.
+
+        `encoding`: how far block formats are; `comparing`: whether A is compared with B; `tiles` that are still to be decoded.
+        """
+        found = [*_training(training), *self._formats(encoding)]
+        if training.saving:
+            found.append(Work("writing the pack"))
+        if session.requests.precision:
+            found.append(Work("finding the cheapest precision"))
+        if tiles:
+            found.append(Work(f"decoding {tiles:,} tile{'s' if tiles > 1 else ''}"))
+        if comparing:
+            found.append(Work("comparing A with B"))
+        return tuple(found)
+
+    def _formats(self, encoding: Mapping[BlockFormat, float]) -> Iterator[Work]:
+        now = time.monotonic()
+        titles = {f"encoding {name}": share for name, share in encoding.items()}
+        self._began = {title: self._began.get(title, now) for title in titles}
+        for title, share in titles.items():
+            seconds = now - self._began[title]
+            left = seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
+            yield Work(title, share, left, "slot.leave-format")
+
+
+def _training(training: LiveTraining) -> Iterator[Work]:
+    run = training.active
+    if run is None:
+        return
+    title, progress = f"{run.name}: {job_title(run.job)}", run.progress
+    state = TRAINING_STATES.get(run.state, "" if progress is not None else "starting")
+    share = progress.step / max(1, progress.steps) if progress is not None else None
+    left = progress.seconds_left if progress is not None and not state else None
+    # One that is about to end cannot be ended again.
+    cancel = "training.cancel" if run.state != "cancelling" else ""
+    yield Work(f"{title}, {state}" if state else title, share, left, cancel)
