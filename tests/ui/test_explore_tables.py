@@ -15,7 +15,7 @@ from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse, psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
-from viewer.inspect.memory_table import pack_memory, scene_memory
+from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, smaller_note
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.inspect.visible_part import visible_part
@@ -98,6 +98,21 @@ def test_memory_of_a_pack_adds_up(scene: Scene) -> None:
     # Of the one texture that the pack holds, not of all four.
     one = scene_memory(scene)[0].bytes / 4
     assert found["GPU in all"].share == pytest.approx(15 / one)
+
+
+def test_a_smaller_pack_is_compared_with_originals_of_its_size(scene: Scene) -> None:
+    hashes = [scene.textures[number].pixel_hash for number in (0, 1)]
+    pack = random_pack(((8, 8), (32, 32)), (0, 0), hashes=hashes)
+    match = match_scene(pack, scene)
+    found = {row.name: row for row in pack_memory(scene, pack, match, {"latents": 10}, idle=500)}
+    same_size = 4 * sum(w * h for side in (8, 32) for w, h in mip_sizes(side, side))
+    assert found["originals, that size"].bytes == same_size
+    assert found["pack in all"].share == pytest.approx(found["pack in all"].bytes / same_size)
+    assert (found["GPU in all"].bytes, found["for other paths"].bytes) == (10, 500)
+    note = smaller_note(size_pairs(scene, pack, match))
+    assert note == "1 of 2 textures encoded smaller than the originals (the largest: 8 x 8 texels of 32 x 32)"
+    whole = random_pack(((32, 32),), (0,), hashes=hashes[:1])
+    assert smaller_note(size_pairs(scene, whole, match_scene(whole, scene))) == ""
 
 
 def test_distances_are_to_the_mean_of_the_group() -> None:
@@ -209,8 +224,10 @@ def test_the_axis_of_times_holds_the_recent_frames_and_the_usual_ones() -> None:
     assert axis_top(compiling) < 20.0
     assert beyond_text(compiling, axis_top(compiling)) == "1 frame beyond the axis, at most 5,000 ms"
     assert beyond_text(cheap, axis_top(cheap)) == ""
-    # What the medians below the plot are of is never cut off.
-    assert axis_top(np.concatenate([cheap, [5000.0]])) >= 5000.0
+    # What the medians below the plot are of is not cut off, but for a single frame that compiled shaders.
+    assert axis_top(np.concatenate([cheap, [800.0]])) >= 800.0
+    assert axis_top(np.concatenate([cheap, [5000.0, 4000.0]])) >= 5000.0
+    assert axis_top(np.array([34000.0, 300.0, 200.0, 320.0])) < 500.0
     assert axis_top(np.zeros(0)) == 1.0
 
 

@@ -60,6 +60,7 @@ class FactsReader:
             tiles=last.tiles if last else {},
             history=self._times.history,
             gpu_parts={slot: of_slot.parts for slot, of_slot in memory.items()},
+            gpu_idle={slot: of_slot.idle for slot, of_slot in memory.items()},
             latent_bytes=memory[slots[0]].latents if slots[0] in memory else None,
             matches=renderer.matches if renderer is not None else {},
             image=self._image,

@@ -1,6 +1,6 @@
 """Where the bytes are: the original textures, block compression, and each slot's latents, decoders and cache."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -46,15 +46,60 @@ def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
     )
 
 
-def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str, int] | None) -> tuple[MemoryRow, ...]:
+@dataclass(frozen=True)
+class SizePair:
+    """(width, height) in texels of a texture, and of what a pack made of it."""
+
+    original: tuple[int, int]
+    encoded: tuple[int, int]
+
+    @property
+    def is_smaller(self) -> bool:
+        """Whether the pack has fewer texels than the original."""
+        return self.encoded[0] * self.encoded[1] < self.original[0] * self.original[1]
+
+
+def size_pairs(scene: Scene, pack: Pack, match: PackMatch) -> tuple[SizePair, ...]:
+    """Of the scene's textures that the pack holds."""
+    pairs = []
+    for texture, index in zip(scene.textures, match.texture_index, strict=True):
+        if index >= 0:
+            encoded = pack.textures[index]
+            pairs.append(SizePair((texture.pixels.shape[1], texture.pixels.shape[0]), (encoded.width, encoded.height)))
+    return tuple(pairs)
+
+
+def smaller_note(pairs: Sequence[SizePair]) -> str:
+    """That textures were encoded smaller than their originals are, and how much; "" where none was."""
+    smaller = [pair for pair in pairs if pair.is_smaller]
+    if not smaller:
+        return ""
+    (width, height), (was_width, was_height) = max(
+        ((pair.encoded, pair.original) for pair in smaller), key=lambda sizes: sizes[1][0] * sizes[1][1]
+    )
+    sizes = f"{width} x {height} texels of {was_width} x {was_height}"
+    return f"{len(smaller)} of {len(pairs)} textures encoded smaller than the originals (the largest: {sizes})"
+
+
+def pack_memory(
+    scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str, int] | None, idle: int = 0
+) -> tuple[MemoryRow, ...]:
     """What a pack takes: in its file, and on the GPU by part, where it has been drawn.
 
-    Shares are of the original bytes of those textures that the pack holds.
+    Shares are of the originals of those textures that the pack holds, reduced to the size that was encoded: fewer texels are no
+    compression. `idle` bytes on the GPU belong to decode paths that are not used now; they count for nothing.
     """
-    held = [texture for texture, index in zip(scene.textures, match.texture_index, strict=True) if index >= 0]
-    original = max(1, sum(_bytes_of_size(texture.pixels.shape[1], texture.pixels.shape[0])[0] for texture in held))
+    pairs = size_pairs(scene, pack, match)
+    original = max(1, sum(_bytes_of_size(*pair.encoded)[0] for pair in pairs))
     table = psnr_table(pack)
-    rows = [
+    rows = []
+    if any(pair.is_smaller for pair in pairs):
+        rows.append(
+            MemoryRow(
+                "originals, that size", original, 1.0, "the originals as RGBA8 with mips, reduced to the size encoded"
+            )
+        )
+    rows += [
         MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
         MemoryRow(
             "pack: decoders",
@@ -71,6 +116,12 @@ def pack_memory(scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str,
         rows += [MemoryRow(f"GPU: {name}", size, size / original) for name, size in on_gpu.items() if size]
         total = sum(on_gpu.values())
         rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
+    if idle:
+        rows.append(
+            MemoryRow(
+                "for other paths", idle, None, "kept on the GPU so that other decode paths can be switched to at once"
+            )
+        )
     return tuple(rows)
 
 

@@ -54,16 +54,18 @@ class RenderContext:
 
 @dataclass(frozen=True, eq=False)
 class PackMemory:
-    """GPU memory of one pack in one precision."""
+    """GPU memory of one pack in one precision, as one decode path uses it."""
 
     parts: Mapping[str, int]
     """Bytes by what they are for: latents, decoders (with adapters), tables, tile cache."""
+    idle: int
+    """Bytes of other decode paths, which are kept so that they can be switched to at once; not among the parts."""
     latents: NDArray[np.int64]
     """[textures of the scene] int64: bytes of each texture's latents."""
 
     @property
     def total(self) -> int:
-        """Bytes of all parts."""
+        """Bytes of all parts: what the path uses."""
         return sum(self.parts.values())
 
 
@@ -149,17 +151,18 @@ class GpuPack:
         with self.context.timer.measure("latents"):
             self.buffers.need(self._needed_levels[inputs.plane].run(inputs, self.buffers))
 
-    @property
-    def memory(self) -> PackMemory:
-        """What lies on the GPU."""
+    def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
+        """What lies on the GPU, for those who draw with this path and filter."""
         parts = self.buffers.bytes_by_part
-        others = [(path.memory_part, path.bytes_on_gpu) for path in self._paths.values()]
+        used = [path for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
+        idle = sum(path.bytes_on_gpu for key, path in self._paths.items() if key[:2] != (name, texel_filter))
+        others = [(path.memory_part, path.bytes_on_gpu) for path in used]
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
         others += [("tables", levels.bytes_on_gpu) for levels in self._needed_levels.values()]
         for part, size in others:
             parts[part] = parts.get(part, 0) + size
-        return PackMemory(parts, self.buffers.latent_store.bytes_by_texture)
+        return PackMemory(parts, idle, self.buffers.latent_store.bytes_by_texture)
 
     @property
     def is_updating(self) -> bool:

@@ -92,6 +92,11 @@ class PathChooser:
             self._times[slot.source, slot.precision, slot.filter] = times
         return _with_effective_fields(replace(slot, path=times.fastest))
 
+    def known(self, slot: Slot) -> Slot:
+        """The same for a slot of a pack whose paths have been timed, or that names one; nothing is timed."""
+        times = self.times(slot) if slot.path == "auto" else None
+        return _with_effective_fields(slot if times is None else replace(slot, path=times.fastest))
+
     def _slot_ms(self, view: ViewState) -> float:
         """Draw slot A of `view`; the time in ms."""
         slot, context = _with_effective_fields(view.slot_a), self._context

@@ -120,9 +120,12 @@ class Renderer:
         self._packs.update_pack(name, pack, changed_groups)
 
     def memory(self, slot: Slot) -> PackMemory | None:
-        """GPU memory of the slot's pack; None for images, and before its first frame."""
+        """GPU memory that the slot's pack uses by the slot's path; None for images, and before its first frame."""
         on_gpu = self._packs.uploaded(slot)
-        return on_gpu.memory if on_gpu is not None else None
+        if on_gpu is None:
+            return None
+        used = self.paths.known(slot)
+        return on_gpu.memory(used.path, used.filter)
 
     def decoders(self, source: str) -> tuple[int, ...]:
         """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""

@@ -82,7 +82,9 @@ class FrameFacts:
     history: FrameHistory | None = None
     """Times of the last frames."""
     gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)
-    """Bytes of the shown slots on the GPU, by what they are for."""
+    """Bytes that the shown slots use on the GPU, by what they are for."""
+    gpu_idle: Mapping[Slot, int] = field(default_factory=dict)
+    """Bytes of their packs on the GPU that belong to other decode paths."""
     latent_bytes: NDArray[np.int64] | None = None
     """[textures] int64: latents of slot A that are on the GPU, by texture id."""
     matches: Mapping[str, PackMatch] = field(default_factory=dict)

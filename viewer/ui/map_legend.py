@@ -65,7 +65,7 @@ def _legend(
     line, font = imgui.get_text_line_height(), imgui.get_font_size()
     room = area.width - 4.0 * MARGIN
     bar = min(max(FIELD * font * max(len(texts), 4), *(imgui.calc_text_size(text).x for text in lines)), room)
-    height = (len(lines) + 2.0) * line + 6.0
+    height = (len(lines) + (2.0 if texts else 0.0)) * line + 6.0
     if room < FIELD * font * 2 or height > 0.5 * area.height:
         return
     left, top = area.left + MARGIN, area.bottom - LINES_BELOW * line - height - MARGIN
@@ -76,8 +76,9 @@ def _legend(
     for text in lines:
         draw.add_text(ImVec2(left + 8.0, y), packed(WHITE), text)
         y += line
-    _bar(ImVec2(left + 8.0, y + 2.0), [heat(name, 1.0 + shade, 2) for shade in shades], (bar, line))
-    part = bar / len(texts)
+    if texts:
+        _bar(ImVec2(left + 8.0, y + 2.0), [heat(name, 1.0 + shade, 2) for shade in shades], (bar, line))
+    part = bar / max(len(texts), 1)
     for number, text in enumerate(texts):
         x = left + 8.0 + number * part + (part - imgui.calc_text_size(text).x) / 2.0
         draw.add_text(ImVec2(x, y + line + 4.0), packed(WHITE), text)
@@ -102,9 +103,10 @@ def draw_map_legend(ui: UiFrame, area: Area) -> None:
         return
     largest = _largest(ui)
     what = "texture" if overlay.kind == "error-texture" else "decoder"
-    title = f"error of each {what}, A against B: root mean square, steps of 8-bit sRGB"
+    title = f"RMS error of each {what}, A against B, in steps of 8-bit sRGB"
     if largest is None:
-        title = "errors follow once A and B have been compared"
-    texts = ["0", "", f"{largest or 0.0:.2f}"]
+        _legend(ui, area, ["errors follow once A and B have been compared"], [], [], overlay.palette)
+        return
+    texts = ["0", "", f"{largest:.2f}"]
     shades = [place / (ERROR_FIELDS - 1) for place in range(ERROR_FIELDS)]
     _legend(ui, area, [title], texts, shades, overlay.palette)

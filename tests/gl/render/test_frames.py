@@ -262,3 +262,15 @@ def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Ren
     binned = renderer.memory(Slot("p", "binned"))
     assert binned is not None
     assert binned.total > before
+
+
+def test_memory_counts_the_tile_cache_only_for_the_path_that_reads_it(renderer: Renderer) -> None:
+    cached = Slot("p", "cached")
+    renderer.render(replace(VIEW, slot_b=cached, compare="wipe"))
+    using, idle = renderer.memory(cached), renderer.memory(DEFERRED)
+    assert using is not None
+    assert idle is not None
+    assert using.parts["tile cache"] > 0
+    assert "tile cache" not in idle.parts
+    assert idle.idle >= using.parts["tile cache"]
+    assert idle.total < using.total

@@ -63,6 +63,7 @@ FIGURES: Final = {
     "sort by psnr": "PSNR of A against B over its pixels, dB: higher is better. Click to sort.",
     "sort by mean": "Mean of |A - B| over its pixels and channels, in steps of 8-bit sRGB. Click to sort.",
     "sort by max": "Largest |A - B| of its pixels and channels, in steps of 8-bit sRGB. Click to sort.",
+    "encoded smaller": "Fewer texels are no compression: a pack is compared with originals of its own size.",
     "memory bars": "Bytes of the original textures, of BC7, and of what A and B show.",
     "times": "Time of each frame, in milliseconds: areas are steps of drawing, the line is the whole frame.",
     "progress": "Share of the work that is done.",

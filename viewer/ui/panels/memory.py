@@ -2,7 +2,15 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.memory_table import MemoryRow, compressed_memory, megabytes, pack_memory, scene_memory
+from viewer.inspect.memory_table import (
+    MemoryRow,
+    compressed_memory,
+    megabytes,
+    pack_memory,
+    scene_memory,
+    size_pairs,
+    smaller_note,
+)
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import SLOT_COLORS, packed
@@ -20,26 +28,30 @@ class MemoryPanel:
 
     def __init__(self) -> None:
         self._key: object = None
+        self._notes: list[str] = []
         self._parts: list[tuple[str, tuple[float, float, float, float], tuple[MemoryRow, ...]]] = []
 
     def _update(self, ui: UiFrame) -> None:
         slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
         packs = [ui.session.packs.get(slot.source) for slot in slots.values()]
         gpu_parts = {slot: dict(parts) for slot, parts in ui.facts.gpu_parts.items()}
-        key = (ui.session.scene, slots, packs, ui.session.compressed, gpu_parts)
+        key = (ui.session.scene, slots, packs, ui.session.compressed, gpu_parts, dict(ui.facts.gpu_idle))
         if key == self._key:
             return
         self._key = key
+        self._notes = []
         self._parts = [("scene", SCENE_COLOR, scene_memory(ui.session.scene))]
         for side, slot in slots.items():
-            rows = _slot_rows(ui, slot)
+            rows, note = _slot_rows(ui, slot), _size_note(ui, slot)
+            if note:
+                self._notes.append(f"{side.upper()}: {note}. Ratios are to the originals at that size.")
             if rows:
                 precision = "" if is_image_source(slot.source) else f", {slot.precision}"
                 self._parts.append((f"{side.upper()}: {slot.source}{precision}", SLOT_COLORS[side], rows))
 
     def text(self) -> str:
         """The table as text, to be copied."""
-        lines: list[str] = []
+        lines = list(self._notes)
         for title, _, rows in self._parts:
             lines.append(title)
             lines += [f"  {row.name:36} {row.bytes:>15,} bytes  {ratio(row)}" for row in rows]
@@ -52,7 +64,10 @@ class MemoryPanel:
             imgui.set_clipboard_text(self.text())
         ui.rects.note("copy memory")
         imgui.same_line()
-        imgui.text_disabled("ratio to RGBA8 with mips")
+        imgui.text_disabled("ratios: to RGBA8 with mips of the same size")
+        for note in self._notes:
+            imgui.text_wrapped(note)
+            ui.rects.note("encoded smaller")
         self._bars(ui)
         if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
             return
@@ -99,4 +114,10 @@ def _slot_rows(ui: UiFrame, slot: Slot) -> tuple[MemoryRow, ...]:
     pack, match = ui.session.packs.get(slot.source), ui.facts.matches.get(slot.source)
     if pack is None or match is None:
         return ()
-    return pack_memory(ui.session.scene, pack, match, ui.facts.gpu_parts.get(slot))
+    idle = ui.facts.gpu_idle.get(slot, 0)
+    return pack_memory(ui.session.scene, pack, match, ui.facts.gpu_parts.get(slot), idle)
+
+
+def _size_note(ui: UiFrame, slot: Slot) -> str:
+    pack, match = ui.session.packs.get(slot.source), ui.facts.matches.get(slot.source)
+    return smaller_note(size_pairs(ui.session.scene, pack, match)) if pack is not None and match is not None else ""

@@ -12,6 +12,9 @@ PLOT_LINES = 9
 """Height, in lines of text."""
 RECENT = 15
 """Frames that fit below the upper end of the axis whatever the others took: those that the medians are of."""
+COMPILING_MS = 1000.0
+COMPILING_TIMES = 5.0
+"""Times the second longest of the recent frames, and at least COMPILING_MS: what takes longer compiled shaders."""
 TICKS = 3
 """Most numbers on the axis of frames, besides that of the last one."""
 
@@ -19,11 +22,16 @@ TICKS = 3
 def axis_top(frames_ms: NDArray[np.float64]) -> float:
     """Upper end in ms of an axis for times of frames [frames], oldest first.
 
-    All recent ones fit, and 95 of 100 of the others: frames that compile shaders take seconds, and must not flatten the rest for long.
+    All recent ones fit, and 95 of 100 of the others. Frames that compile shaders take seconds, and must not flatten the rest.
     """
     if not len(frames_ms):
         return 1.0
-    return max(1.15 * max(float(np.percentile(frames_ms, 95)), float(frames_ms[-RECENT:].max())), 1.0)
+    usual = frames_ms
+    if len(frames_ms) > 2:
+        second = max(COMPILING_TIMES * float(np.partition(frames_ms[-RECENT:], -2)[-2]), COMPILING_MS)
+        usual = frames_ms[frames_ms <= second]
+    recent = frames_ms[-RECENT:][frames_ms[-RECENT:] <= usual.max()]
+    return max(1.15 * max(float(np.percentile(usual, 95)), float(recent.max(initial=0.0))), 1.0)
 
 
 def frame_ticks(frames: int) -> list[int]:
