@@ -56,7 +56,7 @@ def is_partial(path: Path) -> bool:
     return path.name.startswith(".") and (path.stem.endswith(PARTIAL_MARK) or path.suffix == PARTIAL_MARK)
 
 
-def _lock(handle: int) -> None:
+def hold_lock(handle: int) -> None:
     """Hold the lock of the open file as long as it is open. Raises BlockingIOError where another process holds it."""
     if sys.platform != "win32":
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -68,7 +68,7 @@ def _is_stale(leftover: Path) -> bool:
         return time.time() - leftover.stat().st_mtime > STALE_SECONDS
     handle = os.open(leftover, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
-        _lock(handle)
+        hold_lock(handle)
     except BlockingIOError:
         return False
     finally:
@@ -96,7 +96,7 @@ def _make_temporary(destination: Path) -> tuple[int, Path]:
         # Another process may take the new file for a leftover before it is locked: then make one more.
         with suppress(OSError):  # A file system without locks.
             try:
-                _lock(handle)
+                hold_lock(handle)
             except BlockingIOError:
                 os.close(handle)
                 continue
@@ -141,6 +141,15 @@ def atomic_path(destination: Path) -> Iterator[Path]:
             temporary.unlink()
         if sys.platform != "win32":
             os.close(handle)
+
+
+def numbered_path(path: Path) -> Path:
+    """`path` where there is no such file, else the same name with the first free number: `view.json`, `view-2.json`."""
+    number, free = 1, path
+    while os.path.lexists(free):
+        number += 1
+        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return free
 
 
 def write_bytes(destination: Path, data: bytes) -> None:

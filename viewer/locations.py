@@ -9,6 +9,7 @@ from ntc.errors import InputError
 
 CONFIG_FOLDER_VARIABLE = "NTC_VIEWER_CONFIG_DIR"
 CACHE_FOLDER_VARIABLE = "NTC_VIEWER_CACHE_DIR"
+DATA_FOLDER_VARIABLE = "NTC_VIEWER_DATA_DIR"
 SCENE_ROOTS_VARIABLE = "NTC_VIEWER_SCENE_ROOTS"
 BUILTIN_SCENES = ("courtyard", "gallery")
 
@@ -27,6 +28,12 @@ def scene_roots() -> tuple[Path, ...]:
 def _cache_folder(name: str) -> Path:
     given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
     return Path(given, name)
+
+
+def kept_runs_folder() -> Path:
+    """Where training runs wait that nobody has decided about: in NTC_VIEWER_DATA_DIR, else the platform's folder for data."""
+    given = os.environ.get(DATA_FOLDER_VARIABLE) or platformdirs.user_data_dir("ntc-viewer", appauthor=False)
+    return Path(given, "runs")
 
 
 def features_cache() -> Path:

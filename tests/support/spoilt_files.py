@@ -105,7 +105,8 @@ def finished(context: Context, seed: int = 7) -> Pack:
     assert context.session.scene.path is not None
     hashes = [texture.pixel_hash for texture in context.session.scene.textures]
     pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
-    run = Run(1, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
+    run = Run(context.training.log.next_number, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
+    context.training.enter(context.session.scene)
     context.training.log.add(run)
     context.session.packs = {**context.session.packs, run.name: pack}
     return pack
@@ -114,11 +115,14 @@ def finished(context: Context, seed: int = 7) -> Pack:
 def settle(context: Context) -> None:
     began = time.monotonic()
     while context.training.saving:
-        context.training.tick(context.session.scene, frozenset())
+        context.training.tick(context.session.scene, frozenset(), context.session.packs)
         assert time.monotonic() - began < SECONDS
         time.sleep(0.005)
 
 
 def accept(context: Context, *path: Path) -> None:
+    """Accept the last run, in place of a file of that name."""
     run_or_notify(context, "training.accept", *path)
+    if context.session.window.question is not None:
+        run_or_notify(context, "question.answer", "Replace")
     settle(context)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
@@ -160,8 +161,8 @@ def test_encode_accept_retrain_discard(
     assert str(written) in messages(app)
     first = read_pack(written)
     assert first.config.kind == codec
-    assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["run 1"].textures]
-    with pytest.raises(InputError, match="no finished run"):
+    assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["baseline"].textures]
+    with pytest.raises(InputError, match="no finished run to decide about"):
         run_line(app.context, "training.discard")
 
     app.click("tab Retrain")
@@ -181,7 +182,7 @@ def test_encode_accept_retrain_discard(
     assert uploads[0] == ("run 2", frozenset((0, 1)))
     assert {name for name, _ in uploads} == {"run 2"}
     assert all(groups is not None and groups <= {1} for _, groups in uploads[1:])
-    old, new = session.packs["run 1"], session.packs["run 2"]
+    old, new = session.packs["baseline"], session.packs["run 2"]
     assert fingerprint(old, 0) == fingerprint(new, 0)
     assert new.textures[0] is old.textures[0]
     assert (new.textures[1].psnr_db or 0.0) >= (old.textures[1].psnr_db or 0.0)
@@ -189,11 +190,11 @@ def test_encode_accept_retrain_discard(
 
     run_line(app.context, "training.discard")
     app.settle()
-    assert session.view.slot_a.source == "run 1"
+    assert session.view.slot_a.source == "baseline"
     assert "run 2" not in session.packs
     app.click("run 2 into B")
     assert session.view.slot_b.source == "run 2"
-    assert [r.outcome for r in training.log.runs] == ["done, accepted", "done, discarded"]
+    assert [r.fate for r in training.log.runs] == ["done, accepted", "done, discarded"]
 
     run(app, f"training.move 1 0 {budget}")
     assert session.packs["run 3"].grouping.groups == (0, 0)
@@ -260,10 +261,17 @@ def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
     other = two_squares(6).write(folder / "other.glb")
     run_line(app.context, "training.encode single auto 32 600s")
     app.run("file.open", other)
-    app.frame()
+    app.settle()
+    assert "run 1: encode single, under way" in getattr(app.session.window.question, "text", "")
+    app.press(imgui.Key.escape)
+    assert app.session.scene.path == folder / "scene.glb"
+    app.drop(other)
+    app.click("Discard")
     training = app.training
     assert training.active is None
-    assert "another scene" in messages(app)
+    assert app.session.window.question is None
+    assert app.session.scene.path == other
+    assert not list(folder.glob("*.ntc"))
     assert app.session.view.slot_a.source == REFERENCE
 
 

@@ -230,7 +230,7 @@ class Frontend:
 
     def _tick_training(self) -> None:
         shown = frozenset(slot.source for slot in self.session.view.slots.values())
-        self._context.training.tick(self.session.scene, shown)
+        self._context.training.tick(self.session.scene, shown, self.session.packs)
 
     def _follow_training(self) -> None:
         """Take what has come from a training. That draws nothing: it may be nothing that is seen."""

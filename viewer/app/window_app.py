@@ -161,9 +161,12 @@ class WindowApp(App):
         """
         drawn = 0
         last_size = (0, 0)
-        while self._window is not None and not (
-            glfw.window_should_close(self._handle) or self.session.requests.close or drawn == frames
-        ):
+        while self._window is not None and not (self.session.requests.close or drawn == frames):
+            if glfw.window_should_close(self._handle):
+                glfw.set_window_should_close(self._handle, False)
+                self.run("file.quit")
+                self._wake()
+                continue
             try:
                 with self._window.context.reset.watched():
                     size = self._next_size()

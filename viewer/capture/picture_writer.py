@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.io import write_text
+from ntc.io import numbered_path, write_text
 from viewer.capture.film import Film
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
@@ -50,6 +50,8 @@ class PictureWriter:
         session, is_window = self._session, request.kind == "window"
         dated = session.dated_file("" if is_window else f"-{request.kind}", ".png")
         path = session.pictures_folder / request.file if request.file else dated
+        # Scripts say exactly which file they mean, and write it anew each time that they are played.
+        path = path if request.quiet else numbered_path(path)
         try:
             size = session.window.picture_size
             pixels = read_pixels(framebuffer) if is_window else self._picture.alone(request, size)

@@ -6,13 +6,25 @@ from functools import lru_cache
 from typing import Any
 
 from ntc.errors import InputError
-from viewer.commands import camera, compare, errors, files, materials, motion, overlay, textures, training, window
+from viewer.commands import (
+    camera,
+    compare,
+    errors,
+    files,
+    leaving,
+    materials,
+    motion,
+    overlay,
+    textures,
+    training,
+    window,
+)
 from viewer.commands.command import Command, Context, words
 from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, training, window)
+_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, leaving, training, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""
@@ -51,6 +63,9 @@ def run(context: Context, command_id: str, *values: Any) -> None:
     """
     try:
         _BY_ID[command_id].run(context, values)
+        while context.following:
+            following, chosen = context.following.pop(0)
+            _BY_ID[following].run(context, chosen)
     except OSError as error:
         raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
 

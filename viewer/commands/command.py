@@ -27,6 +27,8 @@ class Context:
         """Without a clipboard, an empty one is read and what is written is lost."""
         self.session, self.training = session, LiveTraining(partial(apply_event, session))
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
+        self.following: list[tuple[str, tuple[Any, ...]]] = []
+        """(id, values) of commands that run after the one that asks for them here."""
 
 
 @dataclass(frozen=True)

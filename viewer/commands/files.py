@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Annotated
 
 from ntc.errors import InputError
-from ntc.io import read_file, write_text
+from ntc.io import numbered_path, read_file, write_text
 from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.commands.compare import show_source
+from viewer.commands.leaving import open_scene
 from viewer.commands.materials import use_environment
-from viewer.scene.scene_files import PANORAMA_SUFFIXES
+from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import open_file
 from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
@@ -29,15 +30,19 @@ OpenedFile = Annotated[
 
 
 @command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "File", "Ctrl+O")
-def open_any(session: Session, file: OpenedFile = Path()) -> None:
+def open_any(context: Context, file: OpenedFile = Path()) -> None:
+    session = context.session
     if file == Path():
         session.window.file_dialog = True
     elif file.suffix.lower() in PANORAMA_SUFFIXES:
         use_environment(session, file)
         session.view = replace(session.view, material_view="lit")
         session.window.file_dialog = False
-    else:
+    elif file.suffix.lower() == PACK_SUFFIX:
         open_file(session, file)
+        session.window.file_dialog = False
+    else:
+        open_scene(context, file)
         session.window.file_dialog = False
 
 
@@ -45,8 +50,8 @@ RecentFile = Annotated[str, Arg("a file that was opened before", lambda session:
 
 
 @command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", "File")
-def open_recent(session: Session, file: RecentFile) -> None:
-    open_any.function(session, Path(file))
+def open_recent(context: Context, file: RecentFile) -> None:
+    open_any.function(context, Path(file))
 
 
 @gesture("file.close-dialog")
@@ -124,9 +129,11 @@ def set_zoom(session: Session, zoom: Zoom) -> None:
 ViewFile = Annotated[Path, Arg("a .json, in the folder of pictures unless it is absolute")]
 
 
-@command("view.save", "Save view", "write the whole view as JSON", "View", "Ctrl+S")
+@command(
+    "view.save", "Save view", "write the whole view as JSON; a number is added where that file exists", "File", "Ctrl+S"
+)
 def save_view(session: Session, file: ViewFile = Path("view.json")) -> None:
-    path = session.pictures_folder / file
+    path = numbered_path(session.pictures_folder / file)
     write_text(path, view_json(present_view(session)))
     notify(session, f"wrote {path}")
 

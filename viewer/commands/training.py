@@ -8,11 +8,15 @@ from typing import Annotated, Literal
 from ntc.codec.config import CodecKind, GroupingName, RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.leaving import ask
 from viewer.state.event_handlers import point_out
 from viewer.state.pack_files import base_pack_name, match_scene
+from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.session import Session
 from viewer.state.view_state import Side, is_image_source
+from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
     AUTO,
@@ -41,6 +45,12 @@ Groups = Annotated[str, Arg(f"numbers as in 0,3,5, or {ALL}, or {WORST}")]
 Texture = Annotated[str, Arg("its name in the pack, or its number")]
 Group = Annotated[str, Arg(f"number of the group, or {NEW_GROUP}")]
 PackFile = Annotated[Path, Arg("a .ntc file; without one SCENE.GROUPING.ntc beside the scene")]
+
+
+def _runs(context: Context) -> LiveTraining:
+    """The training, with the runs of the scene that is open now."""
+    context.training.enter(context.session.scene)
+    return context.training
 
 
 def _settings(budget: str, recipe: RecipeName) -> TrainingSettings:
@@ -229,8 +239,22 @@ def cancel(context: Context) -> None:
     "training.accept", "Accept run", "write the pack of the last run to a file", "Train", unavailable=_none_to_decide
 )
 def accept(context: Context, file: PackFile = Path()) -> None:
-    path = None if file == Path() else file
-    context.training.accept(path, context.session.scene, context.session.packs.values())
+    training, session = _runs(context), context.session
+    if file == Path() or not file.exists() or file.is_dir():
+        training.accept(None if file == Path() else file, session.packs.values())
+        return
+    other = numbered_path(file)
+    choices = (
+        Choice(f"Write {other.name}", "training.accept", (other,)),
+        Choice("Replace", "training.accept-over", (file,)),
+        Choice(CANCEL),
+    )
+    ask(session, Question(f"Replace {file.name}?", f"{file} is there already.", choices))
+
+
+@gesture("training.accept-over")
+def accept_over(context: Context, file: Path) -> None:
+    _runs(context).accept(file, context.session.packs.values())
 
 
 @command(
@@ -241,14 +265,14 @@ def accept(context: Context, file: PackFile = Path()) -> None:
     unavailable=_none_to_decide,
 )
 def discard(context: Context) -> None:
-    context.training.discard()
+    _runs(context).discard()
 
 
 @command("training.show", "Show a run", "put the pack of a run into slot A or B", "Train")
 def show(
     context: Context, run: Annotated[int, Arg("its number in the log")], side: Annotated[Side, Arg("which slot")]
 ) -> None:
-    name, session = context.training.open_run(run), context.session
+    name, session = _runs(context).open_run(run), context.session
     slot = session.view.slots[side]
     path = "cached" if is_image_source(slot.source) else slot.path
     view = session.view.with_slot(side, replace(slot, source=name, path=path))

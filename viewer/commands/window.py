@@ -51,14 +51,6 @@ def toggle_help(session: Session) -> None:
     session.window.show_help = not session.window.show_help
 
 
-@command("window.close", "Close", "close the help, else the window", "Window", "Escape")
-def close(session: Session) -> None:
-    if session.window.show_help:
-        session.window.show_help = False
-    else:
-        session.requests.close = True
-
-
 @command("window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window")
 def reset_layout(session: Session) -> None:
     session.settings = replace(session.settings, hidden_panels=())

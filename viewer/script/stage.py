@@ -66,14 +66,15 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "panels": lambda stage: _switch(stage.session.window.show_panels),
     "help": lambda stage: _switch(stage.session.window.show_help),
     "palette": lambda stage: _switch(stage.session.window.palette is not None),
+    "question": lambda stage: stage.session.window.question.title if stage.session.window.question else "",
     "moving": lambda stage: _switch(stage.session.navigation.motion is not None),
     "training": lambda stage: stage.context.training.state,
     "waiting": lambda stage: _switch(not stage.is_settled),
     "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
     "label": lambda stage: " | ".join(stage.widgets.labels()),
 }
-"""By name. `toast` and `label` need only contain what is expected."""
-CONTAIN = ("toast", "label")
+"""By name. `toast`, `label` and `question` need only contain what is expected."""
+CONTAIN = ("toast", "label", "question")
 
 
 def expect(name: str, value: str, stage: Stage) -> None:

@@ -8,7 +8,7 @@ from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
 from viewer.state.session import PackChange, PointedOut, PreviousView, Session, SlotMeasurement, Toast
-from viewer.state.view_state import REFERENCE, Side, is_image_source
+from viewer.state.view_state import REFERENCE, Side, Slot, is_image_source
 
 TOAST_SECONDS = 6.0
 MOST_TOASTS = 5
@@ -70,6 +70,28 @@ def _pack_closed(event: events.PackClosed, session: Session) -> None:
         if slot.source not in (REFERENCE, *packs, *session.compressed):
             view = view.with_source(side, REFERENCE)
     session.view, session.packs = view, packs
+
+
+@_apply.register
+def _pack_renamed(event: events.PackRenamed, session: Session) -> None:
+    old, new, packs = event.name, event.new_name, session.packs
+    if old not in packs or new in packs:
+        return
+    session.packs = {new if name == old else name: pack for name, pack in packs.items()}
+    for side, slot in session.view.slots.items():
+        session.view = session.view.with_slot(side, _showing(slot, old, new))
+    changes = session.requests.pack_changes
+    session.requests.pack_changes = {new if name == old else name: change for name, change in changes.items()}
+    session.previous_views = {
+        (new if name == old else name): PreviousView(
+            _showing(before.slot_a, old, new), _showing(before.slot_b, old, new), before.compare
+        )
+        for name, before in session.previous_views.items()
+    }
+
+
+def _showing(slot: Slot, old: str, new: str) -> Slot:
+    return replace(slot, source=new) if slot.source == old else slot
 
 
 @_apply.register

@@ -50,6 +50,14 @@ class PackClosed:
 
 
 @dataclass(frozen=True)
+class PackRenamed:
+    """An open pack is called otherwise from now on: its run was accepted, and it has a file. No effect where that name is taken."""
+
+    name: str
+    new_name: str
+
+
+@dataclass(frozen=True)
 class RunStarted:
     """The first pack of a training run is open: slot A is to show it; slot B keeps what it shows."""
 
@@ -98,6 +106,7 @@ Event = (
     | PackUpdated
     | PackChangesTaken
     | PackClosed
+    | PackRenamed
     | RunStarted
     | PrecisionFound
     | TexturesCompressed

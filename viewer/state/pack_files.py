@@ -1,7 +1,8 @@
 """Which packs are open for a scene: those named, and `NAME.*.ntc` beside `NAME.glb`."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
+from itertools import chain, count
 from pathlib import Path
 
 from ntc.codec.model import Pack
@@ -77,9 +78,8 @@ def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
     return packs
 
 
-def unused_name(grouping: str, path: Path, packs: Mapping[str, Pack]) -> str:
+def unused_name(grouping: str, path: Path, packs: Container[str]) -> str:
     """Name for a pack read from `path` that no other open pack has."""
     candidates = (grouping, path.stem, str(path))
-    return next(
-        (name for name in candidates if name not in packs and not is_image_source(name)), f"{path} ({len(packs)})"
-    )
+    numbered = (f"{path} ({number})" for number in count(2))
+    return next(name for name in chain(candidates, numbered) if name not in packs and not is_image_source(name))

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Literal
 
 from ntc.codec.model import Pack
+from ntc.io import numbered_path
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, named_format
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera_motion import Motion
 from viewer.state.message_log import MessageKind, MessageLog
+from viewer.state.question import Question
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Overlay, Side, Slot, ViewState
 
@@ -153,6 +155,8 @@ class WindowState:
     """Whether the card of first steps is shown."""
     file_dialog: bool = False
     """Whether the dialog is open that chooses a file to open."""
+    question: Question | None = None
+    """What is to be answered before anything else; None for nothing."""
     palette: str | None = None
     """Id of the command whose arguments the palette asks for; "" while it lists all; None while it is closed."""
     show_other: bool = False
@@ -279,5 +283,5 @@ class Session:
         return file if file.is_absolute() or file.exists() else self.pictures_folder / file
 
     def dated_file(self, what: str, suffix: str) -> Path:
-        """A file to write in the folder of pictures: the scene's name, `what`, and the time."""
-        return self.pictures_folder / f"{self.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
+        """A file to write in the folder of pictures that is not there yet: the scene's name, `what`, and the time."""
+        return numbered_path(self.pictures_folder / f"{self.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}")

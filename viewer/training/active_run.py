@@ -55,6 +55,10 @@ class ActiveRun:
     """`pack` as it was published last."""
     published_at: float = -math.inf
     """Monotonic seconds."""
+    kept: Pack | None = None
+    """`pack` as it was kept in the data folder last."""
+    kept_at: float = -math.inf
+    """Monotonic seconds."""
 
     @property
     def codec_kind(self) -> CodecKind | None:

@@ -1,11 +1,11 @@
 """Training beside the window: prepares a run, passes its snapshots on as events, keeps the log. No OpenGL, no torch, no session."""
 
-import os
 import time
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from concurrent.futures import CancelledError
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
@@ -16,11 +16,13 @@ from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
-from viewer.state.events import EmitEvent, Notification, PackClosed, PackUpdated, RunStarted
+from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted
+from viewer.state.pack_files import unused_name
 from viewer.training.active_run import ActiveRun, State, changed_groups
 from viewer.training.ahead import AheadPreparation
-from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_pack
+from viewer.training.kept_runs import KeptRuns
 from viewer.training.preparation import EncodeScene, TrainingJob, job_title, prepare
+from viewer.training.run_keeper import RunKeeper, accepted
 from viewer.training.run_log import Curves, Run, RunLog
 from viewer.training.settings import TrainingSettings
 
@@ -28,25 +30,20 @@ SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""
 SECONDS_BETWEEN_UPDATES = 1.0
 """Snapshots that come sooner are shown together: every new version of a pack costs several frames."""
+SECONDS_BETWEEN_KEEPING = 60.0
+"""The pack of a run under way is kept in the data folder so often."""
 SECONDS_TO_STOP = 3.0
-SECONDS_TO_WRITE = 20.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Saving:
-    """A pack that is being written."""
-
-    run_number: int
-    scene: Scene
-    job: Job[Pack]
+SECONDS_TO_END = 20.0
+Decision = Literal["keep", "discard", "later"]
 
 
 class LiveTraining:
     """The training of one window. All calls belong to one thread; none of them waits."""
 
-    def __init__(self, emit: EmitEvent) -> None:
-        """`emit` receives messages, and packs as they are trained."""
+    def __init__(self, emit: EmitEvent, kept: KeptRuns | None = None) -> None:
+        """`emit` receives messages, and packs as they are trained; undecided runs outlive the program in `kept`."""
         self._emit = emit
+        self._keeper = RunKeeper(kept, emit)
         self.log = RunLog()
         """Ended runs of the scene."""
         self.active: ActiveRun | None = None
@@ -54,15 +51,12 @@ class LiveTraining:
         self.curves: Curves | None = None
         """Curves of the run under way, else of the last one."""
         self._scene: Scene | None = None
-        """The scene of the runs."""
+        """The scene of the runs: their packs are written for no other."""
         self._worker = TrainingWorker()
         self._ahead = AheadPreparation()
         self._preparation: Job[TrainingRequest] | None = None
-        self._saving: _Saving | None = None
         self._stopping: list[Job[None]] = []
         """Workers of scenes that were closed, about to end."""
-        self._written: dict[str, FileStamp] = {}
-        """Stamps of the files that were written."""
         self._last_tick = 0.0
         self._packs_to_drop = False
         """Whether a run has ended since old packs were dropped."""
@@ -75,7 +69,7 @@ class LiveTraining:
     @property
     def saving(self) -> bool:
         """Whether a pack is being written."""
-        return self._saving is not None
+        return self._keeper.accepts
 
     @property
     def process_id(self) -> int | None:
@@ -89,12 +83,9 @@ class LiveTraining:
         """
         if self.active is not None:
             raise InputError("training: another one is under way; cancel it first (training.cancel)")
-        if self._saving is not None:
-            raise InputError("training: a pack is being written; try again in a moment")
         if base is None and not isinstance(job, EncodeScene):
             raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
-        if self._scene is not scene:
-            self._forget_runs(scene)
+        self.enter(scene)
         name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
         self.log.undecided = None
@@ -111,10 +102,21 @@ class LiveTraining:
 
         self._preparation = Job(begin).start("prepare training")
 
+    def enter(self, scene: Scene) -> None:
+        """From now on `scene` is open. What another one has left undecided waits in the data folder, if there is one."""
+        if self._scene is scene:
+            return
+        was_under_way = self.active is not None
+        if self._scene is not None:
+            self.leave_scene("later")
+        self._scene = scene
+        if was_under_way:
+            self._emit(Notification("the training ended, because another scene was opened"))
+
     def prepare_ahead(self, scene: Scene) -> None:
         """Start the process, and prepare the encoding that a scene without a pack is offered, so that it begins at once when it is
         asked for. No effect while a run is under way, where that was done for the scene, and where memory is short."""
-        if self.active is None and self._saving is None:
+        if self.active is None:
             self._ahead.begin(EncodeScene(TrainingSettings()), scene, self._worker)
 
     def pause(self) -> None:
@@ -146,64 +148,117 @@ class LiveTraining:
             raise InputError("training: it has not begun yet; wait, or cancel it")
         return self.active
 
-    def accept(self, path: Path | None, scene: Scene, packs: Iterable[Pack]) -> None:
-        """Write the undecided run's pack to `path`, or beside `scene`; `packs` are those that are open.
+    def accept(self, path: Path | None, packs: Iterable[Pack]) -> None:
+        """Write the undecided run's pack to `path`, or beside the scene that it was trained on; `packs` are those that are open.
 
         Raises InputError where no run is undecided, and for a path that no pack can have. Other errors of writing are notified.
         """
         self._require_not_saving()
-        run = self.log.undecided_run()
+        run, scene = self.log.undecided_run(), self._scene
         assert run.pack is not None
-        pack, opened = run.pack, tuple(packs)
-        chosen = checked_path(path) if path is not None else default_path(scene, pack)
-        written = self._written.get(os.path.realpath(chosen))
-        job = Job(lambda _report: save_pack(chosen, pack, opened, written)).start("save pack")
-        self._saving = _Saving(run.number, scene, job)
+        assert scene is not None
+        self._keeper.accept(run, scene, path, tuple(packs))
 
     def discard(self) -> None:
         """Close the undecided run's pack. Raises InputError where no run is undecided."""
         self._require_not_saving()
         run = self.log.undecided_run()
-        self.log.undecided = None
-        self.log.change(replace(run, outcome=f"{run.outcome}, discarded"))
+        self.log.change(replace(run, discarded=True))
+        self.log.choose_undecided()
+        self._keeper.forget(run.number)
         self._emit(PackClosed(run.name))
+
+    @property
+    def discarded(self) -> frozenset[int]:
+        """Numbers of the runs that were discarded."""
+        return frozenset(run.number for run in self.log.runs if run.discarded)
+
+    def set_discarded(self, number: int, discarded: bool) -> None:
+        """Undo the discarding of a run whose pack is still there, or do it again. No effect where that is so already."""
+        run = next((run for run in self.log.runs if run.number == number), None)
+        if run is None or run.pack is None or run.saved is not None or run.discarded == discarded:
+            return
+        self.log.undecided = number
+        if discarded:
+            self.discard()
+        elif self._scene is not None:
+            self.log.change(replace(run, discarded=False))
+            self._keeper.keep(run, self._scene)
+            self._emit(PackUpdated(run.name, run.pack))
 
     def open_run(self, number: int) -> str:
         """Open the pack of a run; returns its name. Raises InputError where there is no such run, or it has no pack."""
         run = self.log[number]
         if run.pack is None:
-            raise InputError(f"run {number}: has no pack ({run.outcome}); train it again")
+            raise InputError(f"run {number}: has no pack ({run.fate}); train it again")
         self._emit(PackUpdated(run.name, run.pack))
-        if self.active is None and self._saving is None and run.saved is None:
+        if self.active is None and not self.saving and run.saved is None:
             self.log.undecided = number
         return run.name
 
     def _require_not_saving(self) -> None:
-        if self._saving is not None:
+        if self.saving:
             raise InputError("training: the pack is being written already")
+
+    def undecided_lines(self) -> tuple[str, ...]:
+        """One line for each run that leaving the scene would end or leave undecided; empty where there is none."""
+        lines = [f"{run.name}: {run.title}, {run.outcome}{_quality(run)}" for run in self.log.undecided_runs]
+        if self.active is not None:
+            lines.append(f"{self.active.name}: {job_title(self.active.job)}, under way")
+        return tuple(lines)
+
+    def leave_scene(self, decision: Decision) -> None:
+        """End the run under way as far as it is, and decide about all runs: the scene is about to be closed.
+
+        `keep` writes their packs beside their scene, `later` leaves them in the data folder, if there is one.
+        """
+        scene, run = self._scene, self.active
+        if run is not None:
+            if self._preparation is not None:
+                self._abandon(self._preparation)
+            else:
+                self._worker.close()
+            self.active = None
+            pack = run.pack_so_far()
+            self.log.add(run.ended("ended early", pack, ()))
+        for undecided in self.log.undecided_runs:
+            self._decide(undecided, scene, decision)
+        self._scene = None
+        self.log = RunLog(self.log.next_number)
+        self.curves = None
+
+    def _decide(self, run: Run, scene: Scene | None, decision: Decision) -> None:
+        assert scene is not None
+        assert run.pack is not None
+        if decision == "discard":
+            self._keeper.forget(run.number)
+            return
+        self._keeper.keep(run, scene)
+        if decision == "keep" and scene.path is not None:
+            self._keeper.accept(run, scene, None, ())
 
     @property
     def is_due(self) -> bool:
         """Whether a window at rest should draw a frame, because there may be news."""
-        busy = self.active is not None or self._saving is not None
+        busy = self.active is not None or self._keeper.busy
         return busy and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
 
-    def tick(self, scene: Scene, shown: frozenset[str]) -> None:
-        """Once a frame: emit what has happened. `scene` is the open one, `shown` the names of the packs in the slots."""
+    def tick(self, scene: Scene, shown: frozenset[str], names: Container[str] = ()) -> None:
+        """Once a frame: emit what has happened. `scene` is the open one, `shown` the names of the packs in the slots, `names` those
+        of all open packs."""
         self._last_tick = time.monotonic()
         self._stopping = [job for job in self._stopping if not job.done]
         if self._packs_to_drop:
             self._packs_to_drop = False
             for name in self.log.drop_old_packs(shown):
                 self._emit(PackClosed(name))
-        self._take_saved(scene)
+        self.enter(scene)
+        self._take_saved(names)
         self._ahead.forget_other(scene)
         run = self.active
         if run is None:
             return
-        if run.scene is not scene:
-            self._stop_for(scene)
-        elif self._preparation is not None:
+        if self._preparation is not None:
             self._take_prepared(run, self._preparation)
         else:
             for report in self._worker.poll():
@@ -252,8 +307,18 @@ class LiveTraining:
 
     def _publish_snapshots(self, run: ActiveRun) -> None:
         is_new = run.groups_seen and run.pack is not run.published
+        self._keep_so_far(run)
         if is_new and run.pack is not None and time.monotonic() - run.published_at >= SECONDS_BETWEEN_UPDATES:
             self._publish(run, run.pack)
+
+    def _keep_so_far(self, run: ActiveRun) -> None:
+        """Now and then: a crash costs no more than what was trained since."""
+        if run.pack is run.kept or time.monotonic() - run.kept_at < SECONDS_BETWEEN_KEEPING:
+            return
+        so_far = run.pack_so_far()
+        if so_far is not None:
+            run.kept, run.kept_at = run.pack, time.monotonic()
+            self._keeper.keep(run.ended("under way", so_far, ()), run.scene)
 
     def _publish(self, run: ActiveRun, pack: Pack) -> None:
         before = run.published
@@ -283,39 +348,23 @@ class LiveTraining:
             self._publish(run, pack)
         elif run.published is not None:
             self._emit(PackClosed(run.name))
-        self.log.add(run.ended(outcome, pack, lines))
+        ended = run.ended(outcome, pack, lines)
+        self.log.add(ended)
+        self._keeper.keep(ended, run.scene)
         self._packs_to_drop = True
 
-    def _take_saved(self, scene: Scene) -> None:
-        saving = self._saving
-        if saving is None or not saving.job.done:
-            return
-        self._saving = None
-        try:
-            pack = saving.job.result()
-        except InputError as error:
-            self._emit(Notification(str(error), "error"))
-            return
-        if pack.path is not None and (stamp := file_stamp(pack.path)) is not None:
-            self._written[os.path.realpath(pack.path)] = stamp
-        if saving.run_number in self.log:
-            run: Run = self.log[saving.run_number]
-            self.log.change(replace(run, pack=pack, saved=pack.path, outcome=f"{run.outcome}, accepted"))
-            if self.log.undecided == run.number:
-                self.log.undecided = None
-            if saving.scene is scene:
-                self._emit(PackUpdated(run.name, pack, frozenset(), run.pack))
-            self._emit(Notification(f"wrote {pack.path}"))
-
-    def _stop_for(self, scene: Scene) -> None:
-        """Another scene was opened."""
-        if self._preparation is not None:
-            self._abandon(self._preparation)
-        else:
-            self._worker.close()
-        self.active = None
-        self._forget_runs(scene)
-        self._emit(Notification("the training ended, because another scene was opened"))
+    def _take_saved(self, names: Container[str]) -> None:
+        for saved in self._keeper.take_saved():
+            known = saved.run.number in self.log and saved.scene is self._scene
+            if saved.pack is None or saved.pack.path is None or not known:
+                continue
+            run = self.log[saved.run.number]
+            name = unused_name(saved.pack.grouping.name, saved.pack.path, names)
+            self.log.change(accepted(run, saved, name))
+            self.log.choose_undecided()
+            self._emit(PackUpdated(run.name, saved.pack, frozenset(), run.pack))
+            self._emit(PackRenamed(run.name, name))
+        self._keeper.leave(self.log.first_number)
 
     def _abandon(self, preparation: Job[TrainingRequest]) -> None:
         """The thread of `preparation` may be using the worker: both are left to end, and there is a new worker."""
@@ -324,27 +373,22 @@ class LiveTraining:
         preparation.cancel()
 
         def end(_report: JobReport) -> None:
-            preparation.join(SECONDS_TO_WRITE)
+            preparation.join(SECONDS_TO_END)
             worker.close()
 
         self._stopping.append(Job(end).start("end training"))
 
-    def _forget_runs(self, scene: Scene) -> None:
-        self._scene = scene
-        self.log = RunLog()
-        self.curves = None
-
     def close(self) -> None:
-        """End the process and the threads; a pack that is being written is finished."""
-        if self._preparation is not None:
-            self._preparation.cancel()
-            self._preparation.join(SECONDS_TO_STOP)
-            self._preparation = None
-        if self._saving is not None:
-            self._saving.job.join(SECONDS_TO_WRITE)
-            self._saving = None
+        """End the process and the threads; packs that are being written are finished, and undecided ones kept."""
+        if self._scene is not None:
+            self.leave_scene("later")
+        self._keeper.close()
         for job in self._stopping:
             job.join(SECONDS_TO_STOP)
         self._ahead.end()
         self._worker.close()
         self.active = None
+
+
+def _quality(run: Run) -> str:
+    return f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""

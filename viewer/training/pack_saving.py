@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.io import numbered_path
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import read_pack, write_pack
-from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.pack_files import same_place
 
@@ -16,16 +16,32 @@ FileStamp = tuple[int, int, int]
 """Inode, time of the last change in ns, and bytes of a file: differs when the file has been written anew."""
 
 
-def default_path(scene: Scene, pack: Pack) -> Path:
-    """`SCENE.GROUPING.ntc` beside the scene, with a number where that exists. Raises InputError for a scene without file."""
-    if scene.path is None:
+def default_path(scene_path: Path | None, pack: Pack) -> Path:
+    """`SCENE.GROUPING.ntc` beside the scene. Raises InputError for a scene without file."""
+    if scene_path is None:
         raise InputError("the scene comes from no file; name the file that the pack is to be written to")
-    stem = f"{scene.path.stem}.{pack.grouping.name}"
-    number, path = 1, scene.path.with_name(f"{stem}{PACK_SUFFIX}")
-    while path.exists():
-        number += 1
-        path = scene.path.with_name(f"{stem}-{number}{PACK_SUFFIX}")
-    return path
+    return scene_path.with_name(f"{scene_path.stem}.{pack.grouping.name}{PACK_SUFFIX}")
+
+
+def save_numbered(path: Path, pack: Pack) -> Pack:
+    """Write `pack` to `path`, with a number where that exists, and return it with its path. Raises InputError.
+
+    No file is replaced, also where two programs write at once.
+    """
+    while True:
+        free = numbered_path(path)
+        try:
+            free.touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"{free}: cannot be written ({error.strerror}); choose a writable folder") from error
+        try:
+            write_pack(free, pack)
+        except BaseException:
+            free.unlink(missing_ok=True)
+            raise
+        return replace(pack, path=free)
 
 
 def checked_path(path: Path) -> Path:

@@ -42,11 +42,26 @@ class Run:
     """None where the run made none, or so many runs followed that it was dropped."""
     saved: Path | None = None
     """The file that it was written to."""
+    discarded: bool = False
+    """Whether the user did not want it."""
+    open_as: str = ""
+    """Name under which its pack is open since it was accepted; "" before that."""
 
     @property
     def name(self) -> str:
         """Name under which its pack is open."""
-        return f"run {self.number}"
+        return self.open_as or f"run {self.number}"
+
+    @property
+    def is_undecided(self) -> bool:
+        """Whether it made a pack that was neither accepted nor discarded."""
+        return self.pack is not None and self.saved is None and not self.discarded
+
+    @property
+    def fate(self) -> str:
+        """How it ended, and what became of its pack: `done, accepted`."""
+        decision = "accepted" if self.saved is not None else "discarded" if self.discarded else ""
+        return f"{self.outcome}, {decision}" if decision else self.outcome
 
 
 def mean_of_psnr(values: list[float]) -> float:
@@ -94,16 +109,23 @@ class Curves:
 class RunLog:
     """The ended runs of one scene."""
 
-    def __init__(self) -> None:
+    def __init__(self, first_number: int = 1) -> None:
+        """`first_number` is that of the first run."""
         self.runs: tuple[Run, ...] = ()
         """Oldest first."""
         self.undecided: int | None = None
-        """Number of the run that is to be accepted or discarded."""
+        """Number of the run that is to be accepted or discarded next."""
+        self.first_number = first_number
 
     @property
     def next_number(self) -> int:
         """Number of the run that begins next."""
-        return self.runs[-1].number + 1 if self.runs else 1
+        return self.runs[-1].number + 1 if self.runs else self.first_number
+
+    @property
+    def undecided_runs(self) -> tuple[Run, ...]:
+        """All whose packs were neither accepted nor discarded."""
+        return tuple(run for run in self.runs if run.is_undecided)
 
     def __contains__(self, number: int) -> bool:
         return any(run.number == number for run in self.runs)
@@ -123,18 +145,22 @@ class RunLog:
 
     def add(self, run: Run) -> None:
         """Add a run that has ended."""
-        self.runs = (*self.runs, run)[-MOST_RUNS:]
-        if run.pack is not None:
-            self.undecided = run.number
+        old = [known.number for known in self.runs if not known.is_undecided][: len(self.runs) + 1 - MOST_RUNS]
+        self.runs = (*(known for known in self.runs if known.number not in old), run)
+        self.choose_undecided()
 
     def change(self, changed: Run) -> None:
         """Replace the run of the same number."""
         self.runs = tuple(changed if run.number == changed.number else run for run in self.runs)
 
+    def choose_undecided(self) -> None:
+        """Let the newest run that is undecided be the one to accept or discard next."""
+        self.undecided = max((run.number for run in self.undecided_runs), default=None)
+
     def drop_old_packs(self, shown: frozenset[str]) -> tuple[str, ...]:
-        """Drop the packs of old runs, but for the names in `shown`; returns the names of those that were dropped."""
+        """Drop the packs of old runs that were decided, but for the names in `shown`; returns the names of those that were dropped."""
         old = [run for run in self.runs if run.pack is not None][:-MOST_PACKS]
-        dropped = [run for run in old if run.name not in shown and run.number != self.undecided]
+        dropped = [run for run in old if run.name not in shown and not run.is_undecided]
         for run in dropped:
             self.change(replace(run, pack=None))
         return tuple(run.name for run in dropped)

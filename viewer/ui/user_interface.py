@@ -21,6 +21,7 @@ from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
 from viewer.ui.panels.training import EncodeOffer
 from viewer.ui.picture_input import PictureInput
+from viewer.ui.question_window import QuestionWindow
 from viewer.ui.status_bar import draw_status_bar
 from viewer.ui.widgets import Area, WidgetRects
 
@@ -41,6 +42,7 @@ class UserInterface:
         self._flat = FlatWindow(self.background)
         self._palette = Palette()
         self._key_sheet = KeySheet()
+        self._question = QuestionWindow()
         self._offer = EncodeOffer()
         self._first_run_card = FirstRunCard()
         self._file_dialog = FileDialog()
@@ -81,11 +83,8 @@ class UserInterface:
         bound = bindings(session.settings.keys)
         ui.rects.begin(lambda label: explanation(label, bound))
         # Asked before the panels: a list that this frame's Escape closes still owns the key.
-        list_is_open = (
-            imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-            or session.window.palette is not None
-            or session.window.file_dialog
-        )
+        popup_is_open, window = imgui.is_popup_open("", imgui.PopupFlags_.any_popup), session.window
+        list_is_open = popup_is_open or window.palette is not None or window.file_dialog or window.question is not None
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
@@ -113,6 +112,9 @@ class UserInterface:
         self._key_sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
         self._palette.draw(ui, size)
+        if popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False):
+            imgui.internal.close_popup_to_level(0, True)
+        self._question.draw(ui, size)
         draw_toasts(session.window.toasts, area)
         self._input.handle(session, area, ui.emit, keys=not list_is_open)
         self._input.flight.draw(area, ui.rects)

@@ -80,7 +80,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], str]] = {
     "window": (
         WINDOW,
         """window.panel Timings off; window.panel Log off; compare.live off; help.palette; type path; shot palette; key Escape
-        help.keys; shot keys; window.close; click 'menu: View'; shot menu; key Escape; texture.select 5; shot selected
+        help.keys; shot keys; window.dismiss; click 'menu: View'; shot menu; key Escape; texture.select 5; shot selected
         texture.flat 5; shot flat; texture.close-flat; click 'A source'; click 'A source: single'; shot clicked
         window.theme light; shot light; window.ui-scale 1.5; shot large; window.ui-scale 1; window.theme dark
         size 640x480; shot little; size 1100x700; window.layout-reset; window.panel Timings off; window.panel Log off; shot reset

@@ -97,7 +97,7 @@ class TrainingPanel:
 
     def _decision(self, ui: UiFrame, run: Run) -> None:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
-        imgui.text_wrapped(f"{run.name}: {run.outcome}{quality}. Keep it?")
+        imgui.text_wrapped(f"{run.name}: {run.fate}{quality}. Keep it?")
         imgui.set_next_item_width(-1)
         self._path = imgui.input_text_with_hint("##file", "file; without one beside the scene", self._path)[1]
         ui.rects.note("file")
@@ -128,7 +128,7 @@ def _log(ui: UiFrame) -> None:
         cells(str(run.number), run.title)
         if imgui.is_item_hovered():
             saved = (f"written to {run.saved}",) if run.saved is not None else ()
-            about = (run.title, run.settings, f"{run.groups} groups, {run.outcome}", *saved, *run.lines[:12])
+            about = (run.title, run.settings, f"{run.groups} groups, {run.fate}", *saved, *run.lines[:12])
             ui.rects.tip("\n".join(about))
         cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", duration(run.seconds))
         imgui.table_next_column()

@@ -74,7 +74,7 @@ def test_a_run_is_a_sequence_of_events(
     assert encoded.config.kind == settings.codec_kind
     assert training.log[1].pack is encoded
 
-    training.accept(tmp_path / "out.ntc", scene, (encoded,))
+    training.accept(tmp_path / "out.ntc", (encoded,))
     tick_until(training, scene, lambda: not training.saving)
     assert read_pack(tmp_path / "out.ntc").grouping.groups == encoded.grouping.groups
     assert updates(events)[-1].changed_groups == frozenset()

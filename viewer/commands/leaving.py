@@ -1,0 +1,156 @@
+"""Commands: questions and their answers; quitting, and opening another scene, which end what is trained; closing what is on top."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ntc.errors import InputError
+from viewer.commands.command import Context, command, gesture
+from viewer.state.open_files import open_file
+from viewer.state.question import CANCEL, Choice, Question
+from viewer.state.session import Session
+from viewer.training.live_training import Decision
+
+KEEP, DISCARD = "Keep", "Discard"
+
+
+def asks_about_runs(context: Context, before: str, command_id: str, *values: Any) -> bool:
+    """Ask what becomes of runs that are not decided, or under way, where there are any; whether it was asked.
+
+    `before` says what is about to be done. The command is run with `values` and the decision once that is known.
+    """
+    lines = context.training.undecided_lines()
+    if not lines:
+        return False
+    scene = context.session.scene
+    where = f"beside {scene.path.name}" if scene.path is not None else "in the data folder, until the next start"
+    few = "pack" if len(lines) == 1 else "packs"
+    what = "This training has" if len(lines) == 1 else "These trainings have"
+    text = "\n".join(
+        (f"{what} not been kept yet:", *(f"  {line}" for line in lines), f"{KEEP} writes the {few} {where}.")
+    )
+    choices = (
+        Choice(KEEP, command_id, (*values, "keep")),
+        Choice(DISCARD, command_id, (*values, "discard")),
+        Choice(CANCEL),
+    )
+    ask(context.session, Question(f"{scene.name}: keep the {few} before {before}?", text, choices))
+    return True
+
+
+def ask(session: Session, question: Question) -> None:
+    """Show a question; whatever else asked for attention before is closed."""
+    session.window.question, session.window.palette = question, None
+
+
+@gesture("question.answer")
+def answer(context: Context, label: str) -> None:
+    question, context.session.window.question = context.session.window.question, None
+    chosen = next((choice for choice in question.choices if choice.label == label), None) if question else None
+    if chosen is None:
+        raise InputError(f"{label!r}: is no answer now")
+    if chosen.command:
+        context.following.append((chosen.command, chosen.values))
+
+
+def open_scene(context: Context, file: Path) -> None:
+    """Open another scene, after asking about runs of this one. Raises InputError."""
+    if not asks_about_runs(context, f"{file.name} is opened", "file.open-leaving", file):
+        open_file(context.session, file)
+
+
+@gesture("file.open-leaving")
+def open_leaving(context: Context, file: Path, decision: Decision) -> None:
+    # First: a scene that cannot be opened ends nothing.
+    open_file(context.session, file)
+    context.training.leave_scene(decision)
+
+
+@command("file.quit", "Quit", "close the window; asks about trainings that have not been kept", "File", "Ctrl+Q")
+def quit_window(context: Context) -> None:
+    if not asks_about_runs(context, "quitting", "file.quit-leaving"):
+        context.session.requests.close = True
+
+
+@gesture("file.quit-leaving")
+def quit_leaving(context: Context, decision: Decision) -> None:
+    context.training.leave_scene(decision)
+    context.session.requests.close = True
+
+
+@command(
+    "window.close", "Close at once", "close the window without a question; trainings wait for the next start", "Window"
+)
+def close(session: Session) -> None:
+    session.requests.close = True
+
+
+def _close_question(session: Session) -> bool:
+    is_open, session.window.question = session.window.question is not None, None
+    return is_open
+
+
+def _close_palette(session: Session) -> bool:
+    is_open, session.window.palette = session.window.palette is not None, None
+    return is_open
+
+
+def _close_help(session: Session) -> bool:
+    is_open, session.window.show_help = session.window.show_help, False
+    return is_open
+
+
+def _close_file_dialog(session: Session) -> bool:
+    is_open, session.window.file_dialog = session.window.file_dialog, False
+    return is_open
+
+
+def _close_first_steps(session: Session) -> bool:
+    is_open, session.window.show_first_steps = session.window.show_first_steps, False
+    session.settings = replace(session.settings, first_steps=session.settings.first_steps and not is_open)
+    return is_open
+
+
+def _close_flat_window(session: Session) -> bool:
+    is_open, session.inspection.flat_texture = session.inspection.flat_texture is not None, None
+    return is_open
+
+
+def _forget_places(session: Session) -> bool:
+    inspection = session.inspection
+    kept = inspection.pixel is not None or inspection.block is not None
+    inspection.pixel = inspection.block = None
+    return kept
+
+
+def _forget_highlight(session: Session) -> bool:
+    inspection = session.inspection
+    highlighted = inspection.selected_texture is not None or inspection.errors.highlighted_decoder is not None
+    inspection.selected_texture = None
+    inspection.errors = replace(inspection.errors, highlighted_decoder=None)
+    return highlighted
+
+
+CLOSERS: tuple[Callable[[Session], bool], ...] = (
+    _close_question,
+    _close_palette,
+    _close_help,
+    _close_file_dialog,
+    _close_first_steps,
+    _close_flat_window,
+    _forget_places,
+    _forget_highlight,
+)
+"""What Escape closes, topmost first; each says whether it was open."""
+
+
+@command(
+    "window.dismiss",
+    "Close what is on top",
+    "close the topmost list, sheet or mark; never the window",
+    "Window",
+    "Escape",
+)
+def dismiss(session: Session) -> None:
+    any(close_one(session) for close_one in CLOSERS)
