@@ -19,6 +19,7 @@ from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
+from viewer.ui.map_legend import slot_note
 
 Opener = Callable[..., DrivenApp]
 
@@ -343,3 +344,15 @@ def test_a_group_of_the_list_is_pointed_out_in_the_picture(app: DrivenApp) -> No
     app.move(*app.widgets.centre("tab Retrain"))
     app.settle()
     assert app.session.shown_view.highlight == ()
+
+
+def test_the_label_of_a_slot_counts_the_tiles_that_are_to_come(app: DrivenApp) -> None:
+    app.run("slot.path", "a", "cached")
+    app.settle()
+    view, facts = app.session.view, app.frontend.facts()
+    there = facts.tiles[view.slot_a]
+    assert slot_note(view.slot_a, view, facts) == ""
+    for waiting, note in ((1, "decoding 1 tile"), (1234, "decoding 1,234 tiles")):
+        coming = replace(facts, tiles={view.slot_a: replace(there, waiting=waiting)})
+        assert slot_note(view.slot_a, view, coming) == note
+    assert slot_note(view.slot_b, view, facts) == ""

@@ -79,6 +79,8 @@ class DecodeCachedPass:
             self._make_tables(context.memory)
         self._frame = 0
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._stand_ins = 0
+        """Of the waiting tiles the first so many are the only ones of their mips."""
         self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
         """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
@@ -149,9 +151,12 @@ class DecodeCachedPass:
         entries = (
             np.frombuffer(asked.read(4 * count, offset=4), np.uint32).astype(np.int64) if count else self._waiting[:0]
         )
-        # In a fixed order: atomics hand out places by chance. Coarse tiles first: they stand in for finer ones.
+        # In a fixed order: atomics hand out places by chance. Coarse tiles first, mips of a single one before all: they stand in
+        # for finer ones.
         tiles = self._table.tiles(np.sort(entries))
-        self._waiting = tiles["entry"][np.argsort(-tiles["level"], kind="stable")].astype(np.int64)
+        single = self._table.are_single(tiles["entry"].astype(np.int64))
+        self._waiting = tiles["entry"][np.lexsort((-tiles["level"], ~single))].astype(np.int64)
+        self._stand_ins = int(single.sum())
 
     @property
     def only_stale(self) -> bool:
@@ -164,8 +169,12 @@ class DecodeCachedPass:
         return bool(len(self._waiting))
 
     def tiles_now(self, whole: bool) -> int:
-        """Number of waiting tiles to decode in this frame; all where the picture must be `whole`."""
-        return self._fitting(None if whole else self._budget.milliseconds, self._config.least_tiles)
+        """Number of waiting tiles to decode in this frame; all where the picture must be `whole`.
+
+        The coarse ones that stand in for others are all decoded at once: without them a texture would be grey.
+        """
+        fitting = self._fitting(None if whole else self._budget.milliseconds, self._config.least_tiles)
+        return max(fitting, min(self._stand_ins, len(self._waiting)))
 
     def tiles_ahead(self) -> int:
         """Number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
@@ -206,6 +215,7 @@ class DecodeCachedPass:
             return 0
         self._decode_into(entries[: len(pages)], pages)
         self._waiting = self._waiting[len(pages) :]
+        self._stand_ins = max(0, self._stand_ins - len(pages))
         return len(pages)
 
     def _decode_stale(self, count: int) -> int:

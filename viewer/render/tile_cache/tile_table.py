@@ -27,6 +27,8 @@ class TileTable:
     """[rows] mip number."""
     wrap_of_level: NDArray[np.int32]
     """[rows, 2] WRAP_ codes."""
+    single_of_level: NDArray[np.bool_]
+    """[rows] whether the mip is a single tile."""
     entries: int
     """Tiles of all levels."""
 
@@ -57,12 +59,27 @@ class TileTable:
         levels = np.zeros(len(table), TILE_LEVEL_RECORD)
         levels["first_entry"], levels["across"] = table[:, 0], table[:, 1]
         return TileTable(
-            np.array(firsts or [-1], np.int32), levels, table[:, 2], table[:, 3], table[:, 4:6], max(1, entries)
+            np.array(firsts or [-1], np.int32),
+            levels,
+            table[:, 2],
+            table[:, 3],
+            table[:, 4:6],
+            np.diff(table[:, 0], append=max(1, entries)) == 1,
+            max(1, entries),
         )
+
+    def are_single(self, entries: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """[N] whether these entries are the only tile of their mip: what is shown first of a texture."""
+        single: NDArray[np.bool_] = self.single_of_level[self._rows(entries)]
+        return single
+
+    def _rows(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
+        rows: NDArray[np.int64] = np.searchsorted(self.levels["first_entry"], entries, side="right") - 1
+        return rows
 
     def tiles(self, entries: NDArray[np.int64]) -> NDArray[np.void]:
         """[N] TILE_RECORD of these entries; their pages are left 0."""
-        rows = np.searchsorted(self.levels["first_entry"], entries, side="right") - 1
+        rows = self._rows(entries)
         place = entries - self.levels["first_entry"][rows]
         tiles = np.zeros(len(entries), TILE_RECORD)
         tiles["texture_id"], tiles["level"] = self.texture_of_level[rows], self.level_of_level[rows]
