@@ -77,7 +77,11 @@ def scene(scene_path: Path) -> Scene:
 @pytest.fixture
 def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
     made = DrivenApp(
-        scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", ViewerSettings(live_figures=False)
+        scene,
+        open_packs(packs_beside(scene_path)),
+        SIZE,
+        tmp_path / "pictures",
+        ViewerSettings(live_figures=False, column_folded=False),
     )
     made.settle()
     yield made

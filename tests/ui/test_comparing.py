@@ -240,7 +240,7 @@ def test_the_errors_are_sorted_coloured_and_highlighted(live: DrivenApp) -> None
     live.click("show histogram")
     assert "histogram" in labels(live)
     run_line(live.context, "histogram.panel")
-    live.settle()
+    live.show_panel("Compare")
     live.click("show errors")
     found = live.frontend.facts().live.comparison
     assert found is not None

@@ -235,13 +235,6 @@ def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     assert again == first
 
 
-def test_the_picture_has_two_thirds_of_the_window(opener: Opener) -> None:
-    app = opener((1280, 720))
-    area = app.frontend.interface.picture_area
-    assert area is not None
-    assert area.width * area.height >= 2 / 3 * 1280 * 720
-
-
 def test_the_log_opens_on_request_and_again_after_its_cross(app: DrivenApp) -> None:
     run(app, "log.panel")
     assert "errors only" in labels(app)

@@ -44,7 +44,7 @@ def test_inputs(app: DrivenApp) -> None:
         "wheel 1",
         "window.panel Scene",
         "wait settled",
-        "click path",
+        "click 'scene filter'",
         "type nothing",
         "key Escape",
         "expect label 'Frame all'",

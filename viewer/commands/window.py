@@ -36,6 +36,28 @@ def toggle_panels(session: Session) -> None:
     session.window.show_panels = not session.window.show_panels
 
 
+def _fold_column(session: Session, folded: bool) -> None:
+    session.window.column_folded = folded
+    session.settings = replace(session.settings, column_folded=folded)
+
+
+@command(
+    "window.column",
+    "Fold the panels",
+    "fold the panels to a strip at the edge of the window, or unfold them",
+    "Window",
+    "Shift+H",
+)
+def toggle_column(session: Session) -> None:
+    _fold_column(session, session.window.show_panels and not session.window.column_folded)
+    session.window.show_panels = True
+
+
+@gesture("window.fit-column")
+def fit_column(session: Session, folded: bool) -> None:
+    session.window.column_folded = folded
+
+
 @command("log.panel", "Log", "show all messages with their times, or close them", "Window")
 def toggle_log(session: Session) -> None:
     session.window.open_panels ^= {"Log"}
@@ -53,7 +75,7 @@ def toggle_help(session: Session) -> None:
 
 @command("window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window")
 def reset_layout(session: Session) -> None:
-    session.settings = replace(session.settings, hidden_panels=())
+    session.settings = replace(session.settings, hidden_panels=(), folded_panels=(), column_folded=None)
     session.window.show_panels = True
     session.requests.reset_layout = True
 
@@ -84,7 +106,15 @@ def show_panel(session: Session, name: Title, state: State = True) -> None:
     session.window.open_panels = others | {name} if state and name in OPENED_ON_REQUEST else others
     if state:
         session.window.show_panels = True
+        if session.window.column_folded:
+            _fold_column(session, False)
         session.requests.raised_panel = name
+
+
+@command("window.stack", "Fold a stack", "fold the tabs with this panel to one line, or unfold them", "Window")
+def fold_stack(session: Session, name: Title, state: Annotated[bool, Arg("on: unfolded, off: folded")] = True) -> None:
+    others = tuple(title for title in session.settings.folded_panels if title != name)
+    session.settings = replace(session.settings, folded_panels=others if state else (*others, name))
 
 
 @gesture("window.panel-raised")

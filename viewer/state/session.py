@@ -150,6 +150,8 @@ class WindowState:
     open_panels: frozenset[str] = frozenset()
     """Titles of those panels that are closed until they are asked for, and have been."""
     show_panels: bool = True
+    column_folded: bool = False
+    """Whether panels are folded to a strip at the edge of the window."""
     show_help: bool = False
     show_first_steps: bool = False
     """Whether the card of first steps is shown."""

@@ -78,6 +78,12 @@ class ViewerSettings:
         tuple[Annotated[str, Meta(max_length=LONGEST_TITLE)], ...], Meta(max_length=MOST_PANELS)
     ] = ()
     """Titles of panels that are closed."""
+    folded_panels: Annotated[
+        tuple[Annotated[str, Meta(max_length=LONGEST_TITLE)], ...], Meta(max_length=MOST_PANELS)
+    ] = ()
+    """Titles of panels whose stacks are folded to their tabs."""
+    column_folded: bool | None = None
+    """Whether the column of panels is folded to a strip; None: as the width of the window suggests."""
     keys: Annotated[Mapping[str, str], Meta(max_length=MOST_KEYS)] = field(default_factory=dict)
     """Keyboard shortcuts that replace the default ones, by command id; "" for none."""
     first_steps: bool = True

@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.commands import bindings
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Toast
 from viewer.state.view_state import Slot, ViewState, is_image_source
@@ -155,3 +156,17 @@ def draw_hints(ui: UiFrame, area: Area) -> None:
         # Below all windows.
         draw = imgui.get_background_draw_list()
         _boxed_text(draw, ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0), text, SHADE)
+
+
+def draw_way_back(ui: UiFrame, area: Area) -> None:
+    """While panels are hidden, and the mouse is over the window: how they come back."""
+    mouse = imgui.get_io().mouse_pos
+    inside = all(0.0 <= share < 1.0 for share in area.share_of(mouse.x, mouse.y))
+    keys = bindings(ui.session.settings.keys).text("window.panels")
+    if not (inside and keys):
+        return
+    text = f"{keys} shows the panels again"
+    extent = imgui.calc_text_size(text)
+    at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0)
+    _boxed_text(imgui.get_background_draw_list(), at, text, SHADE)
+    ui.rects.note_rectangle("way back", at.x, at.y, at.x + extent.x, at.y + extent.y)

@@ -72,12 +72,18 @@ class DockLayout:
         self._placed = False
         self._pause = 0
         """Frames until the next panel may be focused, or until the last one is visible."""
+        self._folded: frozenset[str] = frozenset()
         self._scale: float | None = None
         """Of the last frame."""
         self._heights: dict[int, float] = {}
         """Share of their column that folded stacks had before, by the ids of their nodes."""
         self._widths: dict[int, tuple[float, float]] = {}
         """Of columns, by the ids of their nodes: in units of normal scale, and what the window had room for of that."""
+
+    @property
+    def folded(self) -> frozenset[str]:
+        """Titles of panels of which the tabs are all that there is room for."""
+        return self._folded
 
     @property
     def is_placed(self) -> bool:
@@ -153,24 +159,30 @@ class DockLayout:
     def _fold(self, titles: Sequence[str], folded: Collection[str]) -> None:
         """Give stacks the height of their tabs, or the one that they had before; the rest of their column is the others'."""
         stacks = self.stacks(titles)
-        tabs = imgui.get_frame_height()
+        tabs, small = imgui.get_frame_height(), set[str]()
         for stack in stacks:
             node, parent = stack.node, stack.node.parent_node
-            others = [other.node for other in stacks if other.node.parent_node.id_ == parent.id_ and other is not stack]
-            is_folded = any(title in folded for title in stack.titles)
-            if not others or is_folded == (node.id_ in self._heights and node.size_ref.y == tabs):
+            others = [other for other in stacks if other.node.parent_node.id_ == parent.id_ and other is not stack]
+            is_folded, was_folded = _is_folded(stack, folded), node.id_ in self._heights
+            # One of a column stays open.
+            if not others or _is_folded(others[0], folded) or not (is_folded or was_folded):
+                continue
+            if is_folded:
+                small.update(stack.titles)
+            if is_folded and was_folded and node.size_ref.y == tabs:
                 continue
             room = parent.size.y - imgui.get_style().docking_separator_size
             if is_folded:
                 if node.size_ref.y > 2.0 * tabs:
-                    self._heights[node.id_] = node.size_ref.y / (node.size_ref.y + others[0].size_ref.y)
+                    self._heights[node.id_] = node.size_ref.y / (node.size_ref.y + others[0].node.size_ref.y)
                 else:
                     self._heights.setdefault(node.id_, LOWER_SHARE)
                 height = tabs
             else:
                 height = self._heights.pop(node.id_) * room
             node.size_ref = ImVec2(node.size_ref.x, height)
-            others[0].size_ref = ImVec2(others[0].size_ref.x, max(room - height, tabs))
+            others[0].node.size_ref = ImVec2(others[0].node.size_ref.x, max(room - height, tabs))
+        self._folded = frozenset(small)
 
     def _follow_scale(self, titles: Sequence[str], scale: float, viewport: imgui.Viewport) -> None:
         """Let the column grow and shrink with the scale of what is in it; one of an earlier window is made wide enough for it."""
@@ -215,6 +227,10 @@ class DockLayout:
         self._front = [members[0].title for members in places.values()]
         # ImGui gives a tab bar to a node in the frame after its windows have come.
         self._pause = 3
+
+
+def _is_folded(stack: Stack, folded: Collection[str]) -> bool:
+    return any(title in folded for title in stack.titles)
 
 
 def _node(title: str) -> imgui.internal.DockNode | None:

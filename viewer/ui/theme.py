@@ -73,6 +73,8 @@ class Appearance:
         fresh.window_rounding, fresh.tab_rounding, fresh.frame_border_size = 4.0, 3.0, float(theme == "light")
         fresh.window_menu_button_position = imgui.Dir.none
         fresh.docking_node_has_close_button = False
+        # A folded stack is as high as its tabs.
+        fresh.window_min_size = ImVec2(32.0, 16.0)
         fresh.scale_all_sizes(ui_scale * monitor_scale)
         # Scaling is not undone exactly by scaling back: sizes are taken from a fresh style each time.
         for name in dir(fresh):

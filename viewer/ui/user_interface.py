@@ -7,10 +7,11 @@ from imgui_bundle import ImVec2, imgui
 from viewer.commands import bindings
 from viewer.jobs.background import Background
 from viewer.state.session import Session
-from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts
-from viewer.ui.dock_layout import Docked, DockLayout
+from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts, draw_way_back
+from viewer.ui.dock_layout import Docked, DockLayout, folds_at_first
 from viewer.ui.facts import UiFrame
 from viewer.ui.flat_window import FlatWindow
+from viewer.ui.fold_handles import StackHandles, draw_column_handle
 from viewer.ui.help.explanations import explanation
 from viewer.ui.help.key_sheet import KeySheet
 from viewer.ui.map_legend import draw_map_legend
@@ -49,6 +50,7 @@ class UserInterface:
         self._in_front: list[str] = []
         """Panels that were visible when panels were drawn last: they come to the front when panels are shown again."""
         self._were_shown = True
+        self._handles = StackHandles()
         self._picture_area: Area | None = None
 
     @property
@@ -75,7 +77,8 @@ class UserInterface:
         """Whether the next frame puts panels elsewhere although nothing happens."""
         asked = session.requests.reset_layout or session.requests.raised_panel is not None
         waits = self._file_dialog.system.has_answer or self._input.flight.is_ending
-        return waits or (session.window.show_panels and (asked or self._layout.is_settling))
+        moves = not self._layout.is_placed if session.window.column_folded else self._layout.is_settling
+        return waits or (session.window.show_panels and (asked or moves))
 
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
@@ -90,6 +93,7 @@ class UserInterface:
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
         if session.window.show_panels:
             draw_status_bar(ui)
+            draw_column_handle(ui, session.window.column_folded)
         area = self._layout_panels(ui) if session.window.show_panels else Area(0.0, 0.0, *size)
         self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
         if picture is not None:
@@ -99,15 +103,20 @@ class UserInterface:
         draw_map_legend(ui, area)
         draw_block(ui, area)
         draw_pixel(ui, area)
-        if session.window.show_panels:
-            if not self._were_shown:
-                self._layout.bring_all(self._in_front)
+        shown = session.window.show_panels and not session.window.column_folded
+        if shown and not self._were_shown and self._in_front:
+            self._layout.bring_all(self._in_front)
+        self._were_shown = shown
+        if shown:
             self._panels(ui)
+        if session.window.show_panels:
+            self._raise_panel(ui, shown)
             if not session.window.show_help:
                 draw_hints(ui, area)
             self._offer.draw(ui, area)
             self._flat.draw(ui)
-        self._were_shown = session.window.show_panels
+        else:
+            draw_way_back(ui, area)
         self._first_run_card.draw(ui, area)
         self._key_sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
@@ -122,10 +131,14 @@ class UserInterface:
 
     def _layout_panels(self, ui: UiFrame) -> Area:
         """Dock the panels; the rectangle that they leave to the picture."""
-        style = imgui.get_style()
+        style, settings = imgui.get_style(), ui.session.settings
         places = [Docked(panel.title, panel.place) for panel in self._all_panels]
         scale = style.font_scale_main * style.font_scale_dpi
-        area = self._layout.draw(places, scale, ui.session.requests.reset_layout, ())
+        if settings.column_folded is None:
+            narrow = folds_at_first(imgui.get_main_viewport().size.x / scale)
+            if narrow != ui.session.window.column_folded:
+                ui.emit("window.fit-column", narrow)
+        area = self._layout.draw(places, scale, ui.session.requests.reset_layout, settings.folded_panels)
         if ui.session.requests.reset_layout:
             ui.emit("window.layout-done")
         # A picture has at least a pixel.
@@ -135,6 +148,7 @@ class UserInterface:
         session = ui.session
         hidden = session.settings.hidden_panels
         in_front: list[str] = []
+        shown: list[str] = []
         for panel in self._all_panels:
             if panel.title in hidden or not (panel.shown is None or panel.shown(session)):
                 continue
@@ -142,15 +156,24 @@ class UserInterface:
                 panel.title, None if panel.shown is None else True, imgui.WindowFlags_.no_collapse
             )
             ui.rects.note(panel.title)
+            shown.append(panel.title)
             if opened:
                 in_front.append(panel.title)
-                panel.draw(ui)
+                if panel.title not in self._layout.folded:
+                    panel.draw(ui)
             imgui.end()
             if stays is False:
                 ui.emit("window.panel", panel.title, False)
         if not self._layout.is_settling:
             self._in_front = in_front
-        if session.requests.raised_panel is not None:
-            self._layout.bring(session.requests.raised_panel)
+        self._handles.draw(ui, self._layout.stacks(shown), session.requests.raised_panel)
+
+    def _raise_panel(self, ui: UiFrame, shown: bool) -> None:
+        """Bring the panel to the front that is asked for; a column that stays folded has none."""
+        raised = ui.session.requests.raised_panel
+        if raised is not None:
+            if shown:
+                self._layout.bring(raised)
             ui.emit("window.panel-raised")
-        self._layout.bring_to_front()
+        if shown:
+            self._layout.bring_to_front()

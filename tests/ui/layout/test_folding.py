@@ -1,0 +1,126 @@
+"""How panels and picture share the window: two thirds for the picture, and panels that fold."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from tests.support.driven_app import DrivenApp
+from viewer.scene.model import Scene
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
+
+Opener = Callable[..., DrivenApp]
+
+
+@pytest.fixture
+def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
+    """Opens a window's content at some size."""
+    opened: list[DrivenApp] = []
+
+    def open_app(size: tuple[int, int], **settings: object) -> DrivenApp:
+        chosen = ViewerSettings(live_figures=False, **settings)  # type: ignore[arg-type]
+        made = DrivenApp(scene, open_packs(packs_beside(scene_path)), size, tmp_path, chosen)
+        opened.append(made)
+        made.settle()
+        return made
+
+    yield open_app
+    for made in reversed(opened):
+        made.close()
+
+
+def share_of_picture(app: DrivenApp) -> float:
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    return area.width * area.height / (app.size[0] * app.size[1])
+
+
+def labels(app: DrivenApp) -> tuple[str, ...]:
+    return app.widgets.labels()
+
+
+def test_the_picture_has_two_thirds_of_the_window(opener: Opener) -> None:
+    app = opener((1280, 720))
+    assert {"A source", "tone map", "status"} <= set(labels(app)), "with menus, status bar and two stacks of panels"
+    assert share_of_picture(app) >= 2 / 3
+
+
+def test_the_column_folds_to_a_strip_and_comes_back_as_it_was(opener: Opener) -> None:
+    app = opener((1280, 720))
+    app.show_panel("Textures")
+    app.show_panel("Memory")
+    app.click("fold panels")
+    assert "texture filter" not in labels(app)
+    assert share_of_picture(app) > 0.9
+    assert "menu: View" in labels(app)
+    app.click("fold panels")
+    assert {"texture filter", "copy memory"} <= set(labels(app))
+    assert share_of_picture(app) >= 2 / 3
+    app.run("window.column")
+    app.show_panel("Groups")
+    assert "Train group" in labels(app), "a panel that is asked for unfolds the column"
+
+
+def test_a_narrow_window_opens_with_its_column_folded(opener: Opener) -> None:
+    app = opener((780, 500))
+    assert "A source" not in labels(app)
+    assert share_of_picture(app) > 0.85
+    assert app.session.present_settings.column_folded is None, "a wide window unfolds it"
+    app.resize((1000, 600))
+    app.settle()
+    assert "A source" in labels(app)
+    app.click("fold panels")
+    app.resize((1280, 720))
+    app.settle()
+    assert "A source" not in labels(app), "what a person chose stays"
+    assert app.session.present_settings.column_folded is True
+
+
+def test_a_stack_folds_to_its_tabs_and_a_chosen_panel_unfolds_it(opener: Opener) -> None:
+    app = opener((1280, 720))
+    app.show_panel("Compare")
+    before = app.widgets.centre("fold lower panels")
+    app.click("fold lower panels")
+    assert "tone map" not in labels(app)
+    low = app.widgets.centre("fold lower panels")
+    assert low[1] > 675, "only the tabs are left, above the status bar"
+    assert app.session.present_settings.folded_panels
+    app.click("fold lower panels")
+    assert app.widgets.centre("fold lower panels") == pytest.approx(before, abs=2)
+    app.click("fold lower panels")
+    app.show_panel("Timings")
+    assert "copy timings" in labels(app)
+    assert app.widgets.centre("fold lower panels") == pytest.approx(before, abs=2)
+    app.click("fold upper panels")
+    assert "A source" not in labels(app)
+    assert app.widgets.centre("fold lower panels")[1] < 80
+
+
+def test_hidden_panels_say_how_they_come_back(opener: Opener) -> None:
+    app = opener((1280, 720))
+    app.press(imgui.Key.h)
+    app.move(500.0, 300.0)
+    assert "way back" in labels(app)
+    assert share_of_picture(app) == 1.0
+    app.press(imgui.Key.h)
+    assert "way back" not in labels(app)
+
+
+@pytest.mark.parametrize("scale", [1.5, 2.0])
+def test_the_column_grows_with_the_scale(opener: Opener, scale: float) -> None:
+    app = opener((1920, 1080))
+    area = app.frontend.interface.picture_area
+    assert area is not None
+    left = area.left
+    app.run("window.ui-scale", scale)
+    app.settle()
+    grown = app.frontend.interface.picture_area
+    assert grown is not None
+    assert grown.left == pytest.approx(scale * left, rel=0.2)
+    app.run("window.ui-scale", 1.0)
+    app.settle()
+    again = app.frontend.interface.picture_area
+    assert again is not None
+    assert again.left == pytest.approx(left, abs=2.0)
