@@ -142,7 +142,7 @@ def main() -> int:
     given = parser.parse_args()
     path = builtin_scene_path()
     with tempfile.TemporaryDirectory() as pictures:
-        settings = replace(ViewerSettings(), show_panels=True)
+        settings = replace(ViewerSettings(), show_panels=True, column_folded=False)
         app = DrivenApp(load_scene(path), open_packs(packs_beside(path)), given.size, Path(pictures), settings)
         # A coarse picture would be another one.
         app.run("view.coarse-while-moving", False)

@@ -105,7 +105,7 @@ def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def opened(scene: Scene, options: argparse.Namespace, folder: Path) -> PersonsApp:
     """A window on the scene, without packs."""
-    settings = ViewerSettings(window_size=options.size)
+    settings = ViewerSettings(window_size=options.size, column_folded=False)
     app = PersonsApp(scene, {}, options.size, folder, settings, InitialView("reference", "cached"))
     camera = chosen_cameras(scene, options.cameras, options.camera)[0]
     app.session.view = replace(app.session.view, camera=camera, overlay=Overlay("divergence"))

@@ -54,7 +54,11 @@ def live(
     monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
     monkeypatch.setattr(shared_process, "close", lambda: None)
     made = DrivenApp(
-        scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path, ViewerSettings(coarse_while_moving=False)
+        scene,
+        open_packs(packs_beside(scene_path)),
+        SIZE,
+        tmp_path,
+        ViewerSettings(coarse_while_moving=False, column_folded=False),
     )
     camera = replace(made.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     made.session.view = replace(made.session.view, camera=camera)

@@ -28,7 +28,7 @@ def own(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def window(own: Path, tmp_path: Path) -> Iterator[DrivenApp]:
-    settings = ViewerSettings(live_figures=False)
+    settings = ViewerSettings(live_figures=False, column_folded=False)
     made = DrivenApp(load_scene(own), open_packs(packs_beside(own)), SIZE, tmp_path / "pictures", settings)
     made.settle()
     yield made

@@ -33,7 +33,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
 @pytest.fixture
 def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
     """A window that has drawn nothing yet."""
-    settings = ViewerSettings(live_figures=False)
+    settings = ViewerSettings(live_figures=False, column_folded=False)
     made = DrivenApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", settings)
     yield made
     made.close()

@@ -20,6 +20,7 @@ from viewer.script.inputs import press
 from viewer.script.parse import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import Session
+from viewer.state.settings import ViewerSettings
 from viewer.ui.menu_bar import menu_entries
 from viewer.ui.menu_layout import ONLY_TYPED
 
@@ -29,7 +30,13 @@ Seen = list[tuple[str, tuple[Any, ...]]]
 @pytest.fixture(scope="module")
 def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
     """One app for all: what reaches a command here is noted and not carried out."""
-    made = DrivenApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path_factory.mktemp("pictures"))
+    made = DrivenApp(
+        scene,
+        open_packs(packs_beside(scene_path)),
+        SIZE,
+        tmp_path_factory.mktemp("pictures"),
+        ViewerSettings(column_folded=False),
+    )
     here = Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
     made.session.navigation.bookmarks = {made.session.scene_key: {"here": here}}
     made.session.scene = replace(scene, cameras=scene.cameras or tuple(made.session.bookmarks.values()))
