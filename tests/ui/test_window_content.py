@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, hide_panels
-from viewer.commands import COMMANDS
+from viewer.commands import COMMANDS, run
 from viewer.commands.command import Command
 from viewer.commands.keys import parse_chord
 from viewer.scene.images import read_image
@@ -46,14 +47,17 @@ def test_slots_are_chosen_from_lists(app: DrivenApp) -> None:
     assert app.session.view.slot_b == Slot("clustered")
 
 
-def test_a_precision_that_the_driver_lacks_is_a_message(app: DrivenApp) -> None:
-    app.click("A precision")
-    app.click("A precision: fp16-accumulate")
-    app.settle()
-    if app.session.view.slot_a.precision == "fp16-accumulate":
+def test_a_precision_that_the_driver_lacks_is_grey_with_the_reason(app: DrivenApp) -> None:
+    if not app.session.unsupported:
         pytest.skip("this driver has half arithmetic")
-    assert app.session.view.slot_a == Slot("clustered", "deferred", "fp16")
-    assert any("no half arithmetic" in toast.text for toast in app.session.window.toasts)
+    before = app.session.view.slot_a
+    app.click("A precision")
+    assert "no 16-bit arithmetic" in app.widgets.explanation("A precision: fp16-accumulate")
+    app.click("A precision: fp16-accumulate")
+    assert app.session.view.slot_a == before
+    app.press(imgui.Key.escape)
+    with pytest.raises(InputError, match=r"fp16-accumulate: .* has no 16-bit arithmetic"):
+        run(app.context, "slot.precision", "a", "fp16-accumulate")
 
 
 def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> None:

@@ -21,7 +21,7 @@ from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frame_times import FrameTimes
-from viewer.render.resources.precision import supported_precisions
+from viewer.render.resources.precision import supported_precisions, unsupported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
     apply_event,
@@ -32,6 +32,7 @@ from viewer.state.event_handlers import (
     sample_camera,
     set_flicker_phase,
     set_panel_titles,
+    set_unsupported,
     start_frame,
 )
 from viewer.ui.facts import FrameFacts, UiFrame
@@ -60,6 +61,7 @@ class Frontend:
             notify(session, problem, "error")
         self.interface = UserInterface()
         set_panel_titles(session, self.interface.panel_titles)
+        set_unsupported(session, unsupported_precisions(graphics))
         self._times = FrameTimes()
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
         self.reader = FactsReader(graphics, session, self.picture, self._times)

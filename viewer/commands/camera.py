@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, command, gesture
+from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.scene.model import Camera
 from viewer.state.event_handlers import notify
 from viewer.state.navigation import frame
@@ -42,12 +42,13 @@ def frame_all(session: Session) -> None:
     place_camera(session, frame(session.view.camera, session.scene.bounds, width / height))
 
 
-@command("camera.next", "Next camera", "go to the scene's next camera", "Camera", "C")
+def _no_cameras(context: Context) -> str:
+    return "" if context.session.scene.cameras else "the scene has no cameras"
+
+
+@command("camera.next", "Next camera", "go to the scene's next camera", "Camera", "C", unavailable=_no_cameras)
 def next_camera(session: Session) -> None:
     cameras = session.scene.cameras
-    if not cameras:
-        notify(session, "the scene has no cameras")
-        return
     names = [camera.name for camera in cameras]
     present = names.index(session.view.camera.name) if session.view.camera.name in names else -1
     place_camera(session, cameras[(present + 1) % len(cameras)])
@@ -57,7 +58,13 @@ def _camera_names(session: Session) -> tuple[str, ...]:
     return tuple(camera.name for camera in session.scene.cameras)
 
 
-@command("camera.go", "Camera", "go to a camera of the scene", "Camera")
+@command(
+    "camera.go",
+    "Go to camera",
+    "go to a camera of the scene",
+    "Camera",
+    current=lambda session: session.view.camera.name,
+)
 def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera_names)]) -> None:
     place_camera(session, next(camera for camera in session.scene.cameras if camera.name == name))
 
@@ -70,7 +77,7 @@ def _place(which: Literal["eye", "target"], axis: int) -> Arg:
     )
 
 
-@command("camera.look", "Look from a place", "look from a place at another", "Camera")
+@command("camera.look", "Look from a place", "put the camera at one place and let it look at another", "Camera")
 def look(
     session: Session,
     eye_x: Annotated[float, _place("eye", 0)],
@@ -97,13 +104,24 @@ def next_mode(session: Session) -> None:
     _set_mode(session, "fly" if session.settings.camera_mode == "orbit" else "orbit")
 
 
-@command("camera.mode", "Camera mode", "how the mouse moves the camera", "Camera")
+@command(
+    "camera.mode",
+    "Orbit or fly",
+    "choose how the mouse moves the camera",
+    "Camera",
+    current=lambda session: session.settings.camera_mode,
+)
 def set_mode(session: Session, mode: Annotated[CameraMode, Arg("how the mouse moves it")]) -> None:
     _set_mode(session, mode)
 
 
 @command(
-    "camera.record", "Record path", "record the camera's path as a cameras file, until pressed again", "Camera", "R"
+    "camera.record",
+    "Record the path",
+    "record the camera's path, and write it as a cameras file when pressed again",
+    "Camera",
+    "R",
+    current=switch(lambda session: session.navigation.recording is not None),
 )
 def record(session: Session) -> None:
     navigation = session.navigation

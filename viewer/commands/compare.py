@@ -6,8 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
-from viewer.commands.command import Arg, command, gesture
-from viewer.state.event_handlers import notify
+from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
 from viewer.state.view_state import (
@@ -32,29 +31,65 @@ NEXT_PATH: dict[PathChoice, PathChoice] = {
 SlotSide = Annotated[Side, Arg("which slot")]
 
 
+def _shown_difference(session: Session) -> str | None:
+    return session.view.difference.kind if session.view.compare == "difference" else None
+
+
+def _precision(session: Session, side: Side) -> str:
+    return "auto" if side in session.requests.precision else session.view.slots[side].precision
+
+
+def _filter_of_both(session: Session) -> str | None:
+    filters = {slot.filter for slot in session.view.slots.values()}
+    return filters.pop() if len(filters) == 1 else None
+
+
+def _a_shows_images(context: Context) -> str:
+    source = context.session.view.slot_a.source
+    shown = "the reference" if source == REFERENCE else source
+    return f"slot A shows {shown}, which is not decoded; show a pack in it first" if is_image_source(source) else ""
+
+
 def _change_slot(session: Session, side: Side, **changes: Any) -> None:
     session.view = session.view.with_slot(side, replace(session.view.slots[side], **changes))
 
 
 @command(
-    "compare.next", "Next mode", "show A, B, both with a divider, side by side, or their difference", "Compare", "Tab"
+    "compare.next",
+    "Next way to compare",
+    "go on to the next way to compare: A, B, left/right, above/below, side by side, difference",
+    "Compare",
+    "Tab",
 )
 def next_mode(session: Session) -> None:
     following = MODES[(MODES.index(session.view.compare) + 1) % len(MODES)]
     session.view = replace(session.view, compare=following)
 
 
-@command("compare.mode", "Mode", "show A, B, both, or their difference", "Compare")
+@command(
+    "compare.mode",
+    "Way to compare",
+    "show A, B, both with a divider or side by side, or their difference",
+    "Compare",
+    current=lambda session: session.view.compare,
+)
 def set_mode(session: Session, mode: Annotated[CompareMode, Arg("what is shown")]) -> None:
     session.view = replace(session.view, compare=mode)
 
 
-@command("compare.toggle-flicker", "Flicker", "show A and B in turns", "Compare", "J")
+@command(
+    "compare.toggle-flicker",
+    "Flicker",
+    "show A and B in turns",
+    "Compare",
+    "J",
+    current=switch(lambda session: session.window.flickers),
+)
 def toggle_flicker(session: Session) -> None:
     session.window.flickers = not session.window.flickers
 
 
-@command("compare.flicker", "Flicker rate", "show A and B in turns, so often a second", "Compare")
+@command("compare.flicker", "Flicker rate", "show A and B in turns this often a second; 0 stops it", "Compare")
 def set_flicker(
     session: Session, rate: Annotated[float, Arg("Hz: times a second that both are shown; 0 stops")] = 2.0
 ) -> None:
@@ -66,7 +101,13 @@ def set_flicker(
         session.settings = replace(session.settings, flicker_hz=rate)
 
 
-@command("compare.difference", "Difference", "show the difference of A and B", "Compare")
+@command(
+    "compare.difference",
+    "Difference",
+    "show the difference of A and B, measured in one of four ways",
+    "Compare",
+    current=_shown_difference,
+)
 def set_difference(session: Session, kind: Annotated[DifferenceKind, Arg("of the difference")]) -> None:
     session.view = replace(session.view, compare="difference", difference=replace(session.view.difference, kind=kind))
 
@@ -74,12 +115,23 @@ def set_difference(session: Session, kind: Annotated[DifferenceKind, Arg("of the
 Gain = Annotated[float, Arg("factor of the amplified difference", None, *GAIN_RANGE)]
 
 
-@command("compare.gain", "Gain", "factor of the amplified difference", "Compare")
+@command(
+    "compare.gain",
+    "Gain of the difference",
+    "draw the amplified difference this many times larger than it is",
+    "Compare",
+)
 def set_gain(session: Session, gain: Gain) -> None:
     session.view = replace(session.view, difference=replace(session.view.difference, gain=gain))
 
 
-@command("compare.live", "Live figures", "compare A with B while the picture rests", "Compare")
+@command(
+    "compare.live",
+    "Live figures",
+    "compare A with B whenever the picture rests",
+    "Compare",
+    current=switch(lambda session: session.settings.live_figures),
+)
 def set_live(session: Session, state: Annotated[bool, Arg("on or off")]) -> None:
     session.settings = replace(session.settings, live_figures=state)
 
@@ -87,19 +139,30 @@ def set_live(session: Session, state: Annotated[bool, Arg("on or off")]) -> None
 Position = Annotated[float, Arg("share of the width or height, 0 to 1", None, 0.0, 1.0, clamp=True)]
 
 
-@command("compare.divider", "Divider", "put the divider somewhere", "Compare")
+@command(
+    "compare.divider",
+    "Centre the divider",
+    "put the divider in the middle, or at a share of the picture's width or height",
+    "Compare",
+)
 def set_divider(session: Session, position: Position = 0.5) -> None:
     session.view = replace(session.view, wipe_position=position)
 
 
-@command("compare.swap", "Swap A and B", "exchange the two slots", "Compare", "X")
+@command("compare.swap", "Swap A and B", "exchange what slots A and B show", "Compare", "X")
 def swap(session: Session) -> None:
     session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
     formats = session.requests.formats
     session.requests.formats = {"a" if side == "b" else "b": name for side, name in formats.items()}
 
 
-@command("compare.measure", "Measure", "measure PSNR, divergence and memory of both slots", "Compare", "M")
+@command(
+    "compare.measure",
+    "Measure",
+    "measure PSNR, divergence, memory and decode time of both slots in the picture as it is",
+    "Compare",
+    "M",
+)
 def measure(session: Session) -> None:
     session.requests.measure = True
 
@@ -126,20 +189,44 @@ def leave_formats(session: Session) -> None:
     session.requests.formats = {}
 
 
-@command("slot.source", "Source of a slot", "show a pack, the reference or a block format in a slot", "Compare")
+@command(
+    "slot.source",
+    "Source of a slot",
+    "show the original images, a pack, or a format of graphics hardware in a slot",
+    "Compare",
+    current=lambda session, side: session.view.slots[side].source,
+)
 def set_source(session: Session, side: SlotSide, source: Source) -> None:
     show_source(session, side, source)
 
 
-@command("slot.path", "Path of a slot", "decode a slot by this path", "Compare")
+@command(
+    "slot.path",
+    "Decode path of a slot",
+    "choose how a slot is decoded for each frame",
+    "Compare",
+    current=lambda session, side: session.view.slots[side].path,
+)
 def set_path(session: Session, side: SlotSide, path: Annotated[PathChoice, Arg("decode path")]) -> None:
     _change_slot(session, side, path=path)
 
 
-Precision = Annotated[PrecisionChoice, Arg("of the decoders; auto: the cheapest that does not show")]
+Precision = Annotated[
+    PrecisionChoice,
+    Arg(
+        "of the decoders; auto: the cheapest that does not show",
+        refuses=lambda session, text: session.unsupported.get(text, ""),
+    ),
+]
 
 
-@command("slot.precision", "Precision of a slot", "decode a slot in this precision", "Compare")
+@command(
+    "slot.precision",
+    "Precision of a slot",
+    "choose the number format of a slot's decoders; auto finds the cheapest that does not show",
+    "Compare",
+    current=_precision,
+)
 def set_precision(session: Session, side: SlotSide, precision: Precision) -> None:
     session.requests.precision -= {side}
     if precision != "auto":
@@ -151,7 +238,13 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
         session.requests.precision |= {side}
 
 
-@command("slot.maps", "Maps of a slot", "decode all maps of a slot, or one among the original ones", "Compare")
+@command(
+    "slot.maps",
+    "Decoded maps of a slot",
+    "decode all maps in a slot, or a single one among the original ones",
+    "Compare",
+    current=lambda session, side: session.view.slots[side].maps,
+)
 def set_maps(
     session: Session, side: SlotSide, maps: Annotated[DecodedMaps, Arg("which are decoded: all, or one alone")]
 ) -> None:
@@ -161,12 +254,18 @@ def set_maps(
 TEXELS = "exact: all texels of a footprint; stochastic: one at random, accumulated at rest"
 
 
-@command("slot.filter", "Filter of a slot", "filter a slot's texels exactly, or by one at random", "Compare")
+@command(
+    "slot.filter",
+    "Texel filter of a slot",
+    "filter a slot's texels exactly, or take one at random",
+    "Compare",
+    current=lambda session, side: session.view.slots[side].filter,
+)
 def set_filter(session: Session, side: SlotSide, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
     _change_slot(session, side, filter=texels)
 
 
-@command("slot.next-source", "Next source in A", "show the next source in slot A that is there", "Compare", "N")
+@command("slot.next-source", "Next source in A", "show the next open source in slot A", "Compare", "N")
 def next_source(session: Session) -> None:
     sources, present = session.open_sources, session.view.slot_a.source
     place = sources.index(present) + 1 if present in sources else 0
@@ -175,26 +274,34 @@ def next_source(session: Session) -> None:
 
 @command(
     "slot.next-path",
-    "Next path in A",
-    "switch slot A to the next decode path: deferred, binned, cached, forward",
+    "Next decode path in A",
+    "decode slot A by the next path: deferred, binned, cached, forward",
     "Compare",
     "P",
+    unavailable=_a_shows_images,
 )
 def next_path(session: Session) -> None:
-    slot = session.view.slot_a
-    if is_image_source(slot.source):
-        shown = "the reference" if slot.source == REFERENCE else slot.source
-        notify(session, f"slot A shows {shown}: it has no decode path")
-    else:
-        _change_slot(session, "a", path=NEXT_PATH[slot.path])
+    _change_slot(session, "a", path=NEXT_PATH[session.view.slot_a.path])
 
 
-@command("filter.anisotropy", "Anisotropy", "filter images and path cached", "View")
+@command(
+    "filter.anisotropy",
+    "Anisotropy",
+    "how many samples keep images and path cached sharp where they are seen at a slant; 1 is trilinear",
+    "View",
+    current=lambda session: str(session.view.anisotropy),
+)
 def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], Arg("1 is trilinear")]) -> None:
     session.view = replace(session.view, anisotropy=value)
 
 
-@command("filter.texels", "Texel filter", "filter the texels of both slots exactly, or by one at random", "View")
+@command(
+    "filter.texels",
+    "Texel filter",
+    "filter the texels of both slots exactly, or take one at random",
+    "View",
+    current=_filter_of_both,
+)
 def set_filters(session: Session, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
     for side in get_args(Side):
         _change_slot(session, side, filter=texels)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, command, gesture
+from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
 from viewer.state.session import ErrorColumn, ErrorsBy, Session
@@ -13,16 +13,35 @@ By = Annotated[ErrorsBy, Arg("what errors are told apart by")]
 LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
 
 
+def _no_pixel_kept(context: Context) -> str:
+    return (
+        "no pixel is kept; click on one while the panel Pixel is open"
+        if context.session.inspection.pixel is None
+        else ""
+    )
+
+
+def _nothing_highlighted(context: Context) -> str:
+    return "" if context.session.view.highlight else "nothing is highlighted"
+
+
 def _toggle_panel(session: Session, title: str) -> None:
     session.window.open_panels ^= {title}
 
 
-@command("pixel.panel", "Pixel", "look at one pixel and its surroundings in A and B", "Inspect", "I")
+@command(
+    "pixel.panel",
+    "Pixel panel",
+    "look at one pixel and those around it in A and B",
+    "Inspect",
+    "I",
+    current=switch(lambda session: "Pixel" in session.window.open_panels),
+)
 def toggle_pixel_panel(session: Session) -> None:
     _toggle_panel(session, "Pixel")
 
 
-@command("pixel.keep", "Keep a pixel", "keep a pixel of the whole picture in the panel Pixel", "Inspect")
+@command("pixel.keep", "Keep a pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
 def keep_pixel(
     session: Session,
     x: Annotated[int, Arg("pixels from the left of the window")],
@@ -35,7 +54,13 @@ def keep_pixel(
     session.window.open_panels |= {"Pixel"}
 
 
-@command("pixel.let-go", "Let the pixel go", "follow the mouse again", "Inspect")
+@command(
+    "pixel.let-go",
+    "Release the pixel",
+    "let the panel Pixel follow the mouse again",
+    "Inspect",
+    unavailable=_no_pixel_kept,
+)
 def let_pixel_go(session: Session) -> None:
     session.inspection.pixel = None
 
@@ -55,7 +80,14 @@ def hover(session: Session, at: tuple[float, float] | None) -> None:
     session.inspection.hovered = at
 
 
-@command("errors.panel", "Errors", "list textures and decoders by their error", "Inspect", "U")
+@command(
+    "errors.panel",
+    "Errors panel",
+    "list textures and decoders by how much A and B differ in them",
+    "Inspect",
+    "U",
+    current=switch(lambda session: "Errors" in session.window.open_panels),
+)
 def toggle_errors_panel(session: Session) -> None:
     _toggle_panel(session, "Errors")
 
@@ -65,12 +97,18 @@ def _change_table(session: Session, table: dict[str, object]) -> None:
     session.window.open_panels |= {"Errors"}
 
 
-@command("errors.by", "Errors by", "list the errors of textures or of decoders", "Inspect")
+@command(
+    "errors.by",
+    "Rows of the errors",
+    "list the errors of textures or of decoders",
+    "Inspect",
+    current=lambda session: session.inspection.errors.by,
+)
 def set_errors_by(session: Session, by: By) -> None:
     _change_table(session, {"by": by})
 
 
-@command("errors.sort", "Sort errors", "sort the list of errors", "Inspect")
+@command("errors.sort", "Sort the errors", "sort the list of errors by one of its columns", "Inspect")
 def sort_errors(
     session: Session,
     column: Annotated[ErrorColumn, Arg("to sort by")],
@@ -91,7 +129,10 @@ def _textures_of_decoder(session: Session, decoder: int) -> tuple[int, ...]:
 
 
 @command(
-    "errors.highlight", "Highlight", "dim all but a texture, or a decoder's textures; once more ends it", "Inspect"
+    "errors.highlight",
+    "Highlight in the picture",
+    "dim everything but a texture, or but a decoder's textures; once more ends it",
+    "Inspect",
 )
 def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id or decoder")]) -> None:
     textures: tuple[int, ...]
@@ -107,12 +148,20 @@ def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id o
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=decoder)
 
 
-@command("errors.clear", "End highlight", "dim nothing", "Inspect")
+@command(
+    "errors.clear", "End the highlight", "show everything undimmed again", "Inspect", unavailable=_nothing_highlighted
+)
 def end_highlight(session: Session) -> None:
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=None)
     session.view = replace(session.view, highlight=())
 
 
-@command("histogram.panel", "Histogram", "how many pixels differ by how much", "Inspect")
+@command(
+    "histogram.panel",
+    "Histogram panel",
+    "see how many pixels differ between A and B, and by how much",
+    "Inspect",
+    current=switch(lambda session: "Histogram" in session.window.open_panels),
+)
 def toggle_histogram_panel(session: Session) -> None:
     _toggle_panel(session, "Histogram")

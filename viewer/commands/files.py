@@ -71,9 +71,7 @@ def take_screenshot(session: Session, file: PictureFile = Path()) -> None:
     _request_picture(session, "window", file)
 
 
-@command(
-    "file.screenshot-picture", "Screenshot of the picture", "write the picture without the interface as a PNG", "File"
-)
+@command("file.screenshot-picture", "Picture alone", "write the picture without the panels as a PNG", "File")
 def take_picture(session: Session, kind: Picture, file: PictureFile = Path()) -> None:
     _request_picture(session, kind, file)
 
@@ -116,7 +114,7 @@ PlaceY = Annotated[
 ]
 
 
-@command("view.magnify", "Magnify", "look at the pixels themselves", "View")
+@command("view.magnify", "Magnify", "enlarge the pixels of the picture themselves", "View")
 def magnify(session: Session, factor: Factor, x: PlaceX = 0.5, y: PlaceY = 0.5) -> None:
     session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
 
@@ -130,7 +128,11 @@ ViewFile = Annotated[Path, Arg("a .json, in the folder of pictures unless it is 
 
 
 @command(
-    "view.save", "Save view", "write the whole view as JSON; a number is added where that file exists", "File", "Ctrl+S"
+    "view.save",
+    "Save view",
+    "write the whole view as JSON; a number is added where that file exists",
+    "File",
+    "Ctrl+S",
 )
 def save_view(session: Session, file: ViewFile = Path("view.json")) -> None:
     path = numbered_path(session.pictures_folder / file)
@@ -138,7 +140,7 @@ def save_view(session: Session, file: ViewFile = Path("view.json")) -> None:
     notify(session, f"wrote {path}")
 
 
-@command("view.load", "Load view", "see what view.save wrote", "View")
+@command("view.load", "Load view", "go to a view that was saved", "View")
 def load_view(session: Session, file: Annotated[Path, Arg("what view.save wrote")]) -> None:
     path = session.file_to_read(file)
     try:
@@ -156,7 +158,7 @@ def copy_view(context: Context) -> None:
     notify(context.session, "the view is on the clipboard")
 
 
-@command("view.paste", "Paste view", "see the view on the clipboard", "View", "Ctrl+V")
+@command("view.paste", "Paste view", "go to the view that is on the clipboard", "View", "Ctrl+V")
 def paste_view(context: Context) -> None:
     text = context.read_clipboard()
     if not text.strip():

@@ -34,7 +34,7 @@ def _light(session: Session, **changes: Any) -> None:
 @command(
     "materials.next",
     "Next view of the materials",
-    "lit, base colours, normals, roughness and metal, emission",
+    "show the next of: lit, base colours, normals, roughness and metal, emission",
     "View",
     "G",
 )
@@ -45,12 +45,18 @@ def next_view(session: Session) -> None:
     notify(session, f"{following}: {VIEWS[following]}")
 
 
-@command("materials.view", "View of the materials", "surfaces in the light, or one of their maps", "View")
+@command(
+    "materials.view",
+    "View of the materials",
+    "show surfaces in the light, or one of their maps",
+    "View",
+    current=lambda session: session.view.material_view,
+)
 def set_view(session: Session, view: Annotated[MaterialView, Arg("what is shown")]) -> None:
     session.view = replace(session.view, material_view=view)
 
 
-@command("light.sun", "Sun", "where the sun stands", "View")
+@command("light.sun", "Place of the sun", "put the sun at an azimuth and an elevation", "View")
 def set_sun(
     session: Session,
     azimuth: Annotated[float, Arg("degrees from north (-Z) towards east (+X)")],
@@ -68,21 +74,32 @@ def move_sun(session: Session, azimuth: float, elevation: float) -> None:
     _light(session, sun_azimuth=(lighting.sun_azimuth + azimuth) % 360.0, sun_elevation=raised)
 
 
-@command("light.sun-strength", "Strength of the sun", "times its own; 0 leaves it out", "View")
+@command(
+    "light.sun-strength",
+    "Strength of the sun",
+    "make the sun this many times as strong as it is; 0 leaves it out",
+    "View",
+)
 def set_sun_strength(
     session: Session, strength: Annotated[float, Arg("times its own", None, *SUN_STRENGTH_RANGE)]
 ) -> None:
     _light(session, sun_strength=strength)
 
 
-@command("light.exposure", "Exposure", "how bright the lit picture is", "View")
+@command("light.exposure", "Exposure", "make the lit picture brighter or darker", "View")
 def set_exposure(
     session: Session, stops: Annotated[float, Arg("stops: +1 is twice as bright", None, *EXPOSURE_RANGE)]
 ) -> None:
     _light(session, exposure=stops)
 
 
-@command("light.tone-map", "Tone map", "how light becomes a picture", "View")
+@command(
+    "light.tone-map",
+    "Tone map",
+    "choose how light becomes colours that a screen can show",
+    "View",
+    current=lambda session: session.view.lighting.tone_map,
+)
 def set_tone_map(
     session: Session, curve: Annotated[ToneMap, Arg("Khronos PBR Neutral, AgX, or clipping alone")]
 ) -> None:
@@ -98,7 +115,7 @@ def use_environment(session: Session, file: Path) -> None:
     notify(session, f"lit by {path.name} alone: the sun is out")
 
 
-@command("light.environment", "Environment", "light the scene by a panorama", "View")
+@command("light.environment", "Environment", "light the scene by a panorama, or by the sky", "View")
 def set_environment(
     session: Session,
     file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky` for the sky that the sun makes")],
@@ -109,6 +126,6 @@ def set_environment(
     use_environment(session, file)
 
 
-@command("light.turn", "Turn the environment", "about the vertical axis; of no effect for the sky", "View")
+@command("light.turn", "Turn the environment", "turn the panorama about the vertical axis; the sky stays", "View")
 def turn_environment(session: Session, degrees: Annotated[float, Arg("degrees")]) -> None:
     _light(session, environment_turn=degrees % 360.0)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from ntc.errors import InputError
 from viewer.commands.camera import place_camera
-from viewer.commands.command import Arg, command
+from viewer.commands.command import Arg, Context, command, switch
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.json_text import printable
 from viewer.state.camera_motion import Playback, Turntable
@@ -19,7 +19,7 @@ USUAL_DEGREES = 30.0
 BookmarkName = Annotated[str, Arg("any name; an older bookmark of that name is replaced")]
 
 
-@command("camera.bookmark", "Bookmark", "remember where the camera is", "Camera")
+@command("camera.bookmark", "Bookmark", "remember where the camera is, under a name", "Camera")
 def bookmark(session: Session, name: BookmarkName) -> None:
     if printable(name) != name or not name:
         raise InputError("camera.bookmark: the name must be one line of at most 200 letters")
@@ -33,7 +33,13 @@ def bookmark(session: Session, name: BookmarkName) -> None:
 Bookmark = Annotated[str, Arg("a bookmark of this scene", lambda session: tuple(session.bookmarks))]
 
 
-@command("camera.go-bookmark", "Go to bookmark", "go back to a bookmark", "Camera")
+@command(
+    "camera.go-bookmark",
+    "Go to bookmark",
+    "go back to a bookmark",
+    "Camera",
+    current=lambda session: session.view.camera.name,
+)
 def go_bookmark(session: Session, name: Bookmark) -> None:
     place_camera(session, session.bookmarks[name])
 
@@ -41,14 +47,21 @@ def go_bookmark(session: Session, name: Bookmark) -> None:
 Degrees = Annotated[float, Arg("degrees per second; negative turns the other way")]
 
 
-@command("camera.turntable", "Turntable at a speed", "turn about the scene's centre", "Camera")
+@command("camera.turntable", "Turntable at a speed", "turn the camera about the scene's centre at this speed", "Camera")
 def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
     if not 0.0 < abs(degrees) <= FASTEST_DEGREES:
         raise InputError(f"camera.turntable: {degrees:g} must be up to {FASTEST_DEGREES:g} either way, not 0")
     session.navigation.motion = Turntable(degrees)
 
 
-@command("camera.toggle-turntable", "Turntable", "turn about the scene's centre, until pressed again", "Camera", "Y")
+@command(
+    "camera.toggle-turntable",
+    "Turntable",
+    "turn the camera about the scene's centre until pressed again",
+    "Camera",
+    "Y",
+    current=switch(lambda session: isinstance(session.navigation.motion, Turntable)),
+)
 def toggle_turntable(session: Session) -> None:
     turns = isinstance(session.navigation.motion, Turntable)
     session.navigation.motion = None if turns else Turntable(USUAL_DEGREES)
@@ -57,7 +70,13 @@ def toggle_turntable(session: Session) -> None:
 PathFile = Annotated[Path, Arg("a cameras file; without one, the path recorded last")]
 
 
-@command("camera.play", "Play path", "go along a recorded path", "Camera", "Ctrl+R")
+@command(
+    "camera.play",
+    "Play a path",
+    "move along the path that was recorded last, or along a cameras file",
+    "Camera",
+    "Ctrl+R",
+)
 def play(session: Session, file: PathFile = Path()) -> None:
     cameras = session.navigation.last_path if file == Path() else read_cameras(session.file_to_read(file))
     if not cameras:
@@ -65,6 +84,16 @@ def play(session: Session, file: PathFile = Path()) -> None:
     session.navigation.motion = Playback(cameras)
 
 
-@command("camera.stop", "Stop camera", "end turntable or path", "Camera")
+def _camera_rests(context: Context) -> str:
+    return "the camera does not move by itself" if context.session.navigation.motion is None else ""
+
+
+@command(
+    "camera.stop",
+    "Stop the camera",
+    "end the turntable, or the path that is played",
+    "Camera",
+    unavailable=_camera_rests,
+)
 def stop(session: Session) -> None:
     session.navigation.motion = None

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from viewer.commands.command import Arg, command
+from viewer.commands.command import Arg, command, switch
 from viewer.state.event_handlers import notify
 from viewer.state.overlay import ScaleName
 from viewer.state.palettes import PALETTES, PaletteName
@@ -19,12 +19,25 @@ def _following(names: tuple[str, ...], present: str) -> str:
     return names[(names.index(present) + 1) % len(names)]
 
 
-@command("overlay.toggle", "Divergence", "lay the heatmap of decoders per block over the picture", "Overlay", "O")
+@command(
+    "overlay.toggle",
+    "Heatmap of decoders",
+    "lay the map of decoders per block over the picture",
+    "Overlay",
+    "O",
+    current=switch(lambda session: session.view.overlay.kind == "divergence"),
+)
 def toggle(session: Session) -> None:
     _change(session, kind="none" if session.view.overlay.kind == "divergence" else "divergence")
 
 
-@command("overlay.kind", "Overlay", "what lies over the picture", "Overlay")
+@command(
+    "overlay.kind",
+    "Map over the picture",
+    "lay a map over the picture: decoders per block, or the error of textures or decoders",
+    "Overlay",
+    current=lambda session: session.view.overlay.kind,
+)
 def set_kind(session: Session, kind: Annotated[OverlayKind, Arg("what lies over the picture")]) -> None:
     _change(session, kind=kind)
 
@@ -32,7 +45,7 @@ def set_kind(session: Session, kind: Annotated[OverlayKind, Arg("what lies over 
 @command(
     "overlay.next-block",
     "Next block shape",
-    "count decoders in blocks of another shape: 8x8, 8x4, 16x4, 4x4",
+    "count decoders in blocks of the next shape: 8x8, 8x4, 16x4, 4x4 pixels",
     "Overlay",
     "B",
 )
@@ -42,7 +55,13 @@ def next_block(session: Session) -> None:
     notify(session, f"decoders are counted in blocks of {block} pixels")
 
 
-@command("overlay.block", "Block shape", "count decoders in blocks of this shape", "Overlay")
+@command(
+    "overlay.block",
+    "Block shape",
+    "count decoders in blocks of this shape",
+    "Overlay",
+    current=lambda session: session.view.overlay.block,
+)
 def set_block(session: Session, block: Annotated[BlockName, Arg("WIDTHxHEIGHT in pixels")]) -> None:
     _change(session, block=block)
 
@@ -50,7 +69,7 @@ def set_block(session: Session, block: Annotated[BlockName, Arg("WIDTHxHEIGHT in
 @command(
     "overlay.next-palette",
     "Next palette",
-    "colour the heatmap green to red, or fit for the colour-blind",
+    "colour the maps by the next palette: green to red, or one that the colour-blind can read",
     "Overlay",
     "L",
 )
@@ -58,16 +77,23 @@ def next_palette(session: Session) -> None:
     _change(session, palette=_following(tuple(PALETTES), session.view.overlay.palette))
 
 
-@command("overlay.palette", "Palette", "colours of the heatmap", "Overlay")
+@command(
+    "overlay.palette",
+    "Palette",
+    "colour the maps by this palette",
+    "Overlay",
+    current=lambda session: session.view.overlay.palette,
+)
 def set_palette(session: Session, palette: Annotated[PaletteName, Arg("colours")]) -> None:
     _change(session, palette=palette)
 
 
 @command(
     "overlay.scale",
-    "Scale",
+    "End of the colours",
     "end the heatmap's colours at a fixed number of decoders, or at the picture's most",
     "Overlay",
+    current=lambda session: session.view.overlay.scale,
 )
 def set_scale(
     session: Session, scale: Annotated[ScaleName, Arg("block: fixed, picture: the most of this view")]
@@ -75,6 +101,6 @@ def set_scale(
     _change(session, scale=scale)
 
 
-@command("overlay.opacity", "Opacity", "of the heatmap", "Overlay")
+@command("overlay.opacity", "Opacity of the map", "how much of the picture the map hides", "Overlay")
 def set_opacity(session: Session, opacity: Annotated[float, Arg("0 to 1", None, 0.0, 1.0)]) -> None:
     _change(session, opacity=opacity)

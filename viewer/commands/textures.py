@@ -3,10 +3,14 @@
 from typing import Annotated
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, command
+from viewer.commands.command import Arg, Context, command
 from viewer.state.session import Session
 
 Texture = Annotated[str, Arg("its number in the scene, or its name")]
+
+
+def _none_flat(context: Context) -> str:
+    return "no texture is shown flat" if context.session.inspection.flat_texture is None else ""
 
 
 def _texture(session: Session, named: str) -> int:
@@ -20,21 +24,27 @@ def _texture(session: Session, named: str) -> int:
     raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
 
 
-@command("texture.select", "Select texture", "highlight a texture in all panels", "View")
+@command("texture.select", "Select a texture", "mark a texture in all panels", "View")
 def select(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = _texture(session, texture)
 
 
-@command("texture.clear", "Select no texture", "highlight none", "View")
+@command("texture.clear", "Select no texture", "mark no texture in the panels", "View")
 def clear(session: Session) -> None:
     session.inspection.selected_texture = None
 
 
-@command("texture.flat", "Texture flat", "show a texture flat, original and decoded", "View")
+@command("texture.flat", "Texture by itself", "show a texture flat, the original beside the decoded one", "View")
 def show_flat(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = session.inspection.flat_texture = _texture(session, texture)
 
 
-@command("texture.close-flat", "Close flat texture", "close the window of the texture", "View")
+@command(
+    "texture.close-flat",
+    "Close the flat texture",
+    "close the window of the flat texture",
+    "View",
+    unavailable=_none_flat,
+)
 def close_flat(session: Session) -> None:
     session.inspection.flat_texture = None

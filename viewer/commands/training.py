@@ -9,7 +9,7 @@ from ntc.codec.config import CodecKind, GroupingName, RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import numbered_path
-from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.commands.leaving import ask
 from viewer.state.event_handlers import point_out
 from viewer.state.pack_files import base_pack_name, match_scene
@@ -117,11 +117,23 @@ def _texture(text: str, pack: Pack) -> int:
     return _whole(text, "texture", len(names) - 1)
 
 
+def _training_is_busy(context: Context) -> str:
+    if context.training.active is not None:
+        return "another one is under way; cancel it first"
+    return "a pack is being written; try again in a moment" if context.training.saving else ""
+
+
+def _no_base(context: Context) -> str:
+    known = base_pack_name(context.session.view, context.session.packs) is not None
+    return _training_is_busy(context) or ("" if known else "there is no pack to go on from; encode the scene first")
+
+
 @command(
     "training.encode",
     "Encode the scene",
-    "make a pack of the open scene from nothing; codec block shows it at once, with grid it sharpens as it trains",
+    "make a pack of the open scene from nothing: codec block shows it at once, codec grid sharpens as it trains",
     "Train",
+    unavailable=_training_is_busy,
 )
 def encode(
     context: Context,
@@ -145,6 +157,7 @@ def encode(
     "Retrain groups",
     "go on training some groups of the shown pack; all others stay as they are",
     "Train",
+    unavailable=_no_base,
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> None:
     pack = _base(context)
@@ -153,7 +166,13 @@ def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: 
     _show_where(context, pack, chosen)
 
 
-@command("training.move", "Move a texture", "put a texture into another group, and train both", "Train")
+@command(
+    "training.move",
+    "Move a texture",
+    "put a texture into another group, and train both groups",
+    "Train",
+    unavailable=_no_base,
+)
 def move(
     context: Context, texture: Texture, group: Group, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe
 ) -> None:
@@ -166,7 +185,11 @@ def move(
 
 
 @command(
-    "training.regroup", "Regroup", "find groups anew, and train those that have changed from the shown pack on", "Train"
+    "training.regroup",
+    "Find groups anew",
+    "find groups anew, and train those that have changed, from the shown pack on",
+    "Train",
+    unavailable=_no_base,
 )
 def regroup(
     context: Context,
@@ -184,6 +207,7 @@ def regroup(
     "Prepare ahead",
     "start the training process, and prepare the encoding of a scene without a pack, before it is asked for",
     "Train",
+    current=switch(lambda session: session.settings.prepare_encoding),
 )
 def set_ahead(session: Session, state: Annotated[bool, Arg("on or off")]) -> None:
     session.settings = replace(session.settings, prepare_encoding=state)

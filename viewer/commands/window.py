@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, command, gesture
+from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.zoom import WHOLE
@@ -13,7 +13,18 @@ OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
 State = Annotated[bool, Arg("on or off")]
 
 
-@command("view.whole", "Whole picture", "see the whole picture again after Ctrl + wheel", "View", "Z")
+def _whole_already(context: Context) -> str:
+    return "the whole picture is shown" if context.session.view.zoom == WHOLE else ""
+
+
+@command(
+    "view.whole",
+    "Whole picture",
+    "see the whole picture again after Ctrl + wheel",
+    "View",
+    "Z",
+    unavailable=_whole_already,
+)
 def show_whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
 
@@ -21,17 +32,30 @@ def show_whole_picture(session: Session) -> None:
 Share = Annotated[float, Arg("of the window's pixels along a side, 0.05 to 1", None, 0.05, 1.0)]
 
 
-@command("view.resolution", "Resolution", "draw fewer pixels", "View")
+@command("view.resolution", "Resolution", "draw fewer pixels than the window has: faster and coarser", "View")
 def set_resolution(session: Session, share: Share) -> None:
     session.resolution = share
 
 
-@command("view.coarse-while-moving", "Coarse while moving", "draw fewer pixels while the camera moves", "View")
+@command(
+    "view.coarse-while-moving",
+    "Coarser while moving",
+    "draw fewer pixels while the camera moves, where a whole frame takes long",
+    "View",
+    current=switch(lambda session: session.settings.coarse_while_moving),
+)
 def set_coarse_while_moving(session: Session, state: State) -> None:
     session.settings = replace(session.settings, coarse_while_moving=state)
 
 
-@command("window.panels", "Panels", "hide or show the panels", "Window", "H")
+@command(
+    "window.panels",
+    "Panels",
+    "hide or show the panels",
+    "Window",
+    "H",
+    current=switch(lambda session: session.window.show_panels),
+)
 def toggle_panels(session: Session) -> None:
     session.window.show_panels = not session.window.show_panels
 
@@ -47,6 +71,7 @@ def _fold_column(session: Session, folded: bool) -> None:
     "fold the panels to a strip at the edge of the window, or unfold them",
     "Window",
     "Shift+H",
+    current=switch(lambda session: session.window.column_folded),
 )
 def toggle_column(session: Session) -> None:
     _fold_column(session, session.window.show_panels and not session.window.column_folded)
@@ -58,29 +83,37 @@ def fit_column(session: Session, folded: bool) -> None:
     session.window.column_folded = folded
 
 
-@command("log.panel", "Log", "show all messages with their times, or close them", "Window")
+@command(
+    "log.panel",
+    "Log panel",
+    "show all messages with their times",
+    "Window",
+    current=switch(lambda session: "Log" in session.window.open_panels),
+)
 def toggle_log(session: Session) -> None:
     session.window.open_panels ^= {"Log"}
 
 
-@command("help.palette", "Command palette", "find a command by typing", "Help", "Ctrl+P", "F3")
+@command("help.palette", "Find a command", "find a command by typing", "Help", "Ctrl+P", "F3")
 def toggle_palette(session: Session) -> None:
     session.window.palette = None if session.window.palette is not None else ""
 
 
-@command("help.keys", "Keys and mouse", "show keys and mouse", "Help", "F1", "Shift+/")
+@command("help.keys", "Keys and mouse", "show all keys, and what the mouse does", "Help", "F1", "Shift+/")
 def toggle_help(session: Session) -> None:
     session.window.show_help = not session.window.show_help
 
 
-@command("window.layout-reset", "Reset layout", "put all panels where they stood at first", "Window")
+@command("window.layout-reset", "Reset the layout", "put all panels back where they stood at first", "Window")
 def reset_layout(session: Session) -> None:
     session.settings = replace(session.settings, hidden_panels=(), folded_panels=(), column_folded=None)
     session.window.show_panels = True
     session.requests.reset_layout = True
 
 
-@command("window.theme", "Theme", "dark or light panels", "Window")
+@command(
+    "window.theme", "Theme", "make the panels dark or light", "Window", current=lambda session: session.settings.theme
+)
 def set_theme(session: Session, theme: Annotated[Theme, Arg("colours of the panels")]) -> None:
     session.settings = replace(session.settings, theme=theme)
 
@@ -88,7 +121,7 @@ def set_theme(session: Session, theme: Annotated[Theme, Arg("colours of the pane
 Scale = Annotated[float, Arg("size of text and widgets, 1 is the normal one", None, *UI_SCALE_RANGE)]
 
 
-@command("window.ui-scale", "UI scale", "size of text and widgets", "Window")
+@command("window.ui-scale", "Size of text", "make text and widgets larger or smaller", "Window")
 def set_ui_scale(session: Session, scale: Scale) -> None:
     session.settings = replace(session.settings, ui_scale=scale)
 
@@ -96,7 +129,7 @@ def set_ui_scale(session: Session, scale: Scale) -> None:
 Title = Annotated[str, Arg("title of the panel", lambda session: session.window.panel_titles)]
 
 
-@command("window.panel", "Panel", "bring a panel to the front, or close it", "Window")
+@command("window.panel", "Show panel", "bring a panel to the front, or close it", "Window")
 def show_panel(session: Session, name: Title, state: State = True) -> None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
     # Those that open on request are closed until then anyway, and open again when they are asked for in another way.

@@ -156,6 +156,11 @@ def start_frame(session: Session, seconds: float, picture_size: tuple[int, int])
         session.view = replace(session.view, camera=camera)
 
 
+def set_unsupported(session: Session, reasons: Mapping[str, str]) -> None:
+    """Precisions that this driver lacks, each with the reason."""
+    session.unsupported = reasons
+
+
 def set_panel_titles(session: Session, titles: tuple[str, ...]) -> None:
     """The window has these panels."""
     session.window.panel_titles = titles

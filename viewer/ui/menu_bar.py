@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.command import Command, Menu
 from viewer.commands.keys import Bindings
+from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.explanations import command_text, value_text
 from viewer.ui.menu_layout import ONLY_TYPED, ORDER
@@ -60,7 +61,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
 def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
     """One entry: a submenu of choices, an item that runs or switches something, or one that opens the palette for its arguments."""
     reason = ui.why_not(command.id)
-    note = _explained(command_text(command, bound), reason)
+    note = explained(command_text(command, bound), reason)
     if command.is_switch:
         _switch(command, note, not reason, bound, ui)
         return
@@ -93,7 +94,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     name = " ".join((command.id, *chosen))
     title = _shown(chosen[-1]) if chosen else command.title
     opened = imgui.begin_menu(f"{title}##{name}", bool(options))
-    ui.rects.note(f"{LABEL}{name}", note if options else _explained(note, "there is none"))
+    ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there is none"))
     if not opened:
         return
     is_last = len(chosen) == needed - 1
@@ -105,7 +106,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
         refusal = parameter.refusal(ui.session, option)
         ticked = option == current
         clicked = imgui.menu_item(f"{_shown(option)}##{name}", "", ticked, not refusal)[0]
-        ui.rects.note(f"{LABEL}{name} {option}", _explained(value_text(option), refusal))
+        ui.rects.note(f"{LABEL}{name} {option}", explained(value_text(option), refusal))
         if clicked:
             ui.emit(command.id, *command.parse((*chosen, option)))
     imgui.end_menu()
@@ -114,8 +115,3 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
 def _shown(option: str) -> str:
     """An option as menus show it: sides of the comparison as `A` and `B`."""
     return option.upper() if option in ("a", "b") else option
-
-
-def _explained(text: str, reason: str) -> str:
-    """What something is, and why it cannot be taken now."""
-    return "\n".join(part for part in (text, f"Not now: {reason}" if reason else "") if part)

@@ -7,7 +7,9 @@ from imgui_bundle import ImVec2, imgui
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
+from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.explanations import value_text
 from viewer.ui.search import best_first, score
 
 WIDTH = 620.0
@@ -29,6 +31,8 @@ class _Row:
     text: str
     note: str = ""
     key: str = ""
+    refusal: str = ""
+    """Why it cannot be taken now; "" where it can."""
 
 
 def _shortened(text: str, width: float) -> str:
@@ -38,6 +42,11 @@ def _shortened(text: str, width: float) -> str:
     while text and imgui.calc_text_size(f"{text}...").x > width:
         text = text[:-1]
     return f"{text.rstrip()}..."
+
+
+def _shown_name(parameter: Parameter) -> str:
+    """The name of a parameter as it is read."""
+    return parameter.name.replace("_", " ")
 
 
 class Palette:
@@ -111,13 +120,15 @@ class Palette:
         if parameter is None:
             bound = bindings(ui.session.settings.keys)
             return tuple(
-                _Row(command.id, command.title, command.help, bound.text(command.id))
+                _Row(command.id, command.title, command.help, bound.text(command.id), ui.why_not(command.id))
                 for command in best_first(self._text, COMMANDS)
             )
         options = parameter.options(ui.session)
         fits = [(score(self._text, option), option) for option in options]
         return tuple(
-            _Row(option, option) for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0)) if fit is not None
+            _Row(option, option, value_text(option), refusal=parameter.refusal(ui.session, option))
+            for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0))
+            if fit is not None
         )
 
     def _field(self, rows: tuple[_Row, ...], ui: UiFrame) -> str | None:
@@ -126,8 +137,8 @@ class Palette:
         if self._command is not None and parameter is not None:
             imgui.text(" ".join((self._command.title, *self._arguments)))
             imgui.same_line()
-            imgui.text_disabled(f"{parameter.name}: {parameter.help}")
-        hint = "find a command" if parameter is None else parameter.default_text or parameter.name
+            imgui.text_disabled(f"{_shown_name(parameter)}: {parameter.help}")
+        hint = "find a command" if parameter is None else parameter.default_text or _shown_name(parameter)
         imgui.set_next_item_width(-1.0)
         if self._focus:
             imgui.set_keyboard_focus_here()
@@ -153,7 +164,7 @@ class Palette:
             self._problem = f"no command has {self._text!r} in it"
             return None
         if not self._text and parameter.default_text is None:
-            self._problem = f"{parameter.name}: {parameter.help}"
+            self._problem = f"{_shown_name(parameter)}: {parameter.help}"
             return None
         return self._text or parameter.default_text or ""
 
@@ -164,14 +175,26 @@ class Palette:
         line = imgui.get_text_line_height_with_spacing()
         imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + 4.0, height)))
         clicked = None
+        moved = imgui.get_io().mouse_delta.x != 0.0 or imgui.get_io().mouse_delta.y != 0.0
+        # One row is marked: the mouse marks what it moves over, as the arrows do.
+        imgui.push_style_color(imgui.Col_.header_hovered, imgui.get_style_color_vec4(imgui.Col_.header))
         for index, row in enumerate(rows):
-            if imgui.selectable(f"##{row.value}", index == self._selected)[0]:
+            is_selected = index == self._selected
+            if not is_selected:
+                imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(0.0, 0.0, 0.0, 0.0))
+            if imgui.selectable(f"##{row.value}", is_selected)[0]:
                 clicked = row.value
-            ui.rects.note(f"{LABEL}{row.value}")
+            if not is_selected:
+                imgui.pop_style_color()
+            if moved and imgui.is_item_hovered():
+                self._selected = index
+            text = row.note if self._command is not None else ""
+            ui.rects.note(f"{LABEL}{row.value}", explained(text, row.refusal) if row.refusal else "")
             if index == self._selected and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
             imgui.same_line(6.0)
-            imgui.text(row.text)
+            write = imgui.text_disabled if row.refusal else imgui.text
+            write(row.text)
             key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0
             if row.note:
                 imgui.same_line()
@@ -179,12 +202,16 @@ class Palette:
             if row.key:
                 imgui.same_line(key_left)
                 imgui.text_disabled(row.key)
+        imgui.pop_style_color()
         imgui.end_child()
         return clicked
 
     def _answer(self, answer: str, ui: UiFrame) -> None:
         """Go on with a command or an argument that was chosen; run the command when it knows all."""
         if self._command is None:
+            if reason := ui.why_not(answer):
+                self._problem = f"{find_command(answer).title}: {reason}"
+                return
             self._command = find_command(answer)
         else:
             parameter = self._parameter

@@ -163,16 +163,28 @@ class WidgetRects:
         return tuple(self._rects)
 
 
-def combo(label: str, current: str, choices: tuple[str, ...], items: WidgetRects) -> str:
-    """A drop-down list; the chosen text."""
+def _allowed(_choice: str) -> str:
+    return ""
+
+
+def combo(
+    label: str,
+    current: str,
+    choices: tuple[str, ...],
+    items: WidgetRects,
+    refusal: Callable[[str], str] = _allowed,
+) -> str:
+    """A drop-down list; the chosen text. `refusal` says why a choice cannot be taken now: it is grey, with that as a tooltip."""
     chosen = current
     opened = imgui.begin_combo(f"##{label}", current)
     items.note(label)
     if opened:
         for choice in choices:
-            if imgui.selectable(choice, choice == current)[0]:
+            reason = refusal(choice)
+            flags = imgui.SelectableFlags_.disabled if reason else 0
+            if imgui.selectable(choice, choice == current, flags)[0]:
                 chosen = choice
-            items.note(f"{label}: {choice}")
+            items.note(f"{label}: {choice}", f"Not now: {reason}" if reason else "")
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
             imgui.close_current_popup()
         imgui.end_combo()

@@ -17,6 +17,13 @@ def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
     return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE
 
 
+def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
+    """Why this driver cannot compute in a precision, by its name; none of those that it supports."""
+    lacking = set(LEVELS) - set(supported_precisions(context))
+    reason = f"{context.info.renderer} has no 16-bit arithmetic in shaders; take fp16, which stores decoders in 16 bits"
+    return {precision: reason for precision in LEVELS if precision in lacking}
+
+
 def precision_defines(
     context: GraphicsContext, precision: Precision, emulated: bool = False
 ) -> dict[str, int | float | str]:

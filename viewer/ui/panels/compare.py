@@ -143,7 +143,9 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
         imgui.same_line()
         imgui.set_next_item_width(0.24 * room)
         shown = "auto" if side in ui.session.requests.precision else slot.precision
-        precision = combo(f"{letter} precision", shown, get_args(PrecisionChoice), ui.rects)
+        lacking = ui.session.unsupported
+        choices = get_args(PrecisionChoice)
+        precision = combo(f"{letter} precision", shown, choices, ui.rects, lambda choice: lacking.get(choice, ""))
         if precision != shown:
             ui.emit("slot.precision", side, precision)
         if path != slot.path:

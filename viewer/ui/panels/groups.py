@@ -9,6 +9,7 @@ from ntc.pack.match import PackMatch
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.background import Background
 from viewer.state.session import Session
+from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import cells, counted, headings
 
@@ -141,9 +142,7 @@ class GroupsPanel:
         row = self._rows[self._chosen]
         imgui.text(quality_text(row))
         ui.rects.note("group PSNR")
-        if imgui.button(f"Train group {row.group}"):
-            ui.emit("training.retrain", str(row.group))
-        ui.rects.note("Train group")
+        command_button(ui, f"Train group {row.group}", "training.retrain", str(row.group), label="Train group")
         distances = self._distances(ui, pack, decoders)
         members = list(row.members)
         if isinstance(distances, GroupDistances):

@@ -10,6 +10,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
+from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, counted
 
@@ -120,12 +121,9 @@ class TrainingForms:
 
     def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
         """A button that runs a command with its values; grey where `command` is None."""
-        imgui.begin_disabled(command is None)
-        clicked = imgui.button(label, ImVec2(-1, 0))
-        imgui.end_disabled()
-        ui.rects.note(label)
-        if clicked and command is not None:
-            ui.emit(*command)
+        name, *values = command or ("training.encode",)
+        missing = "" if command is not None else "something above is not filled in"
+        command_button(ui, label, str(name), *values, missing=missing, size=ImVec2(-1, 0))
 
     @property
     def _k(self) -> str:
