@@ -229,7 +229,7 @@ def _none_under_way(context: Context) -> str:
 def _none_to_decide(context: Context) -> str:
     if context.training.saving:
         return "the pack is being written"
-    return "" if context.training.log.undecided is not None else "there is no finished run to decide about"
+    return "" if context.training.log.undecided is not None else "no finished run waits to be accepted or discarded"
 
 
 @command(

@@ -33,6 +33,7 @@ COMMAND_OF: Final = {
     "materials": "materials.next",
     "Frame all": "camera.frame-all",
     "Open": "file.open",
+    "Open...": "file.open",
     "help": "help.keys",
     "Pause": "training.pause",
     "Resume": "training.resume",
