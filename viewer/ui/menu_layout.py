@@ -43,7 +43,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
     "Overlay": (
         ("overlay.toggle", "overlay.kind"),
         ("overlay.block", "overlay.next-block"),
-        ("overlay.palette", "overlay.next-palette", "overlay.opacity"),
+        ("overlay.palette", "overlay.next-palette", "overlay.scale", "overlay.opacity"),
     ),
     "Train": (
         ("training.encode",),
@@ -53,10 +53,11 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("training.ahead",),
     ),
     "Window": (
-        ("window.panels", "window.panel"),
+        ("window.panels", "window.panel", "log.panel"),
         ("window.theme", "window.ui-scale", "window.layout-reset"),
     ),
     "Help": (
+        ("help.first-steps",),
         ("help.keys", "help.glossary"),
         ("help.palette",),
     ),
@@ -80,6 +81,7 @@ ONLY_TYPED: Final = frozenset(
         "training.show",
         "view.magnify",
         "window.close",
+        "window.dismiss",
     }
 )
 """Commands for scripts, keys and the palette: panels or the mouse do the same."""
