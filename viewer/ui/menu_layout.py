@@ -53,7 +53,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("training.ahead",),
     ),
     "Window": (
-        ("window.panels", "window.panel", "log.panel"),
+        ("window.panels", "window.column", "window.panel", "window.stack", "log.panel"),
         ("window.theme", "window.ui-scale", "window.layout-reset"),
     ),
     "Help": (
