@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 from PIL.WebPImagePlugin import WebPImageFile
 
@@ -97,6 +98,21 @@ def test_a_script_that_waits_draws_what_changes_alone(app: DrivenApp) -> None:
     frames = 0
     play(app, "camera.turntable", "wait seconds 0.4", "camera.stop")
     assert frames > SETTLING_FRAMES
+
+
+def test_keys_and_clicks_that_come_at_once_are_all_taken(app: DrivenApp) -> None:
+    io = imgui.get_io()
+    for _ in range(5):
+        io.add_key_event(imgui.Key.h, True)
+        io.add_key_event(imgui.Key.h, False)
+    play(app, "wait settled", "expect panels off", "key H", "wait settled")
+    place = app.widgets.centre("flicker")
+    io.add_mouse_pos_event(*place)
+    for _ in range(3):
+        io.add_mouse_button_event(0, True)
+        io.add_mouse_button_event(0, False)
+    play(app, "wait settled")
+    assert app.session.window.flickers
 
 
 def test_waiting_for_a_run_that_never_began(app: DrivenApp) -> None:

@@ -275,7 +275,9 @@ class Frontend:
         encoded, computed = self._formats.take_news(), self.interface.background.take_news()
         # Kept until a frame shows it, whoever asks first.
         self._news = self._news or encoded or computed
-        found = self._news or self.interface.is_settling(session)
+        # ImGui takes one press or release of a key or button in a frame, however many came at once.
+        queued = not imgui.get_current_context().input_events_queue.empty()
+        found = self._news or queued or self.interface.is_settling(session)
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
