@@ -53,8 +53,8 @@ def test_filtering_asks_for_every_word_in_name_or_category() -> None:
 
 
 def test_sorting_puts_unknown_values_last_both_ways() -> None:
-    assert [row.texture_id for row in ordered(rows(), "PSNR", False)] == [2, 0, 1, 3]
-    assert [row.texture_id for row in ordered(rows(), "PSNR", True)] == [0, 2, 1, 3]
+    assert [row.texture_id for row in ordered(rows(), "mip 0 dB", False)] == [2, 0, 1, 3]
+    assert [row.texture_id for row in ordered(rows(), "mip 0 dB", True)] == [0, 2, 1, 3]
     assert [row.texture_id for row in ordered(rows(), "name", False)] == [3, 2, 0, 1]
     assert [row.texture_id for row in ordered(rows(), "size", True)] == [3, 0, 1, 2]
     assert [row.texture_id for row in ordered(rows(), "group", False)] == [1, 0, 2, 3]
@@ -138,6 +138,7 @@ def test_groups_and_their_distances(scene: Scene) -> None:
     retrained = group_rows(pack, match, (older, match))
     assert [row.before_db for row in retrained] == [pytest.approx(25.0)] * 2
     assert quality_text(retrained[1]) == "PSNR of mip 0: 25.00 -> 31.00 dB"
+    assert quality_text(replace(second, before_db=31.0)) == "PSNR of mip 0: 31.00 dB, as before"
     assert quality_text(second) == "PSNR of mip 0: 31.00 dB"
     unmeasured = replace(pack, textures=(replace(pack.textures[0], psnr_db=None), *pack.textures[1:]))
     assert group_rows(unmeasured, match)[0].psnr_db is None

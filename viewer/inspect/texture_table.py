@@ -10,7 +10,7 @@ from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
 
-TextureColumn = Literal["name", "size", "category", "group", "PSNR", "bits/texel", "on GPU"]
+TextureColumn = Literal["name", "size", "category", "group", "mip 0 dB", "bits/texel", "on GPU"]
 COLUMNS: tuple[TextureColumn, ...] = get_args(TextureColumn)
 
 
@@ -40,7 +40,7 @@ class TextureRow:
             "size": self.width * self.height,
             "category": self.category.casefold() or None,
             "group": self.group if self.group >= 0 else None,
-            "PSNR": self.psnr_db,
+            "mip 0 dB": self.psnr_db,
             "bits/texel": self.bits_per_texel,
             "on GPU": self.gpu_bytes,
         }

@@ -164,7 +164,7 @@ class FlatWindow:
             return _Side(flat, about)
         quality = "sizes differ"
         if flat.psnr_db is not None:
-            quality = "equal" if math.isinf(flat.psnr_db) else f"{flat.psnr_db:.2f} dB"
+            quality = "equal" if math.isinf(flat.psnr_db) else f"PSNR of mip 0 {flat.psnr_db:.2f} dB"
         against = " against the original made as small" if flat.reduced else ""
         return _Side(flat, f"{about}, {quality}{against}")
 

@@ -7,7 +7,8 @@ FIGURES: Final = {
     "PSNR": "Peak signal-to-noise ratio, dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
     "SSIM": "Structural similarity, at most 1: 1 is equal.",
     "FLIP": "How different the two look when you flip between them, 0 to 1: 0 is equal.",
-    "PSNR dB": "Peak signal-to-noise ratio against the original images, dB, over the pixels that show the scene: higher is better.",
+    "PSNR seen dB": "Peak signal-to-noise ratio of the picture against one of the original images, dB, over the pixels that show the "
+    "scene: higher is better.",
     "divergence score": "Mean over all blocks of the decoders that a block needs beyond its first: 0 is best.",
     "score": "Mean over all blocks of the decoders that a block needs beyond its first: 0 is best.",
     "excess": "Sum over all blocks of the decoders that a block needs beyond its first: 0 is best.",
@@ -36,13 +37,11 @@ FIGURES: Final = {
     "column size": "Width x height of the original, in texels. Click to sort.",
     "column category": "What the texture shows, as far as its name tells. Click to sort.",
     "column group": "Number of the group: textures of one group share a decoder. Click to sort.",
-    "column PSNR": "PSNR of the largest mip against the original, dB, as it was measured when it was encoded: higher is better. "
-    "Click to sort.",
     "column bits/texel": "Bits of latents, all mips, for each texel of the original. Click to sort.",
     "column on GPU": "Latents of this texture that are on the GPU now, in kilobytes. Click to sort.",
     "column members": "Textures of the group. Click to sort.",
-    "column mip 0 dB": "PSNR in dB of the mean square error of the largest mip of its textures, as training reports it: "
-    "higher is better. Click to sort.",
+    "column mip 0 dB": "PSNR in dB of mip 0, the largest, against the original, as measured when it was encoded: higher is better. "
+    "Of a group: of the mean square error of its textures, as training reports it. Click to sort.",
     "map legend": "What the map over the picture shows, and which colour stands for how much.",
     "column worst dB": "Lowest PSNR of the largest mip of its textures, dB. Click to sort.",
     "group PSNR": "PSNR in dB of the mean square error of the largest mip of the group's textures: higher is better. "

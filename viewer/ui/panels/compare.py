@@ -36,7 +36,7 @@ def figures_state(ui: UiFrame) -> str:
         return "not while training"
     if live.comparison is None:
         return live.problem or "when the picture rests"
-    return "of this view" if live.is_current else "of an earlier view"
+    return "as seen in this view" if live.is_current else "as seen in an earlier view"
 
 
 def draw_flicker(ui: UiFrame) -> None:
@@ -235,12 +235,12 @@ def _figures(ui: UiFrame) -> None:
         imgui.table_setup_column(heading)
     headings(("##figure", "A", "B"), ui.rects)
     rows: dict[str, list[str]] = {
-        name: [] for name in ("shows", "PSNR dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
+        name: [] for name in ("shows", "PSNR seen dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
     }
     for side, slot in ui.session.view.slots.items():
         figure = ui.session.inspection.measurements.get(side)
         rows["shows"].append(figure.source if figure else "-")
-        rows["PSNR dB"].append(f"{figure.psnr_db:.2f}" if figure and figure.psnr_db is not None else "-")
+        rows["PSNR seen dB"].append(f"{figure.psnr_db:.2f}" if figure and figure.psnr_db is not None else "-")
         divergence = figure.divergence if figure else None
         rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
         rows["excess"].append(str(divergence.excess) if divergence else "-")

@@ -25,8 +25,9 @@ def _decibels(value: float | None) -> str:
 
 def quality_text(row: GroupRow) -> str:
     """The PSNR of a group, and before it what it was in the pack that this one replaced, where that is known."""
-    before = "" if row.before_db is None else f"{row.before_db:.2f} -> "
-    return f"PSNR of mip 0: {before}{_decibels(row.psnr_db)} dB"
+    before = "" if row.before_db in (None, row.psnr_db) else f"{_decibels(row.before_db)} -> "
+    same = ", as before" if row.before_db is not None and row.before_db == row.psnr_db else ""
+    return f"PSNR of mip 0: {before}{_decibels(row.psnr_db)} dB{same}"
 
 
 def replaced_source(session: Session, source: str) -> str | None:

@@ -64,7 +64,7 @@ class MemoryPanel:
             imgui.set_clipboard_text(self.text())
         ui.rects.note("copy memory")
         imgui.same_line()
-        imgui.text_disabled("ratios: to RGBA8 with mips of the same size")
+        imgui.text_disabled("ratio to RGBA8 at equal size")
         for note in self._notes:
             imgui.text_wrapped(note)
             ui.rects.note("encoded smaller")

@@ -23,7 +23,7 @@ WIDTHS: dict[TextureColumn, float] = {
     "size": 5.6,
     "category": 5.5,
     "group": 3.0,
-    "PSNR": 3.6,
+    "mip 0 dB": 4.2,
     "bits/texel": 4.0,
     "on GPU": 4.5,
 }
