@@ -35,5 +35,6 @@ def data_folder() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Tests neither read nor fill the user's cache."""
+    """Tests neither read nor fill the user's cache and data."""
+    os.environ["NTC_VIEWER_DATA_DIR"] = str(tmp_path_factory.mktemp("data"))
     os.environ["NTC_VIEWER_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))

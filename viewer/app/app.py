@@ -9,10 +9,12 @@ from viewer.app.frontend import Frontend
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
+from viewer.locations import kept_runs_folder
 from viewer.script.parse import Script
 from viewer.script.play import play_script
 from viewer.script.stage import Turn
 from viewer.state.session import Session
+from viewer.training.kept_runs import KeptRuns
 from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
@@ -22,10 +24,13 @@ class App:
 
     prepares_ahead = False
     """Whether a person may ask for an encoding at any moment; scripts and tests would start processes for nothing."""
+    keeps_runs = False
+    """Whether runs that nobody has decided about are kept in the user's data folder."""
 
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
-        self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text)
+        kept = KeptRuns(kept_runs_folder()) if self.keeps_runs else None
+        self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text, kept)
         self.training = self.context.training
         self.frontend = Frontend(graphics, self.context, self.prepares_ahead)
         self._appearance = Appearance()

@@ -57,6 +57,7 @@ class WindowApp(App):
     """A session in a window, which is opened anew where its OpenGL context is lost."""
 
     prepares_ahead = True
+    keeps_runs = True
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()

@@ -11,6 +11,7 @@ from viewer.commands import (
     compare,
     errors,
     files,
+    kept_runs,
     leaving,
     materials,
     motion,
@@ -24,7 +25,7 @@ from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, leaving, training, window)
+_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, leaving, training, kept_runs, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""

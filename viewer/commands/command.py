@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 from ntc.errors import InputError
 from viewer.state.event_handlers import apply_event
 from viewer.state.session import Session
+from viewer.training.kept_runs import KeptRuns
 from viewer.training.live_training import LiveTraining
 
 Menu = Literal["File", "Edit", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
@@ -22,10 +23,14 @@ class Context:
     """What commands change, and what they use for it."""
 
     def __init__(
-        self, session: Session, read_clipboard: Callable[[], str] = str, write_clipboard: Callable[[str], object] = len
+        self,
+        session: Session,
+        read_clipboard: Callable[[], str] = str,
+        write_clipboard: Callable[[str], object] = len,
+        kept: KeptRuns | None = None,
     ) -> None:
-        """Without a clipboard, an empty one is read and what is written is lost."""
-        self.session, self.training = session, LiveTraining(partial(apply_event, session))
+        """Without a clipboard, an empty one is read and what is written is lost; without `kept`, so are undecided runs."""
+        self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.following: list[tuple[str, tuple[Any, ...]]] = []
         """(id, values) of commands that run after the one that asks for them here."""

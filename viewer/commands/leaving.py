@@ -10,7 +10,8 @@ from viewer.commands.command import Context, command, gesture
 from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.session import Session
-from viewer.training.live_training import Decision
+from viewer.training.live_training import Decision, LiveTraining
+from viewer.training.preparation import job_title
 
 KEEP, DISCARD = "Keep", "Discard"
 
@@ -20,7 +21,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
 
     `before` says what is about to be done. The command is run with `values` and the decision once that is known.
     """
-    lines = context.training.undecided_lines()
+    lines = _undecided(context.training)
     if not lines:
         return False
     scene = context.session.scene
@@ -37,6 +38,17 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
     )
     ask(context.session, Question(f"{scene.name}: keep the {few} before {before}?", text, choices))
     return True
+
+
+def _undecided(training: LiveTraining) -> tuple[str, ...]:
+    """One line for each run that leaving the scene would end or leave undecided."""
+    lines = []
+    for run in training.log.undecided_runs:
+        quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
+        lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
+    if training.active is not None:
+        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way")
+    return tuple(lines)
 
 
 def ask(session: Session, question: Question) -> None:

@@ -63,6 +63,10 @@ class KeptRun:
         today = time.localtime()[:3] == then[:3]
         return time.strftime("%H:%M" if today else "%Y-%m-%d %H:%M", then)
 
+    def is_of(self, path: Path | None) -> bool:
+        """Whether it was made of the scene in that file."""
+        return path is not None and self.scene_path == str(path.resolve())
+
     @property
     def line(self) -> str:
         """`Bistro run 2, 12:31`."""

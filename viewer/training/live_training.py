@@ -25,6 +25,7 @@ from viewer.training.preparation import EncodeScene, TrainingJob, job_title, pre
 from viewer.training.run_keeper import RunKeeper, accepted
 from viewer.training.run_log import Curves, Run, RunLog
 from viewer.training.settings import TrainingSettings
+from viewer.training.waiting_runs import WaitingRuns
 
 SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""
@@ -44,6 +45,8 @@ class LiveTraining:
         """`emit` receives messages, and packs as they are trained; undecided runs outlive the program in `kept`."""
         self._emit = emit
         self._keeper = RunKeeper(kept, emit)
+        self.waiting = WaitingRuns(kept)
+        """Runs that windows before this one have left."""
         self.log = RunLog()
         """Ended runs of the scene."""
         self.active: ActiveRun | None = None
@@ -112,6 +115,19 @@ class LiveTraining:
         self._scene = scene
         if was_under_way:
             self._emit(Notification("the training ended, because another scene was opened"))
+        if line := self.waiting.look(scene):
+            self._emit(Notification(line))
+
+    def adopt(self, key: str, scene: Scene) -> str:
+        """Make a waiting run one of this scene's, and open its pack; returns its name. Raises InputError."""
+        self.enter(scene)
+        if self.active is not None:
+            raise InputError("training: one is under way; wait for its end, or cancel it first (training.cancel)")
+        run = self.waiting.adopted(key, self.log.next_number, scene)
+        self._keeper.take_over(run, key)
+        self.log.add(run)
+        self._emit(PackUpdated(run.name, run.pack) if run.pack is not None else PackClosed(run.name))
+        return run.name
 
     def prepare_ahead(self, scene: Scene) -> None:
         """Start the process, and prepare the encoding that a scene without a pack is offered, so that it begins at once when it is
@@ -199,13 +215,6 @@ class LiveTraining:
     def _require_not_saving(self) -> None:
         if self.saving:
             raise InputError("training: the pack is being written already")
-
-    def undecided_lines(self) -> tuple[str, ...]:
-        """One line for each run that leaving the scene would end or leave undecided; empty where there is none."""
-        lines = [f"{run.name}: {run.title}, {run.outcome}{_quality(run)}" for run in self.log.undecided_runs]
-        if self.active is not None:
-            lines.append(f"{self.active.name}: {job_title(self.active.job)}, under way")
-        return tuple(lines)
 
     def leave_scene(self, decision: Decision) -> None:
         """End the run under way as far as it is, and decide about all runs: the scene is about to be closed.
@@ -364,7 +373,8 @@ class LiveTraining:
             self.log.choose_undecided()
             self._emit(PackUpdated(run.name, saved.pack, frozenset(), run.pack))
             self._emit(PackRenamed(run.name, name))
-        self._keeper.leave(self.log.first_number)
+        if self._keeper.leave(self.log.first_number) and self._scene is not None:
+            self.waiting.look(self._scene)
 
     def _abandon(self, preparation: Job[TrainingRequest]) -> None:
         """The thread of `preparation` may be using the worker: both are left to end, and there is a new worker."""
@@ -388,7 +398,3 @@ class LiveTraining:
         self._ahead.end()
         self._worker.close()
         self.active = None
-
-
-def _quality(run: Run) -> str:
-    return f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""

@@ -95,9 +95,11 @@ class RunKeeper:
             write = partial(save_pack, path, run.pack, opened, written)
         self._add(_Task(run, scene, write))
 
-    def take_over(self, number: int, key: str) -> None:
-        """The run of this number is the one at `key` in the data folder, which this window has claimed."""
-        self._keys[number] = key
+    def take_over(self, run: Run, key: str) -> None:
+        """The run is the one at `key` in the data folder, which this window has claimed."""
+        self._keys[run.number] = key
+        if run.pack is not None:
+            self._packs[run.number] = run.pack
 
     def forget(self, number: int) -> None:
         """A run was decided: nothing of it stays in the data folder."""
@@ -105,12 +107,17 @@ class RunKeeper:
         self._forgotten.add(number)
         self._remove_forgotten()
 
-    def leave(self, first: int | None = None) -> None:
-        """Leave what is kept of runs before number `first` to whichever window asks for it; nothing while anything is written."""
+    def leave(self, first: int | None = None) -> bool:
+        """Leave what is kept of runs before number `first` to whichever window asks for it, unless anything is being written.
+
+        Whether there was any.
+        """
         if self.busy or self.kept is None:
-            return
-        for number in [number for number in self._keys if first is None or number < first]:
+            return False
+        left = [number for number in self._keys if first is None or number < first]
+        for number in left:
             self.kept.release(self._keys.pop(number))
+        return bool(left)
 
     def take_saved(self) -> tuple[Saved, ...]:
         """Accepted runs that have been written since the last call, or could not be."""

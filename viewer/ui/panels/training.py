@@ -9,6 +9,7 @@ from viewer.training.preparation import job_title
 from viewer.training.run_log import Run
 from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
+from viewer.ui.panels.kept_runs import draw_kept_runs
 from viewer.ui.panels.training_curves import TrainingCurves
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings
@@ -39,6 +40,7 @@ class TrainingPanel:
             names = [texture.name for texture in run.request.textures] if run.request is not None else []
             self._curves.draw(run.curves, names, run.codec_kind, ui)
         else:
+            draw_kept_runs(ui)
             if ui.training.log.undecided is not None:
                 self._decision(ui, ui.training.log.undecided_run())
                 imgui.separator()
@@ -176,6 +178,11 @@ class EncodeOffer:
         if imgui.begin("##offer", None, flags)[0]:
             settings = TrainingSettings()
             imgui.text("This scene has no pack.")
+            kept = ui.training.waiting.of(ui.session.scene)
+            if kept and imgui.button(f"Open what was kept back at {kept[0].clock}"):
+                ui.emit("training.kept-back", "open", ui.training.waiting.runs.index(kept[0]) + 1)
+            if kept:
+                ui.rects.note("Open what was kept back")
             imgui.text_disabled(
                 f"{settings.texture_size} texels, {settings.bits:g} bits each; more in the panel Training"
             )
