@@ -130,7 +130,7 @@ def test_other_windows_are_explained(app: DrivenApp) -> None:
     app.settle()
     missing = unexplained(app.widgets)
     app.run("texture.close-flat")
-    for command in ("help.keys", "help.palette"):
+    for command in ("help.keys", "help.palette", "file.open", "help.first-steps"):
         app.run(command)
         app.settle()
         missing |= unexplained(app.widgets)

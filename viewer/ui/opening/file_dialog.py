@@ -213,14 +213,13 @@ class FileDialog:
             path = Path(name)
             if imgui.selectable(f"{path.name}##{name}", False)[0]:
                 chosen = path
-            ui.rects.note(f"{LABEL}recent {path.name}")
-            imgui.set_item_tooltip(name)
+            ui.rects.note(f"{LABEL}recent {path.name}", f"Open {name}")
         imgui.separator()
         imgui.text_disabled("Built in")
         for name in BUILTIN_SCENES:
             if imgui.selectable(f"{name}##built in", False)[0]:
                 chosen = builtin_scene_path(name)
-            ui.rects.note(f"{LABEL}{name}")
+            ui.rects.note(f"{LABEL}{name}", "Open this scene, which comes with the program.")
         return chosen
 
     def _list(self, entries: Sequence[FolderEntry], ui: UiFrame) -> Path | None:
@@ -236,14 +235,14 @@ class FileDialog:
         imgui.table_next_column()
         if imgui.selectable("../", False, flags)[0]:
             chosen = self._folder.parent
-        ui.rects.note(f"{LABEL}../")
+        ui.rects.note(f"{LABEL}../", f"Go up to {self._folder.parent}")
         imgui.table_next_row()
         for index, entry in enumerate(entries):
             imgui.table_next_column()
             if imgui.selectable(f"{entry.name}##{index}", index == self._selected, flags)[0]:
                 self._selected = index
                 chosen = entry.path if doubly or entry.kind == "folder" else chosen
-            ui.rects.note(f"{LABEL}{entry.name}")
+            ui.rects.note(f"{LABEL}{entry.name}", str(entry.path))
             if self._scroll and index == self._selected:
                 imgui.set_scroll_here_y(0.5)
                 self._scroll = False
