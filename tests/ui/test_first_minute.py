@@ -1,4 +1,4 @@
-"""The first minute: the card of first steps, and flying at a speed that fits the place, shown while it changes."""
+"""The first minute: the card of first steps, the first view of a scene, and flying at a speed that fits the place."""
 
 import time
 from pathlib import Path
@@ -8,9 +8,14 @@ import pytest
 from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import run_window
+from tests.support.gltf_builder import GltfBuilder, png
+from tests.ui.conftest import run_window, write_scene
+from viewer.scene.model import Camera
+from viewer.state.camera import frame_all
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
 
+TILES = 8
+"""Along each wall of the court."""
 CLOSED_AT_ONCE = "wait frames 3; expect label 'Got it'; click 'Got it'; wait frames 2; window.close"
 
 
@@ -119,3 +124,79 @@ def test_letters_that_are_typed_do_not_fly(app: DrivenApp) -> None:
     app.settle()
     hold(app, imgui.Key.w, 3)
     assert app.session.view.camera == before
+
+
+def square(corner: tuple[float, float, float], right: tuple[float, ...], up: tuple[float, ...]) -> np.ndarray:
+    """[6, 3] float32: two triangles, seen from the side to which right x up points."""
+    a, u, v = (np.array(vector, np.float32) for vector in (corner, right, up))
+    return np.array([a, a + u, a + u + v, a, a + u + v, a + v], np.float32)
+
+
+def courtyard(folder: Path) -> Path:
+    """A court of many textures within four walls, and a plain far away, which makes all of it a speck from afar."""
+    builder, random, drawn = GltfBuilder(), np.random.default_rng(3), []
+    uvs = square((0, 0, 0), (1, 0, 0), (0, 1, 0))[:, :2]
+    sides = (
+        ((-4.0, 0.0, -4.0), (8.0, 0.0, 0.0)),
+        ((4.0, 0.0, -4.0), (0.0, 0.0, 8.0)),
+        ((4.0, 0.0, 4.0), (-8.0, 0.0, 0.0)),
+        ((-4.0, 0.0, 4.0), (0.0, 0.0, -8.0)),
+    )
+    places = [square((-4.0, 0.0, 4.0), (8.0, 0.0, 0.0), (0.0, 0.0, -8.0))]
+    for corner, along in sides:
+        step = np.array(along) / TILES
+        places += [
+            square(tuple(np.array(corner) + step * number), tuple(step), (0.0, 3.0, 0.0)) for number in range(TILES)
+        ]
+    places.append(square((120.0, -30.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    for number, positions in enumerate(places):
+        pixels = random.integers(0, 256, (8, 8, 3)).astype(np.uint8)
+        material = builder.material(builder.image(png(pixels), name=f"tile {number}"))
+        drawn.append(builder.triangle(material, POSITION=positions, TEXCOORD_0=uvs))
+    return builder.drawn(*drawn).write(folder / "court.glb")
+
+
+def searched(app: DrivenApp) -> None:
+    """Draw until the search has ended."""
+    deadline = time.monotonic() + 60.0
+    while app.session.requests.first_view and time.monotonic() < deadline:
+        app.frame()
+    assert not app.session.requests.first_view
+
+
+def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:
+    app.drop(write_scene(tmp_path, seed=21))
+    searched(app)
+    assert app.session.view.camera == frame_all(app.session.scene.bounds, app.session.settings.fov_degrees)
+    assert not any("looking" in toast.text for toast in app.session.window.toasts)
+
+
+def test_a_place_is_found_in_a_scene_that_is_a_speck_from_afar(app: DrivenApp, tmp_path: Path) -> None:
+    app.drop(courtyard(tmp_path))
+    assert any("looking for a better place" in toast.text for toast in app.session.window.toasts)
+    searched(app)
+    camera, renderer = app.session.view.camera, app.frontend.picture.renderer
+    assert camera.name == "first view"
+    assert app.session.bookmarks["first view"] == camera
+    assert renderer is not None
+    overview = renderer.texture_ids_from(frame_all(app.session.scene.bounds), (160, 90))
+    found = renderer.texture_ids_from(camera, (160, 90))
+    assert (found >= 0).mean() > 4 * (overview >= 0).mean()
+    assert len(np.unique(found)) > 8
+
+
+def test_a_camera_that_was_moved_stays(app: DrivenApp, tmp_path: Path) -> None:
+    app.open_files([courtyard(tmp_path)])
+    app.frame()
+    app.run("camera.set", Camera("free", (0.0, 2.0, 0.0), (0.0, 2.0, -1.0)))
+    searched(app)
+    assert app.session.view.camera.eye == (0.0, 2.0, 0.0)
+
+
+def test_looking_from_elsewhere_leaves_the_picture(app: DrivenApp) -> None:
+    app.settle()
+    before, renderer = app.screenshot(), app.frontend.picture.renderer
+    assert renderer is not None
+    renderer.texture_ids_from(Camera("aside", (0.0, 0.0, 9.0), (0.0, 0.0, 0.0)), (64, 36))
+    app.frame(2)
+    np.testing.assert_array_equal(app.screenshot(), before)

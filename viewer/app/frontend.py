@@ -37,6 +37,7 @@ from viewer.state.event_handlers import (
 )
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.user_interface import SETTLING_FRAMES, UserInterface
+from viewer.viewpoints.first_view import FirstView
 
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
 RECORDING_SECONDS = 0.25
@@ -66,6 +67,7 @@ class Frontend:
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
         self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._writer = PictureWriter(graphics, session, self.picture)
+        self._first_view = FirstView(self.interface.background, emit)
         self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics), emit)
         self._recorded_at = -math.inf
         self._formats = FormatEncoding(blocks_cache(), emit)
@@ -157,7 +159,8 @@ class Frontend:
 
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
-        return not (self._frame_is_due(size) or self.picture.is_coarse() or self._is_searching)
+        seeks = self.session.requests.first_view and self.picture.is_open
+        return not (self._frame_is_due(size) or self.picture.is_coarse() or self._is_searching or seeks)
 
     @property
     def _is_searching(self) -> bool:
@@ -194,6 +197,7 @@ class Frontend:
         session = self.session
         try:
             self.picture.draw(size)
+            self._look_for_first_view(size)
             if session.requests.measure:
                 finish_measurement(session, self.reader.measurements())
             self._compare(size)
@@ -205,6 +209,12 @@ class Frontend:
             notify(session, line, "error", str(error))
             if session.requests.measure:
                 finish_measurement(session, None)
+
+    def _look_for_first_view(self, size: tuple[int, int]) -> None:
+        """In a scene without cameras, go on looking for a place to begin with, once all of it is on screen."""
+        renderer, session = self.picture.renderer, self.session
+        if renderer is not None and self.picture.is_open and not self.picture.is_undrawable(size):
+            self._first_view.step(session, renderer.texture_ids_from)
 
     def _prepare_ahead(self) -> None:
         """Once a scene without a pack is drawn, prepare the encoding that it is offered."""
@@ -281,4 +291,5 @@ class Frontend:
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
+        requested = requested or self._first_view.is_due(session)
         return found or self.picture.is_due(room) or (requested and not self.picture.is_undrawable(room))

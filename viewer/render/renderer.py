@@ -340,14 +340,16 @@ class Renderer:
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; draws the visibility buffer and nothing else."""
+        """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; the last view stays."""
         view = ViewState(camera=camera, size=size)
-        self._view = None
-        self._draw_visibility(view, self._targets_for(view))
-        self._view = view
-        self._timer.take()
-        self._scheduler.take_skipped()
-        return self.texture_ids()
+        target = VisibilityTarget(self._context, size, surface_content(view, self._scene_buffers))
+        try:
+            self._drawer.draw(camera, target)
+            return target.texture_ids()
+        finally:
+            target.release()
+            self._timer.take()
+            self._scheduler.take_skipped()
 
     @property
     def visibility(self) -> VisibilityTarget:

@@ -147,6 +147,22 @@ def _reverted(event: events.Reverted, session: Session) -> None:
     inspection.measurements, inspection.selected_texture, inspection.flat_texture = {}, None, None
 
 
+@_apply.register
+def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
+    if event.scene is not session.scene:
+        return
+    session.requests.first_view = False
+    if event.camera is None:
+        return
+    session.view = replace(session.view, camera=event.camera)
+    bookmarks = {**session.bookmarks, event.camera.name: event.camera}
+    session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
+    notify(
+        session,
+        f"looking from within {session.scene.name}; F shows all of it, and the bookmark {event.camera.name!r} this place",
+    )
+
+
 def start_frame(session: Session, seconds: float, picture_size: tuple[int, int]) -> None:
     """A frame begins `seconds` after the last one; panels leave `picture_size` (width, height) pixels to the picture."""
     session.window.picture_size = picture_size

@@ -10,7 +10,7 @@ from ntc.codec.config import Precision
 from ntc.codec.model import Pack
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
-from viewer.scene.model import Scene
+from viewer.scene.model import Camera, Scene
 from viewer.state.message_log import MessageKind
 from viewer.state.view_state import Side, ViewState
 
@@ -101,8 +101,18 @@ class Reverted:
     view: ViewState
 
 
+@dataclass(frozen=True, eq=False)
+class FirstViewFound:
+    """The first view of a scene that has no cameras was looked for."""
+
+    scene: Scene
+    camera: Camera | None
+    """None: all of the scene stays in view."""
+
+
 Event = (
     Notification
+    | FirstViewFound
     | PackUpdated
     | PackChangesTaken
     | PackClosed

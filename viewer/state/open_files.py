@@ -70,6 +70,7 @@ def new_session(
     block_format = named_format(initial.grouping)
     if block_format is not None:
         session.requests.formats = {"a": block_format}
+    session.requests.first_view = not scene.cameras
     if problem is not None:
         notify(session, str(problem), "error", details_of(problem))
     if scene.path is not None:
@@ -141,7 +142,7 @@ def _open_scene(session: Session, path: Path) -> None:
     session.view = _initial_view(scene, packs, session.settings, before)
     session.navigation.motion = None
     session.previous_views = {}
-    session.requests.precision = frozenset()
+    session.requests.precision, session.requests.first_view = frozenset(), not scene.cameras
     session.compressed, session.requests.formats = {}, {}
     session.inspection = InspectionState(errors=session.inspection.errors)
     _remember(session, path)

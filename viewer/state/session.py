@@ -196,6 +196,8 @@ class Requests:
     """Block formats that slots are to show once the textures have been encoded."""
     precision: frozenset[Side] = frozenset()
     """Slots that are to get the cheapest precision that does not show."""
+    first_view: bool = False
+    """A place in the scene is to be found that shows more than a view of all of it."""
     raised_panel: str | None = None
     """The panel that is to come to the front."""
     reset_layout: bool = False

@@ -1,0 +1,123 @@
+"""The first view of a scene without cameras: all of it, unless a place in it shows much more of its textures.
+
+All of a town is a speck. So while that is on screen, places are sampled beside the frames and looked from, one a frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from viewer.jobs.background import Background
+from viewer.jobs.job import Job
+from viewer.scene.model import Camera, Scene
+from viewer.state.camera import frame_all
+from viewer.state.events import EmitEvent, FirstViewFound, Notification
+from viewer.state.session import Session
+from viewer.viewpoints.candidates import Candidate, CandidateSampler, ViewpointConfig, orbit
+from viewer.viewpoints.choice import CandidateRenderer, CandidateView, DrawTextureIds, ViewCriteria, choose
+from viewer.viewpoints.surfaces import Surfaces
+
+WALKING, CLOSE, AROUND = 6, 3, 3
+"""Places at eye height, close to surfaces and around the scene that are looked from."""
+ENOUGH = ViewCriteria(least_covered=0.03, most_of_one=1.0, least_textures=1)
+"""What all of the scene must show to be the first view, besides ENOUGH_TEXTURES."""
+ENOUGH_TEXTURES = 0.6
+"""Share of the scene's textures."""
+TARGET_DISTANCE = 4.0
+"""Of the point that the found camera turns about, in eye heights."""
+CONFIG = ViewpointConfig(count=1)
+
+
+class FirstView:
+    """Looks for the first view while the session asks for one."""
+
+    def __init__(self, background: Background, emit: EmitEvent) -> None:
+        self._background, self._emit = background, emit
+        self._scene: Scene | None = None
+        self._overview: CandidateView | None = None
+        self._waiting: Sequence[Candidate] | None = None
+        """Places that are still to be looked from; None until they are known."""
+        self._views: list[CandidateView] = []
+
+    def is_due(self, session: Session) -> bool:
+        """Whether `step` would do something."""
+        if not session.requests.first_view:
+            return False
+        begun = self._scene is session.scene and self._overview is not None and self._waiting is None
+        return not begun or self._job(session.scene).done
+
+    def step(self, session: Session, draw_ids: DrawTextureIds) -> None:
+        """Go on looking: few small pictures are drawn by `draw_ids`. What goes wrong ends the search, and is raised."""
+        try:
+            self._step(session, draw_ids)
+        except BaseException:
+            self._emit(FirstViewFound(session.scene, None))
+            raise
+
+    def _step(self, session: Session, draw_ids: DrawTextureIds) -> None:
+        scene, camera = session.scene, session.view.camera
+        if not session.requests.first_view:
+            self._scene = None
+            return
+        if self._scene is not scene:
+            self._scene, self._overview, self._waiting, self._views = scene, None, None, []
+        overview = frame_all(scene.bounds, session.settings.fov_degrees)
+        if camera != overview:
+            # Somebody has moved it: where to, is as wanted.
+            self._emit(FirstViewFound(scene, None))
+            return
+        drawer = CandidateRenderer(draw_ids, CONFIG.size, scene)
+        if self._overview is None:
+            self._look_at_all(scene, overview, draw_ids)
+        elif self._waiting is None:
+            job = self._job(scene)
+            if job.done:
+                self._waiting = [] if job.problem else job.result()
+        elif self._waiting:
+            self._views += drawer.views(self._waiting[:1])
+            self._waiting = self._waiting[1:]
+        else:
+            self._emit(FirstViewFound(scene, self._best(scene, drawer)))
+
+    def _job(self, scene: Scene) -> Job[list[Candidate]]:
+        return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
+
+    def _look_at_all(self, scene: Scene, camera: Camera, draw_ids: DrawTextureIds) -> None:
+        """Stay with all of the scene where that shows enough; else say that there will be another view."""
+        extent = float((scene.bounds[1] - scene.bounds[0]).max())
+        ids = draw_ids(camera, CONFIG.size)
+        self._overview = CandidateView.of(Candidate(camera, extent), ids, len(scene.textures))
+        if not scene.textures or self._is_enough(scene, self._overview):
+            self._emit(FirstViewFound(scene, None))
+            return
+        self._emit(Notification(f"all of {scene.name} shows few of its textures: looking for a better place to begin"))
+
+    @staticmethod
+    def _is_enough(scene: Scene, view: CandidateView) -> bool:
+        return view.meets(ENOUGH) and view.textures >= ENOUGH_TEXTURES * len(scene.textures)
+
+    def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
+        """The place that shows most; None where that is no more than all of the scene does."""
+        overview = self._overview
+        better = [view for view in self._views if overview is None or view.covered > overview.covered]
+        chosen = choose(better, drawer, 1, len(scene.textures)) if better else []
+        if not chosen:
+            return None
+        camera, scale = chosen[0].camera, chosen[0].scale
+        way = np.array(camera.target) - camera.eye
+        target = np.array(camera.eye) + way / np.linalg.norm(way) * TARGET_DISTANCE * scale
+        x, y, z = target.tolist()
+        return replace(camera, name="first view", target=(x, y, z))
+
+
+def _places(scene: Scene) -> list[Candidate]:
+    """Places worth looking from, the same for the same scene."""
+    ground = Surfaces(scene)
+    if not ground.textured_area.any():
+        return []
+    random = np.random.default_rng(CONFIG.seed)
+    extent = float((scene.bounds[1] - scene.bounds[0]).max())
+    sampler = CandidateSampler(ground, random, extent, CONFIG.fov_degrees)
+    around = orbit(scene, random, extent, AROUND, CONFIG)
+    return [*sampler.walking(WALKING), *sampler.close(CLOSE), *around]
