@@ -1,7 +1,7 @@
 """Every command of the window: one registry feeds menus, keys, the palette, the help, scripts and README's key table."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -9,6 +9,7 @@ from ntc.errors import InputError
 from viewer.commands import (
     camera,
     compare,
+    edit,
     errors,
     files,
     kept_runs,
@@ -21,11 +22,26 @@ from viewer.commands import (
     window,
 )
 from viewer.commands.command import Command, Context, words
+from viewer.commands.history import present_state
 from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (compare, errors, overlay, materials, camera, textures, motion, files, leaving, training, kept_runs, window)
+_MODULES = (
+    edit,
+    compare,
+    errors,
+    overlay,
+    materials,
+    camera,
+    textures,
+    motion,
+    files,
+    leaving,
+    training,
+    kept_runs,
+    window,
+)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""
@@ -63,12 +79,22 @@ def run(context: Context, command_id: str, *values: Any) -> None:
     Raises InputError for values that do not fit, and where files fail.
     """
     try:
-        _BY_ID[command_id].run(context, values)
+        _run(context, _BY_ID[command_id], values)
         while context.following:
             following, chosen = context.following.pop(0)
-            _BY_ID[following].run(context, chosen)
+            _run(context, _BY_ID[following], chosen)
     except OSError as error:
         raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
+
+
+def _run(context: Context, command: Command, values: Sequence[Any]) -> None:
+    """Run a command, and remember what it changes."""
+    session, training, scene = context.session, context.training, context.session.scene
+    before = present_state(session, training)
+    command.run(context, values)
+    if command.menu != "Edit" and session.scene is scene:
+        title = command.title.lower() or command.id.partition(".")[0]
+        context.history.note(command.id, title, before, present_state(session, training), scene)
 
 
 def why_not(context: Context, command_id: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ntc.errors import InputError
+from viewer.commands.history import History
 from viewer.state.event_handlers import apply_event
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
@@ -32,6 +33,7 @@ class Context:
         """Without a clipboard, an empty one is read and what is written is lost; without `kept`, so are undecided runs."""
         self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
+        self.history = History()
         self.following: list[tuple[str, tuple[Any, ...]]] = []
         """(id, values) of commands that run after the one that asks for them here."""
 
