@@ -25,6 +25,7 @@ from viewer.script.parse import parse_script
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
+from viewer.ui.panels.training_figures import figures_of_run, figures_under_way
 
 pytestmark = pytest.mark.process
 
@@ -162,7 +163,7 @@ def test_encode_accept_retrain_discard(
     first = read_pack(written)
     assert first.config.kind == codec
     assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["baseline"].textures]
-    with pytest.raises(InputError, match="no finished run to decide about"):
+    with pytest.raises(InputError, match="no finished run"):
         run_line(app.context, "training.discard")
 
     app.click("tab Retrain")
@@ -326,3 +327,33 @@ def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
     wait(app, lambda t: t.active is None)
     app.settle()
     assert "work" not in app.widgets.labels()
+
+
+def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
+    """A click on Cancel that comes as the run ends must not accept or discard anything."""
+    labels = ("Cancel", "Accept", "Discard")
+    run_line(app.context, "training.encode category auto 32 2s")
+    app.settle()
+    places = {label: app.widgets.centre(label) for label in labels}
+    assert len(set(places.values())) == len(labels)
+    training = wait(app, lambda t: t.active is None or t.active.progress)
+    app.settle()
+    assert {label: app.widgets.centre(label) for label in labels} == places
+    wait(app, lambda t: t.active is None)
+    app.settle()
+    assert {label: app.widgets.centre(label) for label in labels} == places
+    app.click("Cancel")
+    assert training.log.undecided == 1
+    assert any(line.startswith("PSNR of mip 0, 2 textures: ") for line in figures_of_run(training.log.runs[-1]))
+    run_line(app.context, "training.accept")
+    wait(app, lambda t: not t.saving)
+    run_line(app.context, "training.retrain 0 2s")
+    seen: set[str] = set()
+
+    def ended(training: LiveTraining) -> bool:
+        seen.update(figures_under_way(training.active) if training.active is not None else ())
+        return training.active is None
+
+    wait(app, ended)
+    assert any("PSNR of mip 0, 1 texture: " in line and " -> " in line for line in seen)
+    assert " dB before, " in " ".join(figures_of_run(training.log.runs[-1]))

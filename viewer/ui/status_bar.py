@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import MessageLog
 from viewer.ui.facts import UiFrame, Work
-from viewer.ui.widgets import duration
+from viewer.ui.widgets import duration, shortened
 
 SIDE = 4.0
 """Window units, at normal scale, above and below the text."""
@@ -71,18 +71,6 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
     else:
         imgui.text_disabled(shown)
     ui.rects.note("status", last.line())
-
-
-def shortened(text: str, width: float) -> str:
-    """`text`, or as much of its beginning as fits into `width` window units, with dots after it."""
-    if imgui.calc_text_size(text).x <= width:
-        return text
-    low, high = 0, len(text)
-    while low < high:
-        middle = (low + high + 1) // 2
-        fits = imgui.calc_text_size(text[:middle].rstrip() + "...").x <= width
-        low, high = (middle, high) if fits else (low, middle - 1)
-    return text[:low].rstrip() + "..." if low else ""
 
 
 def work_text(work: Work) -> str:

@@ -203,6 +203,18 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
 
 
+def shortened(text: str, width: float) -> str:
+    """`text`, or as much of its beginning as fits into `width` window units, with dots after it."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    low, high = 0, len(text)
+    while low < high:
+        middle = (low + high + 1) // 2
+        fits = imgui.calc_text_size(text[:middle].rstrip() + "...").x <= width
+        low, high = (middle, high) if fits else (low, middle - 1)
+    return text[:low].rstrip() + "..." if low else ""
+
+
 def duration(seconds: float) -> str:
     """`45 s`, `3 min`, `2.5 h`."""
     if seconds < 99.5:

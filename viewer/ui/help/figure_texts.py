@@ -48,7 +48,8 @@ FIGURES: Final = {
     "Before the arrow stands what it was in the pack that training replaced.",
     "column run": "Number of the training run.",
     "column what": "What was trained. Rest the mouse on a line for more.",
-    "column dB": "PSNR of the mean square error over all textures, dB: higher is better.",
+    "column dB": "PSNR in dB of the mean square error of mip 0 of all textures: higher is better. Of samples of all mips where the "
+    "run was ended early. Rest the mouse on a line for which of the two it is.",
     "column time": "Time that was spent training.",
     "column into": "Show the pack of the run in slot A or B.",
     "histogram": "How many pixels differ by how much, for red, green and blue: steps of 8-bit sRGB across, "
@@ -66,6 +67,10 @@ FIGURES: Final = {
     "memory bars": "Bytes of the original textures, of BC7, and of what A and B show.",
     "times": "Time of each frame, in milliseconds: areas are steps of drawing, the line is the whole frame.",
     "progress": "Share of the work that is done.",
+    "training run": "The run under way, or the one to decide about.",
+    "training state": "How far the run is, and how long it goes on.",
+    "training figure": "PSNR in dB of the mean square error: higher is better. Mip 0 is the largest mip; codec grid trains on samples "
+    "of all mips, which come out higher or lower. Left of an arrow stands what it was before.",
     "loss by group": "What training makes smaller, for each group: lower is better.",
     "PSNR curve": "PSNR in dB over the training: white is the mean of all textures, blue the chosen one.",
     "honoured": "What of the file is shown as it says.",

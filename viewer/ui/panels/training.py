@@ -11,10 +11,13 @@ from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.kept_runs import draw_kept_runs
 from viewer.ui.panels.training_curves import TrainingCurves
+from viewer.ui.panels.training_figures import figures_of_run, figures_under_way, psnr_of_run
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings
+from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings, shortened
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
+UNSTOPPABLE = ("preparing", "cancelling")
+"""States in which a run cannot pause."""
 STATES = {
     "preparing": "preparing textures and groups",
     "training": "",
@@ -34,85 +37,95 @@ class TrainingPanel:
 
     def draw(self, ui: UiFrame) -> None:
         """The content of the panel."""
-        run = ui.training.active
+        run, log = ui.training.active, ui.training.log
+        if run is not None or log.undecided is not None:
+            self._run(run, None if run is not None else log.undecided_run(), ui)
         if run is not None:
-            self._under_way(run, ui)
             names = [texture.name for texture in run.request.textures] if run.request is not None else []
             self._curves.draw(run.curves, names, run.codec_kind, ui)
         else:
-            draw_kept_runs(ui)
-            if ui.training.log.undecided is not None:
-                self._decision(ui, ui.training.log.undecided_run())
+            if log.undecided is not None:
                 imgui.separator()
+            draw_kept_runs(ui)
             name = base_pack_name(ui.session.view, ui.session.packs)
             self._forms.draw(ui.session.packs[name] if name is not None else None, name or "", ui)
             if ui.training.curves is not None and len(ui.training.curves.seconds) > 1:
                 opened = imgui.tree_node("curves of the last run")
                 ui.rects.note("curves of the last run")
                 if opened:
-                    last = ui.training.log.runs[-1] if ui.training.log.runs else None
+                    last = log.runs[-1] if log.runs else None
                     pack = last.pack if last is not None else None
                     names = [texture.name for texture in pack.textures] if pack is not None else []
                     kind = pack.config.kind if pack is not None else None
                     self._curves.draw(ui.training.curves, names, kind, ui)
                     imgui.tree_pop()
-        if ui.training.log.runs:
+        if log.runs:
             imgui.separator()
             _log(ui)
 
-    def _under_way(self, run: ActiveRun, ui: UiFrame) -> None:
-        progress = run.progress
-        imgui.text_wrapped(f"{run.name}: {job_title(run.job)}")
-        state = STATES[run.state]
-        share = -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.steps)
-        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
-        # The text stands below: over the bar it would be hard to read.
-        imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
-        imgui.pop_style_color()
-        ui.rects.note("progress")
-        if progress is None:
-            imgui.text(state or "starting")
-        else:
-            counted = "texture" if run.codec_kind == "block" else "step"
-            imgui.text(
-                f"{counted} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
-            )
-        waits = run.state in ("paused", "pausing")
-        third = (imgui.get_content_region_avail().x - 8.0) / 2.0
-        imgui.begin_disabled(run.state in ("preparing", "cancelling"))
-        if imgui.button("Resume" if waits else "Pause", ImVec2(third, 0)):
-            ui.emit("training.resume" if waits else "training.pause")
-        ui.rects.note("Resume" if waits else "Pause")
-        imgui.end_disabled()
+    def _run(self, run: ActiveRun | None, ended: Run | None, ui: UiFrame) -> None:
+        """A run from its beginning to the decision about it. Lines and buttons above the figures are as many in all of its states: a
+        click that comes as it ends hits nothing else."""
+        style = imgui.get_style()
+        # As if there were a scroll bar: curves bring one, and buttons would move aside for it.
+        room = imgui.get_window_width() - 2.0 * style.window_padding.x - style.scrollbar_size
+        name, title = (run.name, job_title(run.job)) if run is not None else ("", "")
+        if ended is not None:
+            name, title = ended.name, ended.title
+        heading = f"{name}: {title}"
+        imgui.text(shortened(heading, room))
+        ui.rects.note("training run", heading)
+        _progress(run, ui)
+        imgui.text(shortened(_state(run, ended), room))
+        ui.rects.note("training state", _state(run, ended))
+        half = (room - style.item_spacing.x) / 2.0
+        waits = run is not None and run.state in ("paused", "pausing")
+        self._button("Resume" if waits else "Pause", half, run is not None and run.state not in UNSTOPPABLE, ui)
         imgui.same_line()
-        imgui.begin_disabled(run.state == "cancelling")
-        if imgui.button("Cancel", ImVec2(-1, 0)):
-            ui.emit("training.cancel")
-        ui.rects.note("Cancel")
-        imgui.end_disabled()
-        if progress is not None:
-            mean = f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "-"
-            freezing = "" if run.codec_kind == "block" else f"   freezing {progress.freezing_scale:.2f}"
-            imgui.text(f"PSNR {mean}   {progress.ktexels_per_second:.0f} Ktexel/s{freezing}")
-        if run.notes:
+        self._button("Cancel", half, run is not None and run.state != "cancelling", ui)
+        decides = ended is not None and not ui.training.saving
+        self._button("Accept", half, decides, ui)
+        imgui.same_line()
+        self._button("Discard", half, decides, ui)
+        if ended is not None:
+            imgui.set_next_item_width(-1)
+            self._path = imgui.input_text_with_hint("##file", "file: empty for one beside the scene", self._path)[1]
+            ui.rects.note("file")
+        for line in figures_under_way(run) if run is not None else figures_of_run(ended) if ended is not None else ():
+            imgui.text_wrapped(line)
+            ui.rects.note("training figure")
+        if run is not None and run.notes:
             imgui.text_wrapped(run.notes[-1])
 
-    def _decision(self, ui: UiFrame, run: Run) -> None:
-        quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
-        imgui.text_wrapped(f"{run.name}: {run.fate}{quality}. Keep it?")
-        imgui.set_next_item_width(-1)
-        self._path = imgui.input_text_with_hint("##file", "file; without one beside the scene", self._path)[1]
-        ui.rects.note("file")
-        half = (imgui.get_content_region_avail().x - 8.0) / 2.0
-        imgui.begin_disabled(ui.training.saving)
-        if imgui.button("writing ..." if ui.training.saving else "Accept", ImVec2(half, 0)):
-            ui.emit("training.accept", self._path.strip())
-        ui.rects.note("Accept")
-        imgui.same_line()
-        if imgui.button("Discard", ImVec2(-1, 0)):
-            ui.emit("training.discard")
-        ui.rects.note("Discard")
+    def _button(self, label: str, width: float, enabled: bool, ui: UiFrame) -> None:
+        imgui.begin_disabled(not enabled)
+        if imgui.button(label, ImVec2(width, 0)):
+            ui.emit(f"training.{label.lower()}", *((self._path.strip(),) if label == "Accept" else ()))
+        ui.rects.note(label)
         imgui.end_disabled()
+
+
+def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
+    """How far a run is; full where it has ended, and moving while that is not known."""
+    progress = run.progress if run is not None else None
+    share = (
+        1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.steps)
+    )
+    imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
+    # The text stands below: over the bar it would be hard to read.
+    imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
+    imgui.pop_style_color()
+    ui.rects.note("progress")
+
+
+def _state(run: ActiveRun | None, ended: Run | None) -> str:
+    if run is None:
+        return f"{ended.fate}. Keep it?" if ended is not None else ""
+    state, progress = STATES[run.state], run.progress
+    if progress is None:
+        return state or "starting"
+    unit = "texture" if run.codec_kind == "block" else "step"
+    return f"{unit} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
 
 
 def _log(ui: UiFrame) -> None:
@@ -130,7 +143,14 @@ def _log(ui: UiFrame) -> None:
         cells(str(run.number), run.title)
         if imgui.is_item_hovered():
             saved = (f"written to {run.saved}",) if run.saved is not None else ()
-            about = (run.title, run.settings, f"{run.groups} groups, {run.fate}", *saved, *run.lines[:12])
+            about = (
+                run.title,
+                run.settings,
+                f"{run.groups} groups, {run.fate}",
+                psnr_of_run(run),
+                *saved,
+                *run.lines[:12],
+            )
             ui.rects.tip("\n".join(about))
         cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", duration(run.seconds))
         imgui.table_next_column()

@@ -115,7 +115,7 @@ class TrainingForms:
         self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), ui.rects)
         if self._strategy in ("clustered", "random", "covisible"):
             imgui.same_line()
-            imgui.text("k")
+            imgui.text("groups")
             imgui.same_line()
             self._clusters = _field("k", self._clusters, 60, ui)
 
@@ -173,7 +173,9 @@ class TrainingForms:
         if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
             for group, line in enumerate(_group_lines(pack)):
                 changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
-                ui.rects.note(f"group {group}")
+                ui.rects.note(
+                    f"group {group}", f"Group {line.strip()}: PSNR of mip 0, of all its textures and of the worst."
+                )
                 if imgui.is_item_hovered():
                     hovered = {group}
                 if changed:
