@@ -1,6 +1,7 @@
 """Every widget, column and figure says what it is: a tooltip by its label, also in a window at rest."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
@@ -15,7 +16,8 @@ from viewer.commands.command import Menu
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
-from viewer.ui.widgets import WidgetRects
+from viewer.ui.help.glossary import TERMS
+from viewer.ui.widgets import TOOLTIP_SECONDS, WidgetRects
 
 MAKE_WIDGETS = (
     *("button", "small_button", "arrow_button", "image_button", "invisible_button", "checkbox", "radio_button"),
@@ -130,7 +132,7 @@ def test_other_windows_are_explained(app: DrivenApp) -> None:
     app.settle()
     missing = unexplained(app.widgets)
     app.run("texture.close-flat")
-    for command in ("help.keys", "help.palette", "file.open", "help.first-steps"):
+    for command in ("help.keys", "help.glossary", "help.palette", "file.open", "help.first-steps"):
         app.run(command)
         app.settle()
         missing |= unexplained(app.widgets)
@@ -143,6 +145,9 @@ def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: Dr
     app.move(*app.widgets.centre("Measure"))
     tooltips = app.widgets.tooltips
     assert tooltips.seconds_until_due is not None, "a window at rest must know that a frame is due"
+    assert 0.0 < app.frontend.seconds_until_change <= TOOLTIP_SECONDS
+    time.sleep(TOOLTIP_SECONDS + 0.05)
+    assert app.frontend.needs_frame(SIZE)
     before = app.screenshot()
     for _ in range(30):
         app.frame()
@@ -150,3 +155,33 @@ def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: Dr
     assert (app.screenshot() != before).any()
     app.move(SIZE[0] / 2, SIZE[1] / 2)
     assert tooltips.seconds_until_due is None
+
+
+def test_the_glossary_explains_the_words_of_the_figures(app: DrivenApp) -> None:
+    words = [word for word, _ in TERMS]
+    assert words == sorted(words, key=str.lower)
+    wanted = ("PSNR", "FLIP", "SSIM", "divergence", "excess", "score", "group", "decoder", "latents", "wave efficiency")
+    assert set(wanted) <= set(words)
+    app.run("help.glossary")
+    app.settle()
+    assert "glossary" in app.widgets.labels()
+    app.press(imgui.Key.escape)
+    assert not app.session.window.show_glossary
+
+
+def test_the_palette_marks_one_row(app: DrivenApp) -> None:
+    app.run("help.palette")
+    app.settle()
+    first = app.widgets.centre("palette: compare.next")
+    app.move(*app.widgets.centre("palette: compare.swap"))
+    app.move(first[0] + 1.0, app.widgets.centre("palette: compare.swap")[1])
+    app.frame(2)
+    picture = app.screenshot()
+    left = int(first[0]) - 4
+    grounds = {
+        tuple(picture[int(app.widgets.centre(f"palette: {name}")[1]) + 6, left])
+        for name in ("compare.next", "compare.mode")
+    }
+    marked = tuple(picture[int(app.widgets.centre("palette: compare.swap")[1]) + 6, left])
+    assert len(grounds) == 1, "the row that the arrows marked is not marked any more"
+    assert marked not in grounds

@@ -296,7 +296,7 @@ def test_every_key_runs_its_command(app: DrivenApp, command: Command) -> None:
 
 def test_help_lists_the_keys(app: DrivenApp) -> None:
     app.press(imgui.Key.f1)
-    assert "help" in app.widgets.labels()
+    assert "keys" in app.widgets.labels()
 
 
 def test_escape_closes_an_open_list_and_not_the_window(app: DrivenApp) -> None:

@@ -113,6 +113,11 @@ def _close_help(session: Session) -> bool:
     return is_open
 
 
+def _close_glossary(session: Session) -> bool:
+    is_open, session.window.show_glossary = session.window.show_glossary, False
+    return is_open
+
+
 def _close_file_dialog(session: Session) -> bool:
     is_open, session.window.file_dialog = session.window.file_dialog, False
     return is_open
@@ -148,6 +153,7 @@ CLOSERS: tuple[Callable[[Session], bool], ...] = (
     _close_question,
     _close_palette,
     _close_help,
+    _close_glossary,
     _close_file_dialog,
     _close_first_steps,
     _close_flat_window,

@@ -153,6 +153,7 @@ class WindowState:
     column_folded: bool = False
     """Whether panels are folded to a strip at the edge of the window."""
     show_help: bool = False
+    show_glossary: bool = False
     show_first_steps: bool = False
     """Whether the card of first steps is shown."""
     file_dialog: bool = False

@@ -13,7 +13,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.fold_handles import StackHandles, draw_column_handle
 from viewer.ui.help.explanations import explanation
-from viewer.ui.help.key_sheet import KeySheet
+from viewer.ui.help.sheets import make_sheets
 from viewer.ui.map_legend import draw_map_legend
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.opening.file_dialog import FileDialog
@@ -42,7 +42,7 @@ class UserInterface:
         self._layout = DockLayout()
         self._flat = FlatWindow(self.background)
         self._palette = Palette()
-        self._key_sheet = KeySheet()
+        self._sheets = make_sheets()
         self._question = QuestionWindow()
         self._offer = EncodeOffer()
         self._first_run_card = FirstRunCard()
@@ -118,7 +118,8 @@ class UserInterface:
         else:
             draw_way_back(ui, area)
         self._first_run_card.draw(ui, area)
-        self._key_sheet.draw(ui, size, bar)
+        for sheet in self._sheets:
+            sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
         self._palette.draw(ui, size)
         if popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False):

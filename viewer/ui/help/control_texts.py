@@ -33,7 +33,6 @@ COMMAND_OF: Final = {
     "materials": "materials.next",
     "Frame all": "camera.frame-all",
     "Open...": "file.open",
-    "help": "help.keys",
     "Pause": "training.pause",
     "Resume": "training.resume",
     "Cancel": "training.cancel",
@@ -202,7 +201,9 @@ CONTROLS: Final = {
     "log #": "A message with its time. A line that begins with + has details: click to see them.",
     # Windows over the picture
     "search keys": "Shows only keys whose line has this text.",
-    "help": "All keys, and what the mouse does.",
+    "keys": "All keys, and what the mouse does.",
+    "search glossary": "Shows only words whose line has this text.",
+    "glossary": "What the words of this program mean.",
     "status": "What is under way, and the last message.",
     # Menus
     "menu: File": "Open files, keep the view, take pictures.",
