@@ -122,7 +122,11 @@ class UserInterface:
             sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
         self._palette.draw(ui, size)
-        if popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False):
+        escape = (
+            popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False)
+        )
+        # A list that has closed itself on this key leaves none to close.
+        if escape and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             imgui.internal.close_popup_to_level(0, True)
         self._question.draw(ui, size)
         draw_toasts(session.window.toasts, area)
