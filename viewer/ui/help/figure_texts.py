@@ -72,7 +72,7 @@ FIGURES: Final = {
     "training figure": "PSNR in dB of the mean square error: higher is better. Mip 0 is the largest mip; codec grid trains on samples "
     "of all mips, which come out higher or lower. Left of an arrow stands what it was before.",
     "loss by group": "What training makes smaller, for each group: lower is better.",
-    "PSNR curve": "PSNR in dB over the training: white is the mean of all textures, blue the chosen one.",
+    "PSNR curve": "PSNR in dB over the training: the thick line is the mean of all textures, the blue one the chosen texture.",
     "honoured": "What of the file is shown as it says.",
     "ignored": "What of the file is not shown.",
     "missing": "Files that the scene names and that are not there.",

@@ -10,10 +10,10 @@ from viewer.training.run_log import Curves
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo
 
-PLOT_HEIGHT = 120.0
+PLOT_LINES = 8.5
+"""Height of a plot, in lines of text."""
 MOST_NAMED = 6
 """Groups up to which the plot names them."""
-MEAN_COLOR = (0.95, 0.95, 0.95, 1.0)
 TEXTURE_COLOR = (0.35, 0.65, 1.0, 1.0)
 WORST = "worst texture"
 PSNR_TITLES: dict[CodecKind | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
@@ -36,12 +36,11 @@ class TrainingCurves:
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
         fit = implot.AxisFlags_.auto_fit
-        size = ImVec2(imgui.get_content_region_avail().x, PLOT_HEIGHT)
-        # Beside the plot the curves stay in sight.
-        outside = implot.LegendFlags_.outside
+        size = ImVec2(imgui.get_content_region_avail().x, PLOT_LINES * imgui.get_text_line_height_with_spacing())
         if implot.begin_plot("loss by group##loss", size, flags | unnamed):
             implot.setup_axes("seconds", "loss", fit, fit)
-            implot.setup_legend(implot.Location_.east, outside)
+            # Beside the plot: the curves stay in sight.
+            implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             ticks = _ticks(curves)
             implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
@@ -50,18 +49,17 @@ class TrainingCurves:
             implot.end_plot()
         ui.rects.note("loss by group")
         texture = self._chosen(curves)
-        if implot.begin_plot(f"{PSNR_TITLES.get(kind, 'PSNR')}##psnr", size, flags):
+        if implot.begin_plot(f"{PSNR_TITLES.get(kind, 'PSNR')}##psnr", size, flags | implot.Flags_.no_legend):
             implot.setup_axes("seconds", "dB", fit, fit)
-            implot.setup_legend(implot.Location_.south, outside | implot.LegendFlags_.horizontal)
-            white, blue = (imgui.ImVec4(*color) for color in (MEAN_COLOR, TEXTURE_COLOR))
-            implot.plot_line(
-                "mean", seconds, curves.array(curves.mean_db), implot.Spec(line_color=white, line_weight=2.0)
-            )
+            # Read on either theme's ground.
+            mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
+            implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
             if texture is not None:
-                spec = implot.Spec(line_color=blue, line_weight=1.5)
+                spec = implot.Spec(line_color=imgui.ImVec4(*TEXTURE_COLOR), line_weight=1.5)
                 implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
             implot.end_plot()
         ui.rects.note("PSNR curve")
+        imgui.text_wrapped("thick: the mean" + (f", blue: {_name(texture, names)}" if texture is not None else ""))
         self._choose(curves, names, ui)
 
     def _chosen(self, curves: Curves) -> int | None:
@@ -73,10 +71,8 @@ class TrainingCurves:
     def _choose(self, curves: Curves, names: Sequence[str], ui: UiFrame) -> None:
         choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
         current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
-        imgui.set_next_item_width(-70)
+        imgui.set_next_item_width(-1)
         self._texture = choices[combo("curve of", current, tuple(choices), ui.rects)]
-        imgui.same_line()
-        imgui.text("in blue")
 
 
 def _ticks(curves: Curves) -> list[float]:
