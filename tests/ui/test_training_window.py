@@ -348,12 +348,10 @@ def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
     run_line(app.context, "training.accept")
     wait(app, lambda t: not t.saving)
     run_line(app.context, "training.retrain 0 2s")
-    seen: set[str] = set()
-
-    def ended(training: LiveTraining) -> bool:
-        seen.update(figures_under_way(training.active) if training.active is not None else ())
-        return training.active is None
-
-    wait(app, ended)
-    assert any("PSNR of mip 0, 1 texture: " in line and " -> " in line for line in seen)
+    run = training.active
+    assert run is not None
+    wait(app, lambda t: t.active is None)
+    change = figures_under_way(run)[0]
+    assert change.startswith("PSNR of mip 0, 1 texture: ")
+    assert " -> " in change
     assert " dB before, " in " ".join(figures_of_run(training.log.runs[-1]))
