@@ -224,7 +224,9 @@ def test_paths_are_played(app: DrivenApp, tmp_path: Path) -> None:
 
 
 def test_what_is_recorded_can_be_played(app: DrivenApp) -> None:
-    play(app, "camera.record", "wait frames 2", "camera.next", "wait seconds 0.3", "camera.record", "wait frames 1")
+    play(
+        app, "camera.record", "wait frames 2", "camera.frame-all", "wait seconds 0.3", "camera.record", "wait frames 1"
+    )
     assert app.session.navigation.last_path
     play(app, "camera.play", "wait frames 60", "expect moving off")
 

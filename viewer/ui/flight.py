@@ -18,6 +18,8 @@ LONGEST_STEP = 0.1
 """Seconds: a slow frame must not throw the camera across the scene."""
 SHOWN_SECONDS = 1.5
 """The speed is shown for so long after it was used or changed."""
+SHOWN_AT = 0.3
+"""Share of the picture's height."""
 PLATE = (0.0, 0.0, 0.0, 0.65)
 TEXT = (1.0, 1.0, 1.0, 0.9)
 
@@ -73,13 +75,14 @@ class Flight:
             emit("camera.set", moved)
 
     def draw(self, area: Area, rects: WidgetRects) -> None:
-        """The speed, in the middle of the lower part of the picture in `area`."""
+        """The speed, in the upper part of the picture in `area`: below labels and questions, above cards and messages."""
         if self.is_ending:
             self._text = ""
         if not self._text:
             return
         size = imgui.calc_text_size(self._text)
-        x, y = (area.left + area.right - size.x) / 2.0, area.bottom - 4.0 * imgui.get_text_line_height_with_spacing()
+        middle, y = area.at(0.5, SHOWN_AT)
+        x = middle - size.x / 2.0
         draw = imgui.get_background_draw_list()
         draw.add_rect_filled(ImVec2(x - 6, y - 3), ImVec2(x + size.x + 6, y + size.y + 3), packed(PLATE), 4.0)
         draw.add_text(ImVec2(x, y), packed(TEXT), self._text)
