@@ -139,8 +139,8 @@ class Trial:
         silent = 0
         for entry in (line for journal in self._journals for line in read_journal(journal)):
             if entry["event"] == "run":
-                ended[entry["pack"]] = f"{Path(entry['scene']).name} run {entry['run']} ({entry['outcome']})"
-                if "discarded" in entry["outcome"]:
+                ended[entry["pack"]] = f"{Path(entry['scene']).name} run {entry['run']}"
+                if entry["discarded"]:
                     discarded.add(entry["pack"])
             elif entry["event"] == "slow":
                 slow[entry["doing"]] += 1

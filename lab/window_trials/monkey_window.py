@@ -19,10 +19,14 @@ from viewer.app.imgui_window import ImguiWindow
 from viewer.app.window_app import WindowApp, WindowContent
 from viewer.commands import bindings
 from viewer.commands.keys import Chord, parse_chord
+from viewer.locations import kept_runs_folder
 from viewer.scene.load import load_scene
 from viewer.script.inputs import MODIFIER_KEYS
 from viewer.state.open_files import InitialView
 from viewer.state.pack_files import open_packs, packs_beside
+from viewer.training.kept_runs import KeptRuns
+from viewer.training.live_training import Decision
+from viewer.training.run_log import Run
 from viewer.ui.keyboard import imgui_key
 
 SLOW_MS = 250.0
@@ -52,8 +56,9 @@ class MonkeyWindow(WindowApp):
         self._ends, self._next_action = time.monotonic() + seconds, 0.0
         self._held: list[tuple[float, Callable[[], None]]] = []
         """What is to be let go, and when."""
-        self._known: dict[tuple[str, int], str] = {}
-        """Outcomes of the runs that were written down, by scene and number."""
+        self._known: dict[tuple[str, int], bool] = {}
+        """Whether each run that was written down had been discarded, by scene and number."""
+        self._write_down_decisions()
         self._actions = {
             self._press_a_key: 30,
             self._click_a_widget: 30,
@@ -93,16 +98,37 @@ class MonkeyWindow(WindowApp):
 
     def _doing(self) -> str:
         """What the window says that it is doing; empty where it says nothing."""
-        return "" if self.training.state == "idle" else f"training: {self.training.state}"
+        return ", ".join(work.title for work in self.frontend.facts().work)
 
     def _note_runs(self) -> None:
         for run in self.training.log.runs:
             key = (self.session.scene_key, run.number)
-            if run.pack is not None and self._known.get(key) != run.outcome:
-                self._known[key] = run.outcome
-                self._journal.write(
-                    "run", scene=key[0], run=run.number, outcome=run.outcome, pack=fingerprint(run.pack)
-                )
+            if run.pack is not None and self._known.get(key) != run.discarded:
+                self._known[key] = run.discarded
+                self._write_run(run, key[0], run.discarded)
+
+    def _write_run(self, run: Run, scene: str, discarded: bool) -> None:
+        assert run.pack is not None
+        self._journal.write("run", scene=scene, run=run.number, pack=fingerprint(run.pack), discarded=discarded)
+
+    def _write_down_decisions(self) -> None:
+        """Runs that end, or are discarded, with their scene or at the next start."""
+        leave, discard, training = self.training.leave_scene, self.training.waiting.discard, self.training
+        kept = KeptRuns(kept_runs_folder())
+
+        def leave_scene(decision: Decision) -> None:
+            undecided, scene = training.log.undecided_runs, self.session.scene_key
+            leave(decision)
+            for run in undecided:
+                self._write_run(run, scene, decision == "discard")
+
+        def discard_waiting(key: str) -> None:
+            pack = kept.read(key)
+            discard(key)
+            self._journal.write("run", scene=key, run=0, pack=fingerprint(pack), discarded=True)
+
+        training.leave_scene = leave_scene  # type: ignore[method-assign]
+        training.waiting.discard = discard_waiting  # type: ignore[method-assign]
 
     def _later(self, seconds: float, let_go: Callable[[], None]) -> None:
         self._held.append((time.monotonic() + seconds, let_go))
