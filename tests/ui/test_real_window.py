@@ -47,6 +47,27 @@ def test_the_window_is_called_after_its_scene(display: str, scene_path: Path, tm
     assert '"scene - ntc-viewer"' in listing.read_text()
 
 
+def test_closing_the_window_asks_about_a_run_that_is_not_kept(display: str, scene_path: Path, tmp_path: Path) -> None:
+    """As the cross of the window's frame does it."""
+    program = (
+        "import glfw, sys; from viewer.app.window_app import WindowApp; from viewer.training.run_log import Run\n"
+        "opened = WindowApp.show\n"
+        "def show(app, frames=None):\n"
+        "    app.training.enter(app.session.scene)\n"
+        "    pack = app.session.packs['single']\n"
+        "    app.training.log.add(Run(1, 'encode single', '', 1, 'done', 1.0, None, pack=pack))\n"
+        "    glfw.set_window_should_close(app._handle, True)\n"
+        "    opened(app, frames)\n"
+        "WindowApp.show = show\n"
+        "from viewer.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    script = "wait frames 5; expect question keep the pack before quitting; screenshot asks.png; click Discard"
+    result = run_window(display, tmp_path, "-c", program, str(scene_path), "--exec", script)
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.rglob("asks.png"))
+
+
 def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
     result = run_window(":98765", tmp_path, "-m", "viewer", str(scene_path))
     assert result.returncode == 2

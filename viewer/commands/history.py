@@ -14,7 +14,10 @@ SECONDS_TOGETHER = 1.0
 """The same command again within this time, as by a drag, is undone together with the one before."""
 MOST_CHANGES = 200
 VIEW, SETTINGS = "view.", "settings."
-NOT_UNDONE = (f"{VIEW}size", *(f"{SETTINGS}{name}" for name in ("window_size", "keys", "first_steps", "recent_files")))
+NOT_UNDONE = (
+    f"{VIEW}size",
+    *(f"{SETTINGS}{name}" for name in ("window_size", "column_folded", "keys", "first_steps", "recent_files")),
+)
 """What follows the window, or only remembers what was done."""
 GROUPS = {
     "navigation": ("bookmarks", "speed_notches"),

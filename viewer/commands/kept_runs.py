@@ -10,7 +10,7 @@ from viewer.commands.leaving import DISCARD, ask, asks_about_runs
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
-from viewer.state.view_state import is_image_source
+from viewer.state.view_state import REFERENCE, is_image_source
 from viewer.training.live_training import Decision
 
 Action = Annotated[
@@ -75,6 +75,9 @@ def open_leaving(context: Context, key: str, decision: Decision) -> None:
 def _open(context: Context, key: str) -> None:
     session = context.session
     name = context.training.adopt(key, session.scene)
+    if {slot.source for slot in session.view.slots.values()} == {REFERENCE}:
+        # As when a training begins: both are seen.
+        session.view = replace(session.view, compare="wipe")
     slot = session.view.slot_a
     path = "cached" if is_image_source(slot.source) else slot.path
     view = session.view.with_slot("a", replace(slot, source=name, path=path))

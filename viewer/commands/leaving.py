@@ -47,7 +47,8 @@ def _undecided(training: LiveTraining) -> tuple[str, ...]:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
     if training.active is not None:
-        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way")
+        picture = "" if training.active.pack_so_far() is not None else ", no picture to keep yet"
+        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{picture}")
     return tuple(lines)
 
 

@@ -53,6 +53,7 @@ def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         col.tab_dimmed_selected_overline: _color(*accent, 0.5),
         col.docking_preview: _color(*accent, 0.5),
         col.docking_empty_bg: _color(0.0, 0.0, 0.0, 0.0),
+        col.modal_window_dim_bg: _color(0.0, 0.0, 0.0, 0.45),
     }
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from tests.support.spoilt_files import SECONDS, accept, errors, finished, open_context, pack_of, settle, write_scene
 from viewer.commands import run_line, run_or_notify
@@ -159,6 +160,24 @@ def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(path: Path, f
     assert "made for another scene" in errors(second)[1]
     assert waiting(second) == [1]
     assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
+
+
+def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
+    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = window(path, folder)
+    end_run(context)
+
+    def full(destination: Path, _pack: object) -> None:
+        raise InputError(f"{destination}: cannot be written")
+
+    monkeypatch.setattr("viewer.training.pack_saving.write_pack", full)
+    run_line(context, "file.quit")
+    run_or_notify(context, "question.answer", "Keep")
+    assert context.session.requests.close
+    context.training.close()
+    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    assert waiting(window(path, folder)) == [1]
 
 
 def test_discarding_for_good_asks_first(path: Path, folder: Path) -> None:
