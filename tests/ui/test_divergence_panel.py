@@ -55,7 +55,7 @@ def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
 
 
 def test_the_panel_is_there_with_the_map_only(mapped: DrivenApp) -> None:
-    assert {"divergence figures", "blocks with D", "up to D"} <= set(labels(mapped))
+    assert {"divergence figures", "% of blocks", "% with so many or fewer"} <= set(labels(mapped))
     mapped.press(imgui.Key.o)
     assert "divergence figures" not in labels(mapped)
 

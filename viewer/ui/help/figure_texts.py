@@ -20,8 +20,8 @@ FIGURES: Final = {
     "wave efficiency": "Share of decoder runs that would be needed without divergence: blocks divided by decoders summed over them. "
     "100 % is best.",
     "divergence figures": "How much the pixels of a block disagree about their decoder, for A and B.",
-    "blocks with D": "Share of the blocks that need exactly D decoders, in per cent.",
-    "up to D": "Share of the blocks that need at most D decoders, in per cent.",
+    "% of blocks": "Share of the blocks that need just so many decoders, in per cent.",
+    "% with so many or fewer": "Share of the blocks that need at most so many decoders, in per cent.",
     "path": "The path by which the slot is decoded: what auto chose, else its own.",
     "base alone dB": "PSNR with only base colours decoded and all other maps original, dB: higher is better.",
     "normal alone dB": "PSNR with only normals decoded and all other maps original, dB: higher is better.",

@@ -11,8 +11,9 @@ from viewer.state.view_state import BLOCKS, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import SLOT_COLORS, combo, counted, named_cells
 
-PLOT_HEIGHT = 130.0
-THUMBNAIL = 32.0
+PLOT_LINES = 9.5
+"""Height of a plot, in lines of text."""
+THUMBNAIL_LINES = 2.2
 TEXTURES_SHOWN = 12
 SCALES: dict[str, ScaleName] = {"fixed scale": "block", "scale of picture": "picture"}
 SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
@@ -20,10 +21,10 @@ SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 def _settings(ui: UiFrame) -> None:
     overlay = ui.session.view.overlay
-    imgui.set_next_item_width(64)
+    imgui.set_next_item_width(5.0 * imgui.get_font_size())
     block = combo("block", overlay.block, tuple(BLOCKS), ui.rects)
     imgui.same_line()
-    imgui.set_next_item_width(96)
+    imgui.set_next_item_width(7.5 * imgui.get_font_size())
     palette = combo("palette", overlay.palette, tuple(PALETTES), ui.rects)
     imgui.same_line()
     imgui.set_next_item_width(-1)
@@ -83,9 +84,10 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> N
     flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
     ticks = counts[:: max(1, len(counts) // 8)]
     half = (imgui.get_content_region_avail().x - 8.0) / 2.0
-    for title, cumulative in (("blocks with D", False), ("up to D", True)):
-        if implot.begin_plot(f"{title}, %##{title}", ImVec2(half, PLOT_HEIGHT), flags):
-            implot.setup_axes("", "", implot.AxisFlags_.no_grid_lines, 0)
+    size = ImVec2(half, PLOT_LINES * imgui.get_text_line_height_with_spacing())
+    for title, cumulative in (("% of blocks", False), ("% with so many or fewer", True)):
+        if implot.begin_plot(title, size, flags):
+            implot.setup_axes("decoders", "", implot.AxisFlags_.no_grid_lines, 0)
             implot.setup_axis_ticks(implot.ImAxis_.x1, ticks.tolist(), [f"{count:.0f}" for count in ticks])
             implot.setup_axes_limits(0.4, float(counts[-1]) + 0.6, 0.0, 104.0, implot.Cond_.always)
             for number, (side, (source, figures)) in enumerate(sides.items()):
@@ -122,9 +124,10 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
     imgui.text(", ".join([counted(len(block.textures), "texture"), *decoders]))
     ui.rects.note("block")
+    side = THUMBNAIL_LINES * imgui.get_text_line_height()
     for texture in block.textures[:TEXTURES_SHOWN]:
         if ui.facts.thumbnail is not None:
-            imgui.image(ui.facts.thumbnail(texture.texture_id), ImVec2(THUMBNAIL, THUMBNAIL))
+            imgui.image(ui.facts.thumbnail(texture.texture_id), ImVec2(side, side))
             imgui.same_line()
         of_texture = [f"{side} decoder {texture.decoders[source]}" for side, source in shown.items()]
         imgui.begin_group()
@@ -146,9 +149,10 @@ def draw_divergence_panel(ui: UiFrame) -> None:
     if ui.facts.is_preview:
         imgui.text_disabled("figures of the last picture at rest")
     _figures(sides, ui)
-    _plots(sides, ui)
     imgui.separator()
     if ui.facts.block is not None:
         _block(ui.facts.block, ui)
     else:
         imgui.text_disabled("point at a block of the picture")
+    imgui.separator()
+    _plots(sides, ui)
