@@ -1,5 +1,7 @@
 """Scenes and packs that are dropped on the window or named in it, good and bad ones."""
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +128,51 @@ def test_a_double_click_opens_and_recent_files_are_listed(app: DrivenApp, scene_
     dialog(app)
     app.click("file: recent scene.glb")
     assert app.session.scene.path in (path, scene_path)
+
+
+class AnsweredDialog:
+    """Stands for the desktop's own dialog, in which a file has been chosen."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def ready(self, _timeout: int) -> bool:
+        return True
+
+    def result(self) -> list[str]:
+        return [str(self.path)]
+
+
+def test_the_desktops_own_dialog_is_offered_where_there_is_one(
+    app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_scene(tmp_path, seed=19)
+    system = app.frontend.interface._file_dialog.system
+    for is_available in (False, True):
+        monkeypatch.setattr(system, "is_available", is_available)
+        app.run("file.open")
+        app.settle()
+        assert ("System dialog..." in app.widgets.labels()) == is_available
+    asked = "viewer.ui.opening.system_dialog.portable_file_dialogs.open_file"
+    monkeypatch.setattr(asked, lambda *_: AnsweredDialog(path))
+    app.click("System dialog...")
+    assert app.session.scene.path == path
+    assert not app.session.window.file_dialog
+
+
+def test_a_folder_with_an_odd_name_can_be_shown(
+    app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe"))
+    folder.mkdir()
+    write_scene(folder, seed=20)
+    monkeypatch.chdir(folder)
+    app.session.settings = replace(app.session.settings, recent_files=())
+    app.run("file.open")
+    app.settle()
+    assert "file: scene.glb" in app.widgets.labels()
+    app.click("Open file")
+    assert app.session.scene.path == folder / "scene.glb"
 
 
 def test_escape_closes_the_dialog_and_nothing_else(app: DrivenApp) -> None:

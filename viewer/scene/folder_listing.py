@@ -36,12 +36,15 @@ class FolderEntry:
 
 
 def list_folder(folder: Path) -> tuple[FolderEntry, ...]:
-    """Folders in `folder`, then files that can be opened, each by name; none that is hidden. Raises InputError."""
+    """Folders in `folder`, then files that can be opened, each by name. Raises InputError.
+
+    Without hidden ones, and those whose names cannot be shown or typed.
+    """
     found: list[FolderEntry] = []
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if not entry.name.startswith("."):
+                if not entry.name.startswith(".") and entry.name.isprintable():
                     found += _entry(entry)
                 if len(found) == MOST_LISTED:
                     break

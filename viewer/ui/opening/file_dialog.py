@@ -15,6 +15,7 @@ from viewer.scene.folder_listing import (
     matching,
     typed_folder,
 )
+from viewer.scene.json_text import printable
 from viewer.scene.scene_files import OPENABLE
 from viewer.ui.facts import UiFrame
 from viewer.ui.opening.system_dialog import SystemDialog
@@ -91,8 +92,8 @@ class FileDialog:
             self._problem = str(error)
             self._focus = True
             return
-        first_file = sum(entry.kind == "folder" for entry in self._entries)
-        self._selected = first_file if first_file < len(self._entries) else 0
+        scenes = [index for index, entry in enumerate(self._entries) if entry.kind == "scene"]
+        self._selected = scenes[0] if scenes else 0
         self._folder, self._problem = folder, ""
         self._set_text("")
 
@@ -168,7 +169,7 @@ class FileDialog:
 
     def _field(self, entries: Sequence[FolderEntry], ui: UiFrame) -> str | None:
         """The line that filters or takes a path; what Enter gave."""
-        imgui.text_wrapped(str(self._folder))
+        imgui.text_wrapped(printable(str(self._folder)))
         ui.rects.note("folder")
         imgui.set_next_item_width(-1.0)
         if self._focus:
@@ -235,14 +236,14 @@ class FileDialog:
         imgui.table_next_column()
         if imgui.selectable("../", False, flags)[0]:
             chosen = self._folder.parent
-        ui.rects.note(f"{LABEL}../", f"Go up to {self._folder.parent}")
+        ui.rects.note(f"{LABEL}../", f"Go up to {printable(str(self._folder.parent))}")
         imgui.table_next_row()
         for index, entry in enumerate(entries):
             imgui.table_next_column()
             if imgui.selectable(f"{entry.name}##{index}", index == self._selected, flags)[0]:
                 self._selected = index
                 chosen = entry.path if doubly or entry.kind == "folder" else chosen
-            ui.rects.note(f"{LABEL}{entry.name}", str(entry.path))
+            ui.rects.note(f"{LABEL}{entry.name}", printable(str(entry.path)))
             if self._scroll and index == self._selected:
                 imgui.set_scroll_here_y(0.5)
                 self._scroll = False

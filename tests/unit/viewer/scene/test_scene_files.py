@@ -1,5 +1,6 @@
 """What stands for a scene: files, folders, cameras beside it; and what other files are told to be."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -97,3 +98,9 @@ def test_typed_paths_are_completed_as_far_as_they_are_sure(tmp_path: Path) -> No
     assert completed("./wo", tmp_path) == "./woods/"
     assert completed("./x", tmp_path) == "./x"
     assert completed("./none/x", tmp_path) == "./none/x"
+
+
+def test_names_that_no_text_can_hold_are_left_out(tmp_path: Path) -> None:
+    for name in (b"\xff\xfe.glb", b"two\nlines.glb", "caf\u00e9.glb".encode()):
+        Path(os.fsdecode(os.path.join(os.fsencode(tmp_path), name))).write_bytes(b"")  # noqa: PTH118
+    assert [entry.name for entry in list_folder(tmp_path)] == ["caf\u00e9.glb"]
