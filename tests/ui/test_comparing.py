@@ -330,3 +330,14 @@ def test_a_click_keeps_the_pixel(app: DrivenApp) -> None:
     app.click_at(MIDDLE[0] + 60, MIDDLE[1] + 30)
     kept = app.session.inspection.pixel
     assert kept == pytest.approx(((MIDDLE[0] + 60) / SIZE[0], (MIDDLE[1] + 30) / SIZE[1]))
+
+
+def test_the_list_of_errors_has_room_for_eight_rows(live: DrivenApp) -> None:
+    live.resize((1280, 720))
+    live.run("errors.panel")
+    until(live, lambda: live.frontend.live.figures.is_current)
+    live.settle()
+    tops = sorted(live.widgets.centre(label)[1] for label in labels(live) if label.startswith("error texture"))
+    row = tops[1] - tops[0]
+    heading, middle = live.widgets.centre("sort by name")[1], live.widgets.centre("errors table")[1]
+    assert 2.0 * (middle - heading) / row >= 8.0
