@@ -260,3 +260,14 @@ def test_look_suggests_where_the_camera_is(app: DrivenApp) -> None:
     assert app.session.window.palette is None
     np.testing.assert_allclose([after.eye, after.target], [before.eye, before.target], rtol=1e-4)
     assert after.fov_degrees == before.fov_degrees
+
+
+def test_a_frame_says_what_is_opened_before_the_window_stands_still(app: DrivenApp, tmp_path: Path) -> None:
+    path, before = write_scene(tmp_path, seed=19), app.session.scene
+    app.frontend.slow.emit("file.open", path)
+    assert not app.is_settled
+    app.frame()
+    assert app.session.scene is before
+    assert app.widgets.explanation("work").startswith("opening scene.glb")
+    app.frame()
+    assert app.session.scene.path == path

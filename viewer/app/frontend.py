@@ -10,9 +10,10 @@ from imgui_bundle import imgui
 
 from ntc.errors import InputError
 from viewer.app.frame_facts import FactsReader
+from viewer.app.slow_commands import SlowCommands
 from viewer.app.work_under_way import WorkUnderWay
 from viewer.capture.picture_writer import PictureWriter
-from viewer.commands import bindings, run_or_notify, why_not
+from viewer.commands import bindings, why_not
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
@@ -74,6 +75,7 @@ class Frontend:
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
         self._work = WorkUnderWay()
+        self.slow = SlowCommands(context)
         self._news = False
         """Whether jobs have found something since the last frame."""
         self._built_at = -math.inf
@@ -85,7 +87,8 @@ class Frontend:
         """What the panels show of the last frame."""
         encoding, last = self._formats.progress, self.picture.last
         tiles = last.waiting if last is not None else 0
-        work = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, tiles)
+        found = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, tiles)
+        work = (*self.slow.announce(), *found)
         return replace(self.reader.read(self.live.figures, self._is_training, encoding), work=work)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
@@ -94,6 +97,7 @@ class Frontend:
         `size` (width, height) in pixels is the window's.
         """
         session, room = self.session, self._picture_size(size)
+        self.slow.run_announced()
         self._times.begin()
         self._news, self._built_at = False, time.monotonic()
         self._tick_training()
@@ -111,9 +115,8 @@ class Frontend:
         expire_pointing(session, time.monotonic())
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
-        emit = partial(run_or_notify, self._context)
         reason = partial(why_not, self._context)
-        frame = UiFrame(session, self._context.training, self.facts(), emit, self.interface.rects, reason)
+        frame = UiFrame(session, self._context.training, self.facts(), self.slow.emit, self.interface.rects, reason)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
             notify(session, problem, "error")
@@ -287,7 +290,7 @@ class Frontend:
         self._news = self._news or encoded or computed
         # ImGui takes one press or release of a key or button in a frame, however many came at once.
         queued = not imgui.get_current_context().input_events_queue.empty()
-        found = self._news or queued or self.interface.is_settling(session)
+        found = self._news or queued or self.slow.are_waiting or self.interface.is_settling(session)
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None

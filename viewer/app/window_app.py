@@ -106,7 +106,8 @@ class WindowApp(App):
         listen_to_drops(handle, self._dropped)
 
     def _dropped(self, _window: object, paths: Any, *_rest: object) -> None:
-        self.open_files([Path(path) for path in paths])
+        for path in paths:
+            self.frontend.slow.emit("file.open", Path(path))
         self._wake()
 
     def _monitor_scale(self) -> float:
