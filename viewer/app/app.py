@@ -15,7 +15,7 @@ from viewer.script.play import play_script
 from viewer.script.stage import Turn
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
-from viewer.ui.theme import Appearance
+from viewer.ui.style.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
 

@@ -25,7 +25,7 @@ from viewer.script.stage import Turn
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
-from viewer.ui.theme import Appearance
+from viewer.ui.style.theme import Appearance
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 IDLE_SECONDS = 0.2

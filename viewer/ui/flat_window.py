@@ -14,6 +14,7 @@ from viewer.jobs.background import Background
 from viewer.jobs.job import Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.inks import side_ink
 from viewer.ui.widgets import SLOT_COLORS, combo, packed
 
 Arrangement = Literal["side by side", "wipe"]
@@ -21,7 +22,7 @@ ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
 LARGEST_ZOOM = 64.0
 ZOOM_STEP = 1.25
 GRAB = 8.0
-"""Window units on either side of the divider within which it can be grabbed."""
+"""Units of normal scale on either side of the divider within which it can be grabbed."""
 LINE = (1.0, 1.0, 1.0, 0.9)
 
 
@@ -76,7 +77,7 @@ class FlatWindow:
             self._controls(ui)
             sides = {side: self._side(ui, number, side) for side in self._sources}
             for side, shown in sides.items():
-                imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+                imgui.text_colored(side_ink(side), side.upper())
                 imgui.same_line()
                 imgui.text(shown.caption)
                 ui.rects.note(f"flat caption {side}")
@@ -225,7 +226,7 @@ class FlatWindow:
         io = imgui.get_io()
         held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
         wipes = self._arrangement == "wipe"
-        near = wipes and abs(io.mouse_pos.x - at.x - self._divider * room.x) <= GRAB
+        near = wipes and abs(io.mouse_pos.x - at.x - self._divider * room.x) <= GRAB * imgui.get_style().font_scale_dpi
         if imgui.is_item_activated():
             self._dragging = near
         if (hovered and near) or (held and self._dragging):

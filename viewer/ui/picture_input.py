@@ -15,7 +15,7 @@ from viewer.ui.keyboard import imgui_key, run_commands
 from viewer.ui.widgets import Area
 
 GRAB_WIDTH = 12.0
-"""Window units on either side of the divider within which it can be grabbed."""
+"""Units of normal scale on either side of the divider within which it can be grabbed."""
 CLICK_DISTANCE = 4.0
 """Window units: a press that moves less is a click."""
 SUN_DEGREES = 180.0
@@ -53,7 +53,7 @@ class PictureInput:
         if session.view.compare not in WIPES:
             return False
         axis, position = 0 if session.view.compare == "wipe" else 1, session.view.wipe_position
-        return abs(at[axis] - area.at(position, position)[axis]) <= GRAB_WIDTH
+        return abs(at[axis] - area.at(position, position)[axis]) <= GRAB_WIDTH * imgui.get_style().font_scale_dpi
 
     def _mouse(self, session: Session, area: Area, io: imgui.IO, emit: Emit) -> None:
         left = imgui.MouseButton_.left

@@ -16,7 +16,8 @@ FIGURES: Final = {
     "decode ms": "Milliseconds that this slot took when it was last drawn whole.",
     "shows": "What the slot shows.",
     "divergent blocks": "Blocks whose pixels need more than one decoder.",
-    "decoders a block": "Mean number of decoders in a block that shows the scene, and the largest.",
+    "decoders a block": "Mean number of decoders in a block that shows the scene.",
+    "at most": "Largest number of decoders in a block.",
     "wave efficiency": "Share of decoder runs that would be needed without divergence: blocks divided by decoders summed over them. "
     "100 % is best.",
     "divergence figures": "How much the pixels of a block disagree about their decoder, for A and B.",

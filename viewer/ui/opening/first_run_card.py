@@ -8,6 +8,7 @@ from viewer.commands import bindings
 from viewer.commands.keys import HOLD_KEY
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.inks import ink
 from viewer.ui.widgets import Area
 
 WIDTH = 30.0
@@ -17,7 +18,6 @@ PURPOSE = (
     "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
     "beside the original, with the error and the cost of every pixel."
 )
-DONE = (0.3, 0.75, 0.4, 1.0)
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class FirstRunCard:
     def _row(number: int, step: _Step, done: bool) -> None:
         imgui.begin_group()
         if done:
-            imgui.text_colored(imgui.ImVec4(*DONE), f"{number}. {step.do}: done")
+            imgui.text_colored(ink("good"), f"{number}. {step.do}: done")
         else:
             imgui.text(f"{number}. {step.do}")
         imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))

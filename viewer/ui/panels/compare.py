@@ -10,6 +10,7 @@ from ntc.metrics.divergence import cut_percent
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.fitting import beside, box_width, disabled_beside, em, list_width, text_width
 from viewer.ui.widgets import combo, headings, named_cells
 
 GAINS = (1.0, 64.0)
@@ -58,11 +59,11 @@ def draw_flicker(ui: UiFrame) -> None:
 def draw_difference(ui: UiFrame) -> None:
     """Which difference, and how much of it."""
     difference = ui.session.view.difference
-    imgui.set_next_item_width(110)
+    imgui.set_next_item_width(list_width(*get_args(DifferenceKind)))
     kind = combo("difference", difference.kind, get_args(DifferenceKind), ui.rects)
     if kind != difference.kind:
         ui.emit("compare.difference", kind)
-    imgui.same_line()
+    beside(em(7.0))
     imgui.set_next_item_width(-1)
     if difference.kind == "amplified":
         flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
@@ -81,8 +82,7 @@ def draw_live_figures(ui: UiFrame) -> None:
     ui.rects.note("live figures")
     if changed:
         ui.emit("compare.live", live_figures)
-    imgui.same_line()
-    imgui.text_disabled(figures_state(ui))
+    disabled_beside(figures_state(ui))
     ui.rects.note("figures state")
     live = ui.facts.live
     found = live.comparison
@@ -91,7 +91,7 @@ def draw_live_figures(ui: UiFrame) -> None:
         ("SSIM", f"{found.ssim:.4f}" if found and found.ssim is not None else "-"),
         ("FLIP", f"{found.flip:.4f}" if found and found.flip is not None else "-"),
     )
-    if imgui.begin_table("live figures", 2 * len(texts)):
+    if imgui.begin_table("live figures", 2 * len(texts), imgui.TableFlags_.sizing_stretch_prop):
         imgui.table_next_row()
         for name, text in texts:
             imgui.table_next_column()
@@ -116,7 +116,6 @@ MODES: tuple[tuple[CompareMode, str], ...] = (
     ("side-by-side", "Side by side"),
     ("difference", "Difference"),
 )
-MODES_A_ROW = 4
 RESOLUTIONS = (1.0, 0.5, 0.25)
 
 
@@ -125,24 +124,29 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(letter)
     imgui.same_line()
-    # Three lists in one row, in a narrow panel narrower.
-    room = imgui.get_content_region_avail().x - 2.0 * imgui.get_style().item_spacing.x
-    imgui.set_next_item_width(0.46 * room)
+    shown = "auto" if side in ui.session.requests.precision else slot.precision
+    paths = list_width(slot.path), list_width(shown)
+    left = imgui.get_cursor_pos_x()
+    # Three lists in one row where there is room for them, else the first one in a row of its own.
+    room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
+    fits = room >= list_width(slot.source) or is_image_source(slot.source)
+    imgui.set_next_item_width(room if fits else -1.0)
     source = combo(f"{letter} source", slot.source, ui.session.sources, ui.rects)
     if source != slot.source:
         ui.emit("slot.source", side, source)
     waits = ui.session.requests.formats.get(side)
     if waits is not None:
-        imgui.same_line()
-        imgui.text_disabled(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
+        disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
         ui.rects.note(f"{letter} encoding")
     elif not is_image_source(slot.source):
-        imgui.same_line()
-        imgui.set_next_item_width(0.3 * room)
+        if fits:
+            imgui.same_line()
+        else:
+            imgui.set_cursor_pos_x(left)
+        imgui.set_next_item_width(paths[0])
         path = combo(f"{letter} path", slot.path, get_args(PathChoice), ui.rects)
         imgui.same_line()
-        imgui.set_next_item_width(0.24 * room)
-        shown = "auto" if side in ui.session.requests.precision else slot.precision
+        imgui.set_next_item_width(paths[1])
         lacking = ui.session.unsupported
         choices = get_args(PrecisionChoice)
         precision = combo(f"{letter} precision", shown, choices, ui.rects, lambda choice: lacking.get(choice, ""))
@@ -154,13 +158,12 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
 
 def _modes(ui: UiFrame) -> None:
     for number, (mode, label) in enumerate(MODES):
-        if number % MODES_A_ROW:
-            imgui.same_line()
+        if number:
+            beside(box_width(label))
         if imgui.radio_button(label, ui.session.view.compare == mode):
             ui.emit("compare.mode", mode)
         ui.rects.note(label)
-    imgui.same_line()
-    imgui.text_disabled("Space: the other")
+    disabled_beside("Space: the other")
     draw_flicker(ui)
     if ui.session.view.compare == "difference":
         draw_difference(ui)
@@ -175,7 +178,7 @@ def _panels(ui: UiFrame) -> None:
     for number, title in enumerate(DETAILS):
         name = title.lower()
         if number:
-            imgui.same_line()
+            beside(box_width(name))
         if imgui.checkbox(name, title in ui.session.window.open_panels)[0]:
             ui.emit(f"{name}.panel")
         ui.rects.note(f"show {name}")
@@ -186,7 +189,7 @@ def _filters(ui: UiFrame) -> None:
     chosen = combo("anisotropy", str(ui.session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), ui.rects)
     if int(chosen) != ui.session.view.anisotropy:
         ui.emit("filter.anisotropy", int(chosen))
-    imgui.same_line()
+    beside(text_width("anisotropy: images, cached"))
     imgui.text("anisotropy: images, cached")
     imgui.set_next_item_width(5.0 * imgui.get_font_size())
     share = combo(
@@ -196,7 +199,7 @@ def _filters(ui: UiFrame) -> None:
         ui.emit("view.resolution", float(share.rstrip("%")) / 100.0)
     imgui.same_line()
     imgui.text("resolution")
-    imgui.same_line()
+    beside(box_width("coarser while moving"))
     changed, coarse = imgui.checkbox("coarser while moving", ui.session.settings.coarse_while_moving)
     ui.rects.note("coarser while moving")
     if changed:
@@ -214,19 +217,17 @@ def _overlay(ui: UiFrame) -> None:
     ]
     if len(excess) == 2:
         cut = cut_percent(*excess)
-        imgui.same_line()
-        imgui.text_disabled("nothing to cut" if cut is None else f"A cuts B's excess by {cut:.1f} %")
+        disabled_beside("nothing to cut" if cut is None else f"A cuts B's excess by {cut:.1f} %")
 
 
 def _figures(ui: UiFrame) -> None:
     if imgui.button("Measure"):
         ui.emit("compare.measure")
     ui.rects.note("Measure")
-    imgui.same_line()
     if not ui.session.inspection.measurements:
-        imgui.text_disabled("PSNR, divergence, memory of this view")
+        disabled_beside("PSNR, divergence, memory of this view")
         return
-    imgui.text_disabled(
+    disabled_beside(
         "this view" if ui.session.inspection.measured_view == ui.session.view else "an earlier view: measure again"
     )
     if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):

@@ -9,7 +9,9 @@ from viewer.state.overlay import ScaleName
 from viewer.state.palettes import PALETTES
 from viewer.state.view_state import BLOCKS, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS, combo, counted, named_cells
+from viewer.ui.style.fitting import beside, list_width
+from viewer.ui.style.inks import side_ink
+from viewer.ui.widgets import combo, counted, named_cells
 
 PLOT_LINES = 9.5
 """Height of a plot, in lines of text."""
@@ -21,12 +23,12 @@ SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 def _settings(ui: UiFrame) -> None:
     overlay = ui.session.view.overlay
-    imgui.set_next_item_width(5.0 * imgui.get_font_size())
+    imgui.set_next_item_width(list_width(*BLOCKS))
     block = combo("block", overlay.block, tuple(BLOCKS), ui.rects)
     imgui.same_line()
-    imgui.set_next_item_width(7.5 * imgui.get_font_size())
+    imgui.set_next_item_width(list_width(*PALETTES))
     palette = combo("palette", overlay.palette, tuple(PALETTES), ui.rects)
-    imgui.same_line()
+    beside(list_width(*SCALES))
     imgui.set_next_item_width(-1)
     scale = SCALES[combo("scale", SCALE_NAMES[overlay.scale], tuple(SCALES), ui.rects)]
     imgui.set_next_item_width(-1)
@@ -57,15 +59,17 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
         "score": [f"{figures.score:.4f}" for _, figures in sides.values()],
         "excess": [f"{figures.excess:,}" for _, figures in sides.values()],
         "divergent blocks": [f"{figures.divergent_blocks:,}" for _, figures in sides.values()],
-        "decoders a block": [f"{figures.mean:.3f}, at most {figures.maximum}" for _, figures in sides.values()],
+        "decoders a block": [f"{figures.mean:.3f}" for _, figures in sides.values()],
+        "at most": [f"{figures.maximum}" for _, figures in sides.values()],
         "wave efficiency": [f"{figures.wave_efficiency:.1%}" for _, figures in sides.values()],
     }
-    if imgui.begin_table("divergence figures", 1 + len(sides), imgui.TableFlags_.borders_inner_v):
+    flags = imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop
+    if imgui.begin_table("divergence figures", 1 + len(sides), flags):
         imgui.table_next_row()
         imgui.table_next_column()
         for side in sides:
             imgui.table_next_column()
-            imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+            imgui.text_colored(side_ink(side), side.upper())
         for name, texts in rows.items():
             imgui.table_next_row()
             named_cells(ui.rects, name, *texts)
@@ -95,7 +99,7 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> N
                 seen = np.array(figures.histogram[1 : len(counts) + 1], np.float64)
                 blocks[: len(seen)] = seen
                 shares = 100.0 * blocks / max(figures.covered_blocks, 1)
-                color = imgui.ImVec4(*SLOT_COLORS[side])
+                color = side_ink(side)
                 spec = implot.Spec(line_color=color, fill_color=color, line_weight=2.0)
                 label = f"{side.upper()} {source}"
                 if cumulative:

@@ -11,6 +11,7 @@ from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.panels.compare import decibels, figures_state
+from viewer.ui.style.fitting import beside, box_width, text_width
 from viewer.ui.widgets import cells
 
 ROWS_SHOWN = 200
@@ -22,6 +23,8 @@ HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
     ("mean", "mean"),
     ("max", "max"),
 )
+WIDEST: dict[ErrorColumn, str] = {"decoder": "-", "pixels": "999,999", "psnr": "99.99", "mean": "99.99", "max": "255"}
+"""Usual figures in columns of fixed width."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ def _choices(ui: UiFrame) -> None:
         if imgui.radio_button(f"by {by}", ui.session.inspection.errors.by == by):
             ui.emit("errors.by", by)
         ui.rects.note(f"errors by {by}")
-        imgui.same_line()
+        beside(box_width("in the picture") if by == "decoder" else box_width("by decoder"))
     overlay = ui.session.view.overlay
     kind: OverlayKind = "error-texture" if ui.session.inspection.errors.by == "texture" else "error-decoder"
     changed, shown = imgui.checkbox("in the picture", overlay.kind in ("error-texture", "error-decoder"))
@@ -81,7 +84,7 @@ def _headings(ui: UiFrame) -> None:
     for column, text in HEADINGS:
         imgui.table_next_column()
         is_key = column == table.column
-        arrow = ("  v" if table.descending else "  ^") if is_key else ""
+        arrow = (" v" if table.descending else " ^") if is_key else ""
         title = "decoder" if column == "name" and table.by == "decoder" else text
         if imgui.selectable(f"{title}{arrow}##{column}", False)[0]:
             worst_first = table.descending == (column in LARGEST_IS_WORST)
@@ -124,7 +127,12 @@ def draw_errors_panel(ui: UiFrame) -> None:
     if imgui.begin_table("errors", len(HEADINGS), flags):
         imgui.table_setup_scroll_freeze(0, 1)
         for column, text in HEADINGS:
-            imgui.table_setup_column(text, imgui.TableColumnFlags_.width_stretch, 2.4 if column == "name" else 1.0)
+            if column == "name":
+                imgui.table_setup_column(text, imgui.TableColumnFlags_.width_stretch)
+                continue
+            sorts = column == ui.session.inspection.errors.column
+            width = max(text_width(f"{text}{' v' * sorts}"), text_width(WIDEST[column]))
+            imgui.table_setup_column(text, imgui.TableColumnFlags_.width_fixed, width)
         _headings(ui)
         for named in rows[:ROWS_SHOWN]:
             _row(named, ui)

@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 
 from viewer.inspect.comparison import Comparison
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.fitting import wrapped_disabled
+from viewer.ui.style.inks import InkName, ink
 
-CHANNELS = (("red", (0.95, 0.35, 0.3, 1.0)), ("green", (0.4, 0.85, 0.4, 1.0)), ("blue", (0.4, 0.6, 1.0, 1.0)))
+CHANNELS: tuple[InkName, ...] = ("red", "green", "blue")
 
 
 class HistogramPanel:
@@ -34,7 +36,7 @@ class HistogramPanel:
             imgui.text_disabled("when the picture rests, and A and B differ")
             return
         self._update(comparison)
-        imgui.text_disabled("covered pixels by |A - B|, steps of 8-bit sRGB")
+        wrapped_disabled("covered pixels by |A - B|, steps of 8-bit sRGB")
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         if implot.begin_plot("##histogram", ImVec2(-1, max(60.0, imgui.get_content_region_avail().y)), flags):
             implot.setup_axes("", "pixels")
@@ -42,8 +44,8 @@ class HistogramPanel:
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             implot.setup_axes_limits(-0.5, self._last + 0.5, 0.5, 2.0 * comparison.pixels, implot.Cond_.always)
             steps = np.arange(len(self._curves[0]), dtype=np.float64)
-            for (name, color), counts in zip(CHANNELS, self._curves, strict=True):
-                spec = implot.Spec(line_color=imgui.ImVec4(*color), line_weight=1.5)
+            for name, counts in zip(CHANNELS, self._curves, strict=True):
+                spec = implot.Spec(line_color=ink(name), line_weight=1.5)
                 implot.plot_stairs(name, steps - 0.5, counts, spec)
             implot.end_plot()
         ui.rects.note("histogram")

@@ -8,20 +8,21 @@ from imgui_bundle import imgui
 from viewer.commands.materials import VIEWS
 from viewer.state.view_state import ELEVATION_RANGE, REFERENCE, SKY, DecodedMaps, MaterialView, ToneMap
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.fitting import em, wrapped_disabled
 from viewer.ui.widgets import combo
 
 STRENGTHS = (0.0, 4.0)
 STOPS = (-4.0, 4.0)
 """Ends of the sliders; commands take more."""
-LABEL_WIDTH = 90.0
-"""Window units, at normal scale."""
+LABEL_WIDTH = 6.9
+"""In font sizes."""
 
 
 def _label(text: str, ui: UiFrame) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(text)
     ui.rects.explain(text)
-    imgui.same_line(LABEL_WIDTH * imgui.get_style().font_scale_main)
+    imgui.same_line(em(LABEL_WIDTH))
     imgui.set_next_item_width(-1)
 
 
@@ -67,7 +68,7 @@ def _draw_light(ui: UiFrame) -> None:
     tone_map = combo("tone map", lighting.tone_map, get_args(ToneMap), ui.rects)
     if tone_map != lighting.tone_map:
         ui.emit("light.tone-map", tone_map)
-    imgui.text_disabled("Shift + drag over the picture moves the sun")
+    wrapped_disabled("Shift + drag over the picture moves the sun")
 
 
 def _draw_decoded_maps(ui: UiFrame) -> None:
@@ -94,4 +95,4 @@ def draw_light_panel(ui: UiFrame) -> None:
     if view == "lit":
         _draw_light(ui)
     else:
-        imgui.text_disabled(VIEWS[view])
+        wrapped_disabled(VIEWS[view])

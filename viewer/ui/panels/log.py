@@ -1,12 +1,10 @@
 """Panel "Log": all messages with their times; errors with their details, to be copied."""
 
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import LogEntry
 from viewer.ui.facts import UiFrame
-
-ERROR_DARK = (1.0, 0.45, 0.4, 1.0)
-ERROR_LIGHT = (0.75, 0.1, 0.05, 1.0)
+from viewer.ui.style.inks import ink
 
 
 class LogPanel:
@@ -29,32 +27,29 @@ class LogPanel:
         imgui.same_line()
         imgui.text_disabled(f"{len(log):,} messages")
         if imgui.begin_child("lines"):
-            color = imgui.ImVec4(*(ERROR_DARK if ui.session.settings.theme == "dark" else ERROR_LIGHT))
-            if self._errors_only or self._expanded is not None:
-                # Lines of several heights: a clipper takes equal ones.
-                for entry in log:
-                    if entry.kind == "error" or not self._errors_only:
-                        self._line(entry, color, ui)
-            else:
-                clipper = imgui.ListClipper()
-                clipper.begin(len(log))
-                while clipper.step():
-                    for index in range(clipper.display_start, clipper.display_end):
-                        self._line(log[index], color, ui)
+            color = ink("error")
+            for entry in log:
+                if entry.kind == "error" or not self._errors_only:
+                    self._line(entry, color, ui)
             if log.count != self._count:
                 self._count = log.count
                 imgui.set_scroll_here_y(1.0)
         imgui.end_child()
 
     def _line(self, entry: LogEntry, color: imgui.ImVec4, ui: UiFrame) -> None:
-        is_error = entry.kind == "error"
-        if is_error:
-            imgui.push_style_color(imgui.Col_.text, color)
         more = "+ " if entry.details and self._expanded != entry.number else ""
-        chosen = imgui.selectable(f"{more}{entry.line()}##{entry.number}", self._expanded == entry.number)[0]
-        if is_error:
-            imgui.pop_style_color()
+        text = f"{more}{entry.line()}"
+        at, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+        height = imgui.calc_text_size(text, wrap_width=width).y
+        chosen = imgui.selectable(f"##{entry.number}", self._expanded == entry.number, size=ImVec2(0, height))[0]
         ui.rects.note(f"log {entry.number}")
+        if imgui.is_item_visible():
+            imgui.set_cursor_pos(at)
+            imgui.push_style_color(
+                imgui.Col_.text, color if entry.kind == "error" else imgui.get_style().color_(imgui.Col_.text)
+            )
+            imgui.text_wrapped(text)
+            imgui.pop_style_color()
         if chosen:
             self._expanded = None if self._expanded == entry.number else entry.number
         if self._expanded != entry.number:
@@ -63,6 +58,5 @@ class LogPanel:
         if imgui.small_button(f"copy##{entry.number}"):
             imgui.set_clipboard_text(entry.whole())
         ui.rects.note(f"copy log {entry.number}")
-        # Long lines are cut by the panel's edge above.
         imgui.text_wrapped(entry.details or entry.text)
         imgui.unindent()

@@ -13,9 +13,18 @@ from viewer.inspect.memory_table import (
 )
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS, packed
+from viewer.ui.style.fitting import disabled_beside
+from viewer.ui.style.inks import InkName, ink
 
-SCENE_COLOR = (0.55, 0.57, 0.6, 1.0)
+SCENE: InkName = "scene"
+BAR_OPACITY = 0.4
+"""Of the bars, on which text stands."""
+
+
+def faded(color: InkName) -> imgui.ImVec4:
+    """The colour of a bar."""
+    solid = ink(color)
+    return imgui.ImVec4(solid.x, solid.y, solid.z, BAR_OPACITY)
 
 
 def ratio(row: MemoryRow) -> str:
@@ -29,7 +38,7 @@ class MemoryPanel:
     def __init__(self) -> None:
         self._key: object = None
         self._notes: list[str] = []
-        self._parts: list[tuple[str, tuple[float, float, float, float], tuple[MemoryRow, ...]]] = []
+        self._parts: list[tuple[str, InkName, tuple[MemoryRow, ...]]] = []
 
     def _update(self, ui: UiFrame) -> None:
         slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
@@ -40,14 +49,14 @@ class MemoryPanel:
             return
         self._key = key
         self._notes = []
-        self._parts = [("scene", SCENE_COLOR, scene_memory(ui.session.scene))]
+        self._parts = [("scene", "scene", scene_memory(ui.session.scene))]
         for side, slot in slots.items():
             rows, note = _slot_rows(ui, slot), _size_note(ui, slot)
             if note:
                 self._notes.append(f"{side.upper()}: {note}. Ratios are to the originals at that size.")
             if rows:
                 precision = "" if is_image_source(slot.source) else f", {slot.precision}"
-                self._parts.append((f"{side.upper()}: {slot.source}{precision}", SLOT_COLORS[side], rows))
+                self._parts.append((f"{side.upper()}: {slot.source}{precision}", "a" if side == "a" else "b", rows))
 
     def text(self) -> str:
         """The table as text, to be copied."""
@@ -63,8 +72,7 @@ class MemoryPanel:
         if imgui.small_button("copy"):
             imgui.set_clipboard_text(self.text())
         ui.rects.note("copy memory")
-        imgui.same_line()
-        imgui.text_disabled("ratio to RGBA8 at equal size")
+        disabled_beside("ratio to RGBA8 at equal size")
         for note in self._notes:
             imgui.text_wrapped(note)
             ui.rects.note("encoded smaller")
@@ -77,7 +85,7 @@ class MemoryPanel:
         for title, color, rows in self._parts:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_colored(imgui.ImVec4(*color), title)
+            imgui.text_colored(ink(color), title)
             for row in rows:
                 imgui.table_next_row()
                 imgui.table_next_column()
@@ -93,14 +101,14 @@ class MemoryPanel:
     def _bars(self, ui: UiFrame) -> None:
         """The totals as bars; the longest is the original."""
         totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
-        scene = [(row.name, SCENE_COLOR, row) for row in self._parts[0][2]]
+        scene = [(row.name, SCENE, row) for row in self._parts[0][2]]
         most = max((row.bytes for _, _, row in (*scene, *totals)), default=1) or 1
         draw = imgui.get_window_draw_list()
         width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
         for title, color, row in (*scene, *totals):
             at = imgui.get_cursor_screen_pos()
             end = ImVec2(at.x + max(width * row.bytes / most, 2.0), at.y + line)
-            draw.add_rect_filled(at, end, packed((*color[:3], 0.55)), 2.0)
+            draw.add_rect_filled(at, end, imgui.get_color_u32(faded(color)), 2.0)
             name = row.name if title == row.name else f"{title.split(':')[0]} {row.name}"
             imgui.text(f"{name}  {megabytes(row.bytes)}")
         ui.rects.note("memory bars")

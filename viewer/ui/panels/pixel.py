@@ -5,10 +5,13 @@ from imgui_bundle import ImVec2, imgui
 from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import SLOT_COLORS, cells
+from viewer.ui.style.fitting import em
+from viewer.ui.style.inks import side_ink
+from viewer.ui.widgets import cells
 
 SIDE = 2 * REACH + 1
-LARGEST_CELL = 12.0
+LARGEST_CELL = 0.9
+"""In font sizes."""
 FRAME_COLORS = (0xFF000000, 0xFFFFFFFF)
 
 
@@ -41,7 +44,7 @@ def _values(pixel: PixelContent) -> None:
     for side, patch in (("a", pixel.a), ("b", pixel.b)):
         imgui.table_next_row()
         imgui.table_next_column()
-        imgui.text_colored(imgui.ImVec4(*SLOT_COLORS[side]), side.upper())
+        imgui.text_colored(side_ink(side), side.upper())
         if patch is None:
             continue
         linear, srgb = patch.middle
@@ -111,7 +114,7 @@ def draw_pixel_panel(ui: UiFrame) -> None:
         ui.rects.note("let the pixel go")
     else:
         imgui.text_disabled("click keeps it")
-    cell = min(LARGEST_CELL, (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
+    cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)
     ui.rects.note("pixels of A")

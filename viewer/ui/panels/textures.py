@@ -17,7 +17,7 @@ from viewer.ui.widgets import headings
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail, in lines of text."""
-HIDDEN_AT_FIRST = ("category", "on GPU")
+HIDDEN_AT_FIRST = ("size", "category", "bits/texel", "on GPU")
 WIDTHS: dict[TextureColumn, float] = {
     "name": 9.0,
     "size": 5.6,
@@ -47,6 +47,8 @@ class TexturesPanel:
 
     def __init__(self) -> None:
         self._filter = ""
+        self._width = 0.0
+        """Of the table."""
         self._key: object = None
         self._order: object = None
         self._all: tuple[TextureRow, ...] = ()
@@ -70,6 +72,7 @@ class TexturesPanel:
             | imgui.TableFlags_.borders_inner_v
         )
         below = imgui.get_text_line_height_with_spacing()
+        self._width = imgui.get_content_region_avail().x
         if imgui.begin_table("textures", 1 + len(COLUMNS), flags, ImVec2(0, -below)):
             self._headings(ui)
             self._update(ui, source)
@@ -84,6 +87,10 @@ class TexturesPanel:
         size = imgui.get_font_size()
         imgui.table_setup_scroll_freeze(2, 1)
         side = THUMBNAIL_LINES * size
+        style = imgui.get_style()
+        others = sum(WIDTHS[column] * size for column in COLUMNS if column not in (*HIDDEN_AT_FIRST, "name"))
+        gaps = 2.0 * (len(COLUMNS) - len(HIDDEN_AT_FIRST) + 2) * style.cell_padding.x + style.scrollbar_size
+        name = max(WIDTHS["name"] * size, self._width - side - others - gaps)
         imgui.table_setup_column(
             "##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side
         )
@@ -91,7 +98,7 @@ class TexturesPanel:
             flags = fixed | (imgui.TableColumnFlags_.default_hide if column in HIDDEN_AT_FIRST else 0)
             if column == "name":
                 flags |= imgui.TableColumnFlags_.no_hide
-            imgui.table_setup_column(column, flags, WIDTHS[column] * size, number)
+            imgui.table_setup_column(column, flags, name if column == "name" else WIDTHS[column] * size, number)
         headings(("##picture", *COLUMNS), ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:

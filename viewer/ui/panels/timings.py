@@ -148,9 +148,9 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
         imgui.end_table()
     imgui.separator()
     for name, count in (*ui.facts.drawn.items(), *ui.facts.skipped.items()):
-        imgui.text(f"{count:>9,} {name.replace('_', ' ')}" + ("" if name in ui.facts.drawn else " (skipped)"))
+        imgui.text_wrapped(f"{count:>7,} {name.replace('_', ' ')}" + ("" if name in ui.facts.drawn else " (skipped)"))
     for slot, tiles in ui.facts.tiles.items():
-        imgui.text(f"{tiles.resident:>9,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
+        imgui.text_wrapped(f"{tiles.resident:>7,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
         if tiles.starved:
             imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
-    imgui.text(f"{ui.facts.frames_drawn:>9,} frames drawn")
+    imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")

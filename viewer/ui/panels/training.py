@@ -13,6 +13,7 @@ from viewer.ui.panels.kept_runs import draw_kept_runs
 from viewer.ui.panels.training_curves import TrainingCurves
 from viewer.ui.panels.training_figures import figures_of_run, figures_under_way, psnr_of_run
 from viewer.ui.panels.training_forms import TrainingForms
+from viewer.ui.style.fitting import em, wrapped_disabled
 from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings, shortened
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
@@ -197,15 +198,15 @@ class EncodeOffer:
         )
         if imgui.begin("##offer", None, flags)[0]:
             settings = TrainingSettings()
-            imgui.text("This scene has no pack.")
+            imgui.push_text_wrap_pos(min(em(30.0), max(area.width - em(4.0), em(10.0))))
+            imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
             if kept and imgui.button(f"Open what was kept back at {kept[0].clock}"):
                 ui.emit("training.kept-back", "open", ui.training.waiting.runs.index(kept[0]) + 1)
             if kept:
                 ui.rects.note("Open what was kept back")
-            imgui.text_disabled(
-                f"{settings.texture_size} texels, {settings.bits:g} bits each; more in the panel Training"
-            )
+            wrapped_disabled(f"{settings.texture_size} texels, {settings.bits:g} bits each; more in the panel Training")
+            imgui.pop_text_wrap_pos()
             if imgui.button("Encode it now"):
                 ui.emit("training.encode")
             ui.rects.note("Encode it now")

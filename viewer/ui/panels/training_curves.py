@@ -8,13 +8,13 @@ from imgui_bundle import ImVec2, imgui, implot
 from ntc.codec.config import CodecKind
 from viewer.training.run_log import Curves
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.inks import ink
 from viewer.ui.widgets import combo
 
 PLOT_LINES = 8.5
 """Height of a plot, in lines of text."""
 MOST_NAMED = 6
 """Groups up to which the plot names them."""
-TEXTURE_COLOR = (0.35, 0.65, 1.0, 1.0)
 WORST = "worst texture"
 PSNR_TITLES: dict[CodecKind | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
 """What figures under way are of, by codec (ntc.training.progress)."""
@@ -55,7 +55,7 @@ class TrainingCurves:
             mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
             implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
             if texture is not None:
-                spec = implot.Spec(line_color=imgui.ImVec4(*TEXTURE_COLOR), line_weight=1.5)
+                spec = implot.Spec(line_color=ink("a"), line_weight=1.5)
                 implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
             implot.end_plot()
         ui.rects.note("PSNR curve")

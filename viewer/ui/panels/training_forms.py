@@ -12,18 +12,22 @@ from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.style.fitting import beside, em, list_width, text_width, wrapped_disabled
 from viewer.ui.widgets import combo, counted
 
 SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
 UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
-LIST_HEIGHT = 110.0
-LABEL_PLACE = 84.0
+LIST_HEIGHT = 8.5
+"""In font sizes, as are all widths here."""
+LABEL_PLACE = 6.0
 """Where fields begin."""
+NUMBER = 4.5
+"""Width of a field for a number."""
 
 
 def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
-    imgui.set_next_item_width(width)
+    imgui.set_next_item_width(em(width))
     changed = imgui.input_text(f"##{label}", text)[1]
     ui.rects.note(label)
     return changed
@@ -32,7 +36,7 @@ def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
 def _labelled(text: str) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(text)
-    imgui.same_line(LABEL_PLACE)
+    imgui.same_line(em(LABEL_PLACE))
 
 
 class TrainingForms:
@@ -80,7 +84,7 @@ class TrainingForms:
                 ui.rects.note(f"tab {label}")
                 if shown:
                     if label != "Encode":
-                        imgui.text_disabled(f"goes on from {name}: {counted(pack.grouping.group_count, 'group')}")
+                        wrapped_disabled(f"goes on from {name}: {counted(pack.grouping.group_count, 'group')}")
                     form(pack, ui)
                     imgui.end_tab_item()
             imgui.end_tab_bar()
@@ -88,9 +92,9 @@ class TrainingForms:
     def _length(self, codec: str, ui: UiFrame) -> str | None:
         """Budget, and the recipe of codec `grid`; the budget as a command takes it, None where it is not right."""
         _labelled("budget")
-        self._value = _field("budget", self._value, 70, ui)
+        self._value = _field("budget", self._value, NUMBER, ui)
         imgui.same_line()
-        imgui.set_next_item_width(90)
+        imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
         if codec == "block" and self._unit == "steps":
             self._unit, self._value = "s", USUAL_VALUES["s"]
         names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS if codec == "grid" or unit != "steps")
@@ -99,25 +103,25 @@ class TrainingForms:
         if unit != self._unit:
             self._unit, self._value = unit, USUAL_VALUES[unit]
         if codec == "grid":
-            imgui.same_line()
-            imgui.set_next_item_width(70)
+            beside(list_width(*get_args(RecipeName)))
+            imgui.set_next_item_width(list_width(*get_args(RecipeName)))
             self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
         try:
             make_budget(float(self._value), unit)
         except (InputError, ValueError):
-            imgui.text_disabled("the budget must be a number above 0")
+            wrapped_disabled("the budget must be a number above 0")
             return None
         return f"{self._value.strip()}{unit}"
 
     def _grouping(self, ui: UiFrame) -> None:
         _labelled("grouping")
-        imgui.set_next_item_width(110)
+        imgui.set_next_item_width(list_width(*get_args(GroupingName)))
         self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), ui.rects)
         if self._strategy in ("clustered", "random", "covisible"):
-            imgui.same_line()
+            beside(text_width("groups ") + em(NUMBER))
             imgui.text("groups")
             imgui.same_line()
-            self._clusters = _field("k", self._clusters, 60, ui)
+            self._clusters = _field("k", self._clusters, NUMBER, ui)
 
     def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
         """A button that runs a command with its values; grey where `command` is None."""
@@ -132,9 +136,9 @@ class TrainingForms:
     def _encode(self, ui: UiFrame) -> None:
         self._grouping(ui)
         _labelled("textures")
-        imgui.set_next_item_width(70)
+        imgui.set_next_item_width(list_width(*SIZES))
         self._size = combo("size", self._size, SIZES, ui.rects)
-        imgui.same_line()
+        beside(text_width("texels at most"))
         imgui.text("texels at most")
         bits = self._codec_and_bits(ui)
         budget = self._length(self._codec, ui)
@@ -148,12 +152,12 @@ class TrainingForms:
     def _codec_and_bits(self, ui: UiFrame) -> float | None:
         """Bits per texel, where they are right."""
         _labelled("codec")
-        imgui.set_next_item_width(70)
+        imgui.set_next_item_width(list_width("block", "grid"))
         self._codec = combo("codec", self._codec, ("block", "grid"), ui.rects)
         if self._codec == "block":
             imgui.same_line()
-            self._bits = _field("bits", self._bits, 60, ui)
-            imgui.same_line()
+            self._bits = _field("bits", self._bits, NUMBER, ui)
+            beside(text_width("bits per texel"))
             imgui.text("bits per texel")
         try:
             bits = float(self._bits)
@@ -161,16 +165,16 @@ class TrainingForms:
             bits = math.nan
         if 0.0 < bits <= LARGEST_BITS:
             return bits
-        imgui.text_disabled("the bits must be a number above 0")
+        wrapped_disabled("the bits must be a number above 0")
         return None
 
     def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
-        imgui.text_disabled("from nothing, as a pack of its own")
+        wrapped_disabled("from nothing, as a pack of its own")
         self._encode(ui)
 
     def _retrain(self, pack: Pack, ui: UiFrame) -> None:
         hovered: set[int] = set()
-        if imgui.begin_child("groups", ImVec2(0, LIST_HEIGHT), imgui.ChildFlags_.borders):
+        if imgui.begin_child("groups", ImVec2(0, em(LIST_HEIGHT)), imgui.ChildFlags_.borders):
             for group, line in enumerate(_group_lines(pack)):
                 changed, chosen = imgui.checkbox(f"{line}##{group}", group in self._groups)
                 ui.rects.note(
@@ -211,7 +215,7 @@ class TrainingForms:
         if self._group not in targets:
             self._group = targets[0]
         _labelled("to group")
-        imgui.set_next_item_width(90)
+        imgui.set_next_item_width(list_width(*targets))
         self._group = combo("to group", self._group, targets, ui.rects)
         budget = self._length(pack.config.kind, ui)
         command = None

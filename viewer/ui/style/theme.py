@@ -3,29 +3,34 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.settings import Theme
+from viewer.ui.style.inks import INKS
 
 DARK_ACCENT = (0.26, 0.52, 0.86)
 LIGHT_ACCENT = (0.16, 0.42, 0.78)
-ALPHA = 0.92
-"""Opacity of panels: the picture shows through a little."""
+MARKED = {"dark": 0.6, "light": 0.52}
+"""Opacity of the accent on the chosen tab."""
 
 
 def _color(red: float, green: float, blue: float, alpha: float = 1.0) -> imgui.ImVec4:
     return imgui.ImVec4(red, green, blue, alpha)
 
 
-def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
+def _blend(over: tuple[float, float, float], under: tuple[float, float, float], opacity: float) -> imgui.ImVec4:
+    return _color(*(opacity * a + (1.0 - opacity) * b for a, b in zip(over, under, strict=True)))
+
+
+def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
     """What differs from ImGui's own dark and light colours."""
     accent = DARK_ACCENT if theme == "dark" else LIGHT_ACCENT
     if theme == "dark":
         window, title, frame, tab = (0.085, 0.09, 0.1), (0.06, 0.065, 0.07), (0.17, 0.18, 0.2), (0.11, 0.12, 0.14)
     else:
         window, title, frame, tab = (0.95, 0.95, 0.96), (0.86, 0.87, 0.89), (1.0, 1.0, 1.0), (0.87, 0.88, 0.9)
-    faint = (0.58, 0.6, 0.63) if theme == "dark" else (0.38, 0.4, 0.43)
+    faint = (0.58, 0.6, 0.63) if theme == "dark" else (0.34, 0.36, 0.39)
     col = imgui.Col_
     return {
-        col.window_bg: _color(*window, ALPHA),
-        col.popup_bg: _color(*window, 0.98),
+        col.window_bg: _color(*window),
+        col.popup_bg: _color(*window),
         col.menu_bar_bg: _color(*title),
         col.title_bg: _color(*title),
         col.title_bg_active: _color(*title),
@@ -37,7 +42,7 @@ def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         col.plot_histogram: _color(*accent, 0.6),
         col.text_disabled: _color(*faint),
         col.slider_grab: _color(*accent, 0.8),
-        col.slider_grab_active: _color(*accent),
+        col.slider_grab_active: _color(*accent, 0.85),
         col.button: _color(*accent, 0.3),
         col.button_hovered: _color(*accent, 0.55),
         col.button_active: _color(*accent, 0.75),
@@ -46,11 +51,12 @@ def _colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         col.header_active: _color(*accent, 0.65),
         col.tab: _color(*tab),
         col.tab_hovered: _color(*accent, 0.6),
-        col.tab_selected: _color(*window),
+        col.tab_selected: _blend(accent, window, MARKED[theme]),
         col.tab_selected_overline: _color(*accent),
         col.tab_dimmed: _color(*tab),
-        col.tab_dimmed_selected: _color(*window),
-        col.tab_dimmed_selected_overline: _color(*accent, 0.5),
+        col.tab_dimmed_selected: _blend(accent, window, 0.9 * MARKED[theme]),
+        col.tab_dimmed_selected_overline: _color(*accent),
+        col.text_link: imgui.ImVec4(*INKS[theme]["a"]),
         col.docking_preview: _color(*accent, 0.5),
         col.docking_empty_bg: _color(0.0, 0.0, 0.0, 0.0),
         col.modal_window_dim_bg: _color(0.0, 0.0, 0.0, 0.45),
@@ -74,6 +80,7 @@ class Appearance:
         fresh.window_rounding, fresh.tab_rounding, fresh.frame_border_size = 4.0, 3.0, float(theme == "light")
         fresh.window_menu_button_position = imgui.Dir.none
         fresh.docking_node_has_close_button = False
+        fresh.tab_bar_overline_size = 2.0
         # A folded stack is as high as its tabs.
         fresh.window_min_size = ImVec2(32.0, 16.0)
         fresh.scale_all_sizes(ui_scale * monitor_scale)
@@ -87,5 +94,5 @@ class Appearance:
             imgui.style_colors_light(style)
         else:
             imgui.style_colors_dark(style)
-        for number, color in _colors(theme).items():
+        for number, color in theme_colors(theme).items():
             style.set_color_(number, color)

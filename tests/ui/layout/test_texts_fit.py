@@ -1,0 +1,103 @@
+"""No text of a panel is cut or drawn over another one: at every scale, in both themes."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from tests.support.driven_app import DrivenApp
+from tests.support.text_extents import TextExtents
+from viewer.inspect.comparison import Comparison, ErrorRow, LiveFigures
+from viewer.scene.model import Scene
+from viewer.state.event_handlers import notify
+from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.settings import ViewerSettings
+
+WINDOWS = [((1280, 720), 1.0), ((1280, 720), 1.5), ((1280, 720), 2.0), ((1600, 900), 1.5)]
+FIGURES = LiveFigures(
+    Comparison(
+        pixels=123456,
+        psnr_db=31.59,
+        ssim=0.9876,
+        flip=0.0123,
+        flip_map=None,
+        problem="",
+        histogram=np.full((3, 256), 480, np.int64),
+        textures=(ErrorRow(0, 0, 123456, 27.31, 18.20, 12.34, 255), ErrorRow(1, 1, 45678, 31.59, 8.20, 2.34, 128)),
+        decoders=(ErrorRow(0, 0, 123456, 27.31, 18.20, 12.34, 255), ErrorRow(1, 1, 45678, 31.59, 8.20, 2.34, 128)),
+    ),
+    is_current=True,
+)
+
+
+@pytest.fixture(params=["packs", "no pack"])
+def content(request: pytest.FixtureRequest) -> str:
+    """What is open."""
+    return str(request.param)
+
+
+@pytest.fixture(params=WINDOWS, ids=lambda window: f"{window[0][0]}x{window[0][1]} at {window[1]:g}")
+def opened(
+    request: pytest.FixtureRequest, content: str, scene: Scene, scene_path: Path, tmp_path: Path
+) -> Iterator[DrivenApp]:
+    size, scale = request.param
+    packs = open_packs(packs_beside(scene_path)) if content == "packs" else {}
+    settings = ViewerSettings(live_figures=False, column_folded=False, ui_scale=scale)
+    app = DrivenApp(scene, packs, size, tmp_path, settings)
+    facts = app.frontend.facts
+    app.frontend.facts = lambda: replace(facts(), live=FIGURES)  # type: ignore[method-assign]
+    notify(app.session, "it broke at a place with a very long name, and this line goes on and on", "error", "why")
+    app.session.window.toasts = ()
+    if packs:
+        app.run("slot.source", "b", "single")
+        app.run("overlay.kind", "divergence")
+        app.run("compare.measure")
+        app.run("compare.mode", "difference")
+        app.run("pixel.keep", size[0] // 4, size[1] // 4)
+    app.settle()
+    yield app
+    app.close()
+
+
+def problems(app: DrivenApp, title: str) -> Mapping[str, list[str]]:
+    """What is wrong with the texts of a panel, and of each of its inner tabs, by where."""
+    found = {}
+    app.show_panel(title)
+    tabs = [label for label in app.widgets.labels() if label.startswith("tab ")]
+    for tab in tabs or [""]:
+        if tab:
+            app.click(tab)
+        with pytest.MonkeyPatch.context() as patch:
+            extents = TextExtents(patch)
+            app.frame()
+        found[f"{title} {tab}"] = extents.problems()
+    return {where: wrong for where, wrong in found.items() if wrong}
+
+
+def tab_problems(app: DrivenApp) -> list[str]:
+    """Tabs of panels that are narrower than their titles."""
+    wrong = []
+    for title in app.frontend.interface.panel_titles:
+        window = imgui.internal.find_window_by_name(title)
+        if window is not None and window.was_active and window.dock_node is not None:
+            bar = window.dock_node.tab_bar
+            tab = next(t for t in (bar.tabs[i] for i in range(bar.tabs.size())) if t.id_ == window.tab_id)
+            if tab.width < tab.content_width - 1.0:
+                wrong.append(f"tab {title}: {tab.width:.0f} of {tab.content_width:.0f}")
+    return wrong
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_every_text_of_every_panel_fits(opened: DrivenApp, content: str, theme: str) -> None:
+    opened.run("window.theme", theme)
+    opened.settle()
+    wrong: dict[str, list[str]] = {}
+    if content == "no pack":
+        wrong["tabs"] = tab_problems(opened)
+    for title in opened.frontend.interface.panel_titles:
+        wrong |= problems(opened, title)
+    wrong = {where: lines for where, lines in wrong.items() if lines}
+    assert not wrong, "\n".join(f"{where}: {line}" for where, lines in wrong.items() for line in lines)

@@ -1,0 +1,1 @@
+"""How panels look: colours of the themes, and sizes that follow the font."""
