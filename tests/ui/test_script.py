@@ -120,6 +120,15 @@ def test_waiting_for_a_run_that_never_began(app: DrivenApp) -> None:
         play(app, "wait trained")
 
 
+def test_pictures_that_are_there_stay(app: DrivenApp) -> None:
+    folder = app.session.pictures_folder
+    play(app, "file.screenshot a.png", "file.screenshot a.png", "file.screenshot-picture a a.png", "wait settled")
+    assert sorted(file.name for file in folder.glob("a*.png")) == ["a-2.png", "a-3.png", "a.png"]
+    before = (folder / "a.png").stat().st_mtime_ns
+    play(app, "screenshot a.png", "wait settled")
+    assert (folder / "a.png").stat().st_mtime_ns > before, "a script says exactly which file it means"
+
+
 def test_files_are_dropped(app: DrivenApp, scene_path: Path) -> None:
     play(app, "compare.mode a", f"drop '{scene_path.with_name('scene.single.ntc')}'", "expect source single")
 

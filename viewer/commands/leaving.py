@@ -43,7 +43,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
 def _undecided(training: LiveTraining) -> tuple[str, ...]:
     """One line for each run that leaving the scene would end or leave undecided."""
     lines = []
-    for run in training.log.undecided_runs:
+    for run in training.undecided_runs:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
     if training.active is not None:

@@ -31,8 +31,6 @@ SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""
 SECONDS_BETWEEN_UPDATES = 1.0
 """Snapshots that come sooner are shown together: every new version of a pack costs several frames."""
-SECONDS_BETWEEN_KEEPING = 60.0
-"""The pack of a run under way is kept in the data folder so often."""
 SECONDS_TO_STOP = 3.0
 SECONDS_TO_END = 20.0
 Decision = Literal["keep", "discard", "later"]
@@ -216,6 +214,11 @@ class LiveTraining:
         if self.saving:
             raise InputError("training: the pack is being written already")
 
+    @property
+    def undecided_runs(self) -> tuple[Run, ...]:
+        """Those whose packs are neither accepted, not even about to be written, nor discarded."""
+        return tuple(run for run in self.log.undecided_runs if not self._keeper.is_accepting(run.number))
+
     def leave_scene(self, decision: Decision) -> None:
         """End the run under way as far as it is, and decide about all runs: the scene is about to be closed.
 
@@ -230,7 +233,7 @@ class LiveTraining:
             self.active = None
             pack = run.pack_so_far()
             self.log.add(run.ended("ended early", pack, ()))
-        for undecided in self.log.undecided_runs:
+        for undecided in self.undecided_runs:
             self._decide(undecided, scene, decision)
         self._scene = None
         self.log = RunLog(self.log.next_number)
@@ -316,18 +319,9 @@ class LiveTraining:
 
     def _publish_snapshots(self, run: ActiveRun) -> None:
         is_new = run.groups_seen and run.pack is not run.published
-        self._keep_so_far(run)
+        self._keeper.keep_so_far(run)
         if is_new and run.pack is not None and time.monotonic() - run.published_at >= SECONDS_BETWEEN_UPDATES:
             self._publish(run, run.pack)
-
-    def _keep_so_far(self, run: ActiveRun) -> None:
-        """Now and then: a crash costs no more than what was trained since."""
-        if run.pack is run.kept or time.monotonic() - run.kept_at < SECONDS_BETWEEN_KEEPING:
-            return
-        so_far = run.pack_so_far()
-        if so_far is not None:
-            run.kept, run.kept_at = run.pack, time.monotonic()
-            self._keeper.keep(run.ended("under way", so_far, ()), run.scene)
 
     def _publish(self, run: ActiveRun, pack: Pack) -> None:
         before = run.published

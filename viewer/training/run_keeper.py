@@ -12,11 +12,14 @@ from ntc.errors import InputError
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification
+from viewer.training.active_run import ActiveRun
 from viewer.training.kept_runs import KeptRun, KeptRuns, scene_stamp
 from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_numbered, save_pack
 from viewer.training.run_log import Run
 
 SECONDS_TO_WRITE = 20.0
+SECONDS_BETWEEN_KEEPING = 60.0
+"""The pack of a run under way is kept in the data folder so often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,10 @@ class RunKeeper:
         """Whether an accepted pack is being written."""
         return any(task.write is not None for task in self._tasks)
 
+    def is_accepting(self, number: int) -> bool:
+        """Whether the pack of this run is being written where it was accepted."""
+        return any(task.write is not None and task.run.number == number for task in self._tasks)
+
     @property
     def busy(self) -> bool:
         """Whether anything is being written."""
@@ -80,6 +87,15 @@ class RunKeeper:
         # A newer version replaces one that is not written yet.
         self._tasks[1:] = [task for task in waiting if task.write is not None or task.run.number != run.number]
         self._add(_Task(run, scene, None))
+
+    def keep_so_far(self, active: ActiveRun) -> None:
+        """Keep a run under way, now and then: a crash costs no more than what was trained since."""
+        if active.pack is active.kept or time.monotonic() - active.kept_at < SECONDS_BETWEEN_KEEPING:
+            return
+        so_far = active.pack_so_far()
+        if so_far is not None:
+            active.kept, active.kept_at = active.pack, time.monotonic()
+            self.keep(active.ended("under way", so_far, ()), active.scene)
 
     def accept(self, run: Run, scene: Scene, path: Path | None, opened: Sequence[Pack]) -> None:
         """Write the pack of a run to `path`, or beside its scene, and remove it from the data folder then.

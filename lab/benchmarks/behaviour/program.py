@@ -51,6 +51,7 @@ class Program:
             "PYTHONPATH": str(self.repository),
             "NTC_VIEWER_CONFIG_DIR": str(scratch / "settings"),
             "NTC_VIEWER_CACHE_DIR": str(scratch / "cache"),
+            "NTC_VIEWER_DATA_DIR": str(scratch / "data"),
             "OMP_NUM_THREADS": "1",  # Sums of threads come in no fixed order.
             "COLUMNS": "200",
         }

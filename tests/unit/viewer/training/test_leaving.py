@@ -1,5 +1,6 @@
 """A run belongs to its scene, and nothing that was trained is lost without a question."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from viewer.commands.command import Context
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import PackRenamed
 from viewer.state.open_files import open_file
+from viewer.training.pack_saving import save_numbered
 
 
 def scene_in(folder: Path, seed: int) -> Path:
@@ -96,6 +98,25 @@ def test_a_scene_that_cannot_be_opened_ends_nothing(context: Context, path: Path
     assert errors(context)
     assert context.session.scene.path == path
     assert context.training.log.undecided == 1
+
+
+def test_a_run_that_is_being_accepted_is_not_asked_about(context: Context, path: Path, other: Path) -> None:
+    finished(context)
+    run_or_notify(context, "training.accept")
+    run_or_notify(context, "file.open", other)
+    assert context.session.window.question is None
+    assert context.session.scene.path == other
+    settle(context)
+    assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
+    assert set(context.session.packs) == {"random"}
+
+
+def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Context, path: Path) -> None:
+    pack, place = finished(context), path.with_name("scene.random.ntc")
+    with ThreadPoolExecutor(8) as pool:
+        written = [saved.path for saved in pool.map(lambda _: save_numbered(place, pack), range(16))]
+    assert len(set(written)) == 16
+    assert all(file is not None and read_pack(file).textures for file in written)
 
 
 def test_quitting_asks(context: Context, path: Path) -> None:
