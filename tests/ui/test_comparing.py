@@ -79,7 +79,7 @@ def hide_panels(app: DrivenApp) -> None:
 
 @pytest.mark.parametrize(
     ("label", "mode"),
-    [("Wipe across", "wipe-horizontal"), ("Side by side", "side-by-side"), ("Difference", "difference")],
+    [("Above/below", "wipe-horizontal"), ("Side by side", "side-by-side"), ("Difference", "difference")],
 )
 def test_modes(app: DrivenApp, label: str, mode: str) -> None:
     app.click(label)

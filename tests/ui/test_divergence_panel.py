@@ -172,7 +172,7 @@ def test_a_click_keeps_the_block_and_lets_it_go(mapped: DrivenApp) -> None:
     # It is the place that is kept: panels leave less room to the picture, which has other blocks.
     assert block.place.column == int(kept[0] * mapped.session.window.picture_size[0]) // 8
     assert f"block texture {block.textures[0].texture_id}" in labels(mapped)
-    mapped.click("let go")
+    mapped.click("release")
     assert mapped.session.inspection.block is None
 
 

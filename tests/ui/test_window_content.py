@@ -87,7 +87,7 @@ def test_the_reference_has_no_precision(app: DrivenApp) -> None:
     assert any("slot B shows the reference" in toast.text for toast in app.session.window.toasts)
 
 
-@pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Wipe", "wipe")])
+@pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Left/right", "wipe")])
 def test_modes(app: DrivenApp, label: str, mode: str) -> None:
     app.click(label)
     assert app.session.view.compare == mode

@@ -3,6 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings
+from viewer.inspect.picture_warnings import PictureWarning, picture_warnings
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Toast
 from viewer.state.view_state import Slot, ViewState, is_image_source
@@ -13,6 +14,11 @@ from viewer.ui.widgets import Area, counted, packed
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
+WARNING = (0.38, 0.26, 0.02, 0.92)
+WARNING_WIDTH = 26.0
+"""Of a remark's longest line, in font sizes."""
+WARNINGS_TOP = 3.0
+"""Below the names of the slots, in font sizes."""
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
 
@@ -84,6 +90,41 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
         if view.compare in WIPES:
             draw.add_circle_filled(ImVec2(x, middle.y), 7.0, packed(WHITE))
             ui.rects.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
+
+
+class PictureWarnings:
+    """Remembers the remarks about the picture until something about them changes."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._warnings: tuple[PictureWarning, ...] = ()
+
+    def draw(self, ui: UiFrame, area: Area) -> None:
+        """One plate for each, at the upper left of the picture in `area`; the mouse on it tells what can be done."""
+        session = ui.session
+        sides = shown_sides(session.shown_view)
+        slots = {side.upper(): session.view.slots[side] for side in sides}
+        sources = {slot.source for slot in slots.values()}
+        packs = {source: session.packs[source] for source in sources if source in session.packs}
+        matches = {source: ui.facts.matches[source] for source in sources if source in ui.facts.matches}
+        key = (session.scene, slots, packs, matches, session.resolution)
+        if key != self._key:
+            self._key = key
+            self._warnings = picture_warnings(session.scene, slots, packs, matches, session.resolution)
+        draw, at = (
+            imgui.get_background_draw_list(),
+            ImVec2(area.left + MARGIN, area.top + WARNINGS_TOP * imgui.get_font_size()),
+        )
+        wrap = max(80.0, min(WARNING_WIDTH * imgui.get_font_size(), area.width - 3.0 * MARGIN))
+        for number, warning in enumerate(self._warnings):
+            text = f"! {warning.text}"
+            size = imgui.calc_text_size(text, wrap_width=wrap)
+            _boxed_text(draw, at, text, WARNING, wrap)
+            low, high = ImVec2(at.x - 6.0, at.y - 3.0), ImVec2(at.x + size.x + 6.0, at.y + size.y + 3.0)
+            ui.rects.note_rectangle(f"warning {number + 1}", low.x, low.y, high.x, high.y)
+            if not imgui.get_io().want_capture_mouse and imgui.is_mouse_hovering_rect(low, high, False):
+                imgui.set_tooltip(warning.remedy)
+            at = ImVec2(at.x, high.y + 7.0)
 
 
 def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) -> None:

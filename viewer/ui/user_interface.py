@@ -7,7 +7,15 @@ from imgui_bundle import ImVec2, imgui
 from viewer.commands import bindings
 from viewer.jobs.background import Background
 from viewer.state.session import Session
-from viewer.ui.annotations import draw_block, draw_hints, draw_labels, draw_pixel, draw_toasts, draw_way_back
+from viewer.ui.annotations import (
+    PictureWarnings,
+    draw_block,
+    draw_hints,
+    draw_labels,
+    draw_pixel,
+    draw_toasts,
+    draw_way_back,
+)
 from viewer.ui.dock_layout import Docked, DockLayout, folds_at_first
 from viewer.ui.facts import UiFrame
 from viewer.ui.flat_window import FlatWindow
@@ -43,6 +51,7 @@ class UserInterface:
         self._flat = FlatWindow(self.background)
         self._palette = Palette()
         self._sheets = make_sheets()
+        self._warnings = PictureWarnings()
         self._question = QuestionWindow()
         self._offer = EncodeOffer()
         self._first_run_card = FirstRunCard()
@@ -100,6 +109,8 @@ class UserInterface:
             corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
         draw_labels(ui, area)
+        if session.window.show_panels:
+            self._warnings.draw(ui, area)
         draw_map_legend(ui, area)
         draw_block(ui, area)
         draw_pixel(ui, area)

@@ -78,8 +78,6 @@ CONTROLS: Final = {
     "B decodes": "Decode all maps in slot B, or only one among the original ones: you see what the error of that map alone does.",
     "A encoding": "The textures are being encoded in this format; the slot shows it when all are done.",
     "B encoding": "The textures are being encoded in this format; the slot shows it when all are done.",
-    "Wipe": "A left of the divider, B right of it. Drag the divider; a double click puts it back in the middle.",
-    "Wipe across": "A above the divider, B below it. Drag the divider; a double click puts it back in the middle.",
     "Above/below": "A above the divider, B below it. Drag the divider; a double click puts it back in the middle.",
     "Left/right": "A left of the divider, B right of it. Drag the divider; a double click puts it back in the middle.",
     "Side by side": "The middle half of the picture from A on the left, the same half from B on the right.",
@@ -106,7 +104,8 @@ CONTROLS: Final = {
     "GPU shades together (a wave).",
     "palette": "Colours of the map. viridis can be read by the colour-blind too.",
     "opacity": "How much of the picture the map hides, 0 to 1.",
-    "let go": "Follow the mouse again.",
+    "release": "Follow the mouse again.",
+    "let the pixel go": "Follow the mouse again.",
     "block texture #": "A texture that is seen in this block, with its pixels and its decoder in A and B.",
     # Errors
     "errors by texture": "One row for each texture that is seen.",
@@ -205,6 +204,7 @@ CONTROLS: Final = {
     "search glossary": "Shows only words whose line has this text.",
     "glossary": "What the words of this program mean.",
     "status": "What is under way, and the last message.",
+    "warning #": "What makes the picture other than it seems. Rest the mouse on it to see what can be done.",
     # Menus
     "menu: File": "Open files, keep the view, take pictures.",
     "menu: Edit": "Undo; the whole view to and from the clipboard.",

@@ -111,8 +111,8 @@ def draw_live_figures(ui: UiFrame) -> None:
 MODES: tuple[tuple[CompareMode, str], ...] = (
     ("a", "A"),
     ("b", "B"),
-    ("wipe", "Wipe"),
-    ("wipe-horizontal", "Wipe across"),
+    ("wipe", "Left/right"),
+    ("wipe-horizontal", "Above/below"),
     ("side-by-side", "Side by side"),
     ("difference", "Difference"),
 )
@@ -163,7 +163,7 @@ def _modes(ui: UiFrame) -> None:
         if imgui.radio_button(label, ui.session.view.compare == mode):
             ui.emit("compare.mode", mode)
         ui.rects.note(label)
-    disabled_beside("Space: the other")
+    disabled_beside("hold Space: swap")
     draw_flicker(ui)
     if ui.session.view.compare == "difference":
         draw_difference(ui)

@@ -118,11 +118,11 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
     if kept:
-        if imgui.small_button("let go"):
+        if imgui.small_button("release"):
             ui.emit("block.keep-at", None)
-        ui.rects.note("let go")
+        ui.rects.note("release")
     else:
-        imgui.text_disabled("click keeps it")
+        imgui.text_disabled("a click keeps it")
     slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}
     shown = {side: source for side, source in slots.items() if not is_image_source(source)}
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
@@ -157,6 +157,6 @@ def draw_divergence_panel(ui: UiFrame) -> None:
     if ui.facts.block is not None:
         _block(ui.facts.block, ui)
     else:
-        imgui.text_disabled("point at a block of the picture")
+        imgui.text_disabled("Point at a block of the picture.")
     imgui.separator()
     _plots(sides, ui)

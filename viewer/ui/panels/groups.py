@@ -23,6 +23,17 @@ def _decibels(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
+def _parameter(value: object) -> str:
+    """A parameter of the grouping as it is read."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list | tuple):
+        return " ".join(_parameter(part) for part in value)
+    return str(value)
+
+
 def quality_text(row: GroupRow) -> str:
     """The PSNR of a group, and before it what it was in the pack that this one replaced, where that is known."""
     before = "" if row.before_db in (None, row.psnr_db) else f"{_decibels(row.before_db)} -> "
@@ -67,7 +78,9 @@ class GroupsPanel:
         if not self._rows:
             imgui.text_disabled("the pack has no groups")
             return
-        parameters = ", ".join(f"{name} {value}" for name, value in pack.grouping.parameters.items())
+        parameters = ", ".join(
+            f"{name.replace('_', ' ')} {_parameter(value)}" for name, value in pack.grouping.parameters.items()
+        )
         imgui.text_wrapped(f"{source}: grouping {pack.grouping.name}, {counted(len(self._rows), 'group')}")
         if parameters:
             imgui.text_disabled(parameters[:200])

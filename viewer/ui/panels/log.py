@@ -5,6 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from viewer.state.message_log import LogEntry
 from viewer.ui.facts import UiFrame
 from viewer.ui.style.inks import ink
+from viewer.ui.widgets import counted
 
 
 class LogPanel:
@@ -25,7 +26,7 @@ class LogPanel:
         _, self._errors_only = imgui.checkbox("errors only", self._errors_only)
         ui.rects.note("errors only")
         imgui.same_line()
-        imgui.text_disabled(f"{len(log):,} messages")
+        imgui.text_disabled(counted(len(log), "message"))
         if imgui.begin_child("lines"):
             color = ink("error")
             for entry in log:

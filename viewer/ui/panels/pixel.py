@@ -38,7 +38,7 @@ def _patch(patch: PixelPatch | None, inside: tuple[int, int, int, int], cell: fl
         )
 
 
-def _values(pixel: PixelContent) -> None:
+def _values(pixel: PixelContent, ui: UiFrame) -> None:
     if not imgui.begin_table("values", 3, imgui.TableFlags_.sizing_stretch_prop):
         return
     for side, patch in (("a", pixel.a), ("b", pixel.b)):
@@ -48,12 +48,15 @@ def _values(pixel: PixelContent) -> None:
         if patch is None:
             continue
         linear, srgb = patch.middle
-        cells(" ".join(f"{value:3d}" for value in srgb), "  ".join(f"{value:.4f}" for value in linear))
+        cells(" ".join(f"{value:3d}" for value in srgb))
+        ui.rects.note(f"{side.upper()} 8-bit sRGB")
+        cells("  ".join(f"{value:.4f}" for value in linear))
+        ui.rects.note(f"{side.upper()} linear")
     if pixel.a is not None and pixel.b is not None:
         first, second = pixel.a.middle, pixel.b.middle
         imgui.table_next_row()
         imgui.table_next_column()
-        imgui.text_disabled("A-B")
+        imgui.text_disabled("A - B")
         imgui.table_next_column()
         imgui.text(" ".join(f"{a - b:+3d}" for a, b in zip(first[1], second[1], strict=True)))
         imgui.table_next_column()
@@ -74,7 +77,7 @@ def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
 def _facts(pixel: PixelContent, ui: UiFrame) -> None:
     slots = (ui.session.view.slot_a, ui.session.view.slot_b)
     if pixel.material_name is None:
-        imgui.text_disabled("background")
+        imgui.text_disabled("background: nothing of the scene is here")
         return
     rows = [("material", pixel.material_name)]
     if pixel.texture_id >= 0:
@@ -95,7 +98,9 @@ def _facts(pixel: PixelContent, ui: UiFrame) -> None:
             imgui.table_next_row()
             imgui.table_next_column()
             imgui.text_disabled(name)
+            ui.rects.note(f"pixel {name}")
             cells(text)
+            ui.rects.explain(f"pixel {name}")
         imgui.end_table()
 
 
@@ -103,17 +108,17 @@ def draw_pixel_panel(ui: UiFrame) -> None:
     """The content of the panel."""
     pixel = ui.facts.pixel
     if pixel is None:
-        imgui.text_disabled("point at the picture")
+        imgui.text_disabled("Move the mouse over the picture.")
         return
     place = pixel.place
     imgui.text(f"{place.x}, {place.y} of {place.picture[0]} x {place.picture[1]}")
     imgui.same_line()
     if ui.session.inspection.pixel is not None:
-        if imgui.small_button("let go"):
+        if imgui.small_button("release"):
             ui.emit("pixel.let-go")
         ui.rects.note("let the pixel go")
     else:
-        imgui.text_disabled("click keeps it")
+        imgui.text_disabled("a click keeps it")
     cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)
@@ -121,6 +126,6 @@ def draw_pixel_panel(ui: UiFrame) -> None:
     imgui.same_line()
     _patch(pixel.b, place.inside, cell)
     ui.rects.note("pixels of B")
-    _values(pixel)
+    _values(pixel, ui)
     _facts(pixel, ui)
     ui.rects.note("pixel")

@@ -79,8 +79,7 @@ class TexturesPanel:
             self._body(ui)
             imgui.end_table()
         pack = f"A: {source}" + (", which has no groups" if is_image_source(source) else "")
-        not_made = f", {ui.facts.thumbnails_skipped:,} thumbnails skipped" if ui.facts.thumbnails_skipped else ""
-        imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}{not_made}")
+        imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}")
 
     def _headings(self, ui: UiFrame) -> None:
         fixed = imgui.TableColumnFlags_.width_fixed

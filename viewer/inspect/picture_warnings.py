@@ -1,0 +1,77 @@
+"""What makes the picture other than it seems: said over it, so that nobody judges a codec by a missing file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ntc.codec.model import Pack
+from ntc.pack.match import PackMatch
+from viewer.inspect.memory_table import size_pairs, smaller_note
+from viewer.scene.model import Scene
+from viewer.state.view_state import Slot
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+LONGEST_LINE = 90
+
+
+@dataclass(frozen=True)
+class PictureWarning:
+    """One remark."""
+
+    text: str
+    remedy: str
+    """What it means, and what can be done."""
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3].rstrip()}..."
+
+
+def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
+    """What the file lacks."""
+    found = []
+    missing = scene.report.missing
+    if missing:
+        more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
+        remedy = "The panel Scene lists under 'missing' all that the file names and that could not be read."
+        found.append(PictureWarning(f"missing: {_short(missing[0])}{more}", remedy))
+    white = sum(material.texture_id < 0 and material.factor == WHITE for material in scene.materials)
+    if white and 2 * white >= len(scene.materials):
+        few = "the material has" if len(scene.materials) == 1 else f"{white} of {len(scene.materials)} materials have"
+        remedy = "Such surfaces are white. If the scene should have textures, look for their files."
+        found.append(PictureWarning(f"{few} no base colour", remedy))
+    return tuple(found)
+
+
+def pack_warnings(side: str, scene: Scene, pack: Pack, match: PackMatch) -> tuple[PictureWarning, ...]:
+    """How the pack of a slot, `A` or `B`, differs from the scene."""
+    found = []
+    total = len(match.texture_index)
+    if match.changed:
+        text = f"{side}: the pack is of another version of this scene ({len(match.changed)} of {total} textures differ)"
+        found.append(PictureWarning(text, "Textures that differ are shown as the originals. Encode the scene anew."))
+    elif match.absent:
+        text = f"{side}: {len(match.absent)} of {total} textures are not in the pack"
+        found.append(PictureWarning(text, "They are shown as the originals."))
+    if smaller := smaller_note(size_pairs(scene, pack, match)):
+        remedy = "Some of the blur comes from fewer texels, and not from the codec. Encode larger textures for a fair comparison."
+        found.append(PictureWarning(f"{side}: {smaller}", remedy))
+    return tuple(found)
+
+
+def picture_warnings(
+    scene: Scene,
+    slots: Mapping[str, Slot],
+    packs: Mapping[str, Pack],
+    matches: Mapping[str, PackMatch],
+    resolution: float,
+) -> tuple[PictureWarning, ...]:
+    """All remarks about the picture of these shown `slots` by their letter; `resolution` is drawn pixels per pixel of a side."""
+    found = list(scene_warnings(scene))
+    for side, slot in slots.items():
+        pack, match = packs.get(slot.source), matches.get(slot.source)
+        if pack is not None and match is not None and len(match.texture_index) == len(scene.textures):
+            found += pack_warnings(side, scene, pack, match)
+    if resolution < 1.0:
+        remedy = "Set it to 100 % in the panel Compare, or by the menu View."
+        found.append(PictureWarning(f"preview: {resolution:.0%} of the pixels along each side", remedy))
+    return tuple(found)
