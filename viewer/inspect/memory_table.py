@@ -77,8 +77,8 @@ def smaller_note(pairs: Sequence[SizePair]) -> str:
     (width, height), (was_width, was_height) = max(
         ((pair.encoded, pair.original) for pair in smaller), key=lambda sizes: sizes[1][0] * sizes[1][1]
     )
-    sizes = f"{width} x {height} texels of {was_width} x {was_height}"
-    return f"{len(smaller)} of {len(pairs)} textures encoded smaller than the originals (the largest: {sizes})"
+    sizes = f"{width} x {height} of {was_width} x {was_height} texels"
+    return f"{len(smaller)} of {len(pairs)} textures encoded smaller than the originals, up to {sizes}"
 
 
 def pack_memory(
@@ -94,11 +94,8 @@ def pack_memory(
     table = psnr_table(pack)
     rows = []
     if any(pair.is_smaller for pair in pairs):
-        rows.append(
-            MemoryRow(
-                "originals, that size", original, 1.0, "the originals as RGBA8 with mips, reduced to the size encoded"
-            )
-        )
+        about = "the originals as RGBA8 with mips, reduced to the size encoded"
+        rows.append(MemoryRow("originals, that size", original, 1.0, about, is_total=True))
     rows += [
         MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
         MemoryRow(

@@ -53,7 +53,7 @@ class MemoryPanel:
         for side, slot in slots.items():
             rows, note = _slot_rows(ui, slot), _size_note(ui, slot)
             if note:
-                self._notes.append(f"{side.upper()}: {note}. Ratios are to the originals at that size.")
+                self._notes.append(f"{side.upper()}: {note}; ratios are to originals of that size")
             if rows:
                 precision = "" if is_image_source(slot.source) else f", {slot.precision}"
                 self._parts.append((f"{side.upper()}: {slot.source}{precision}", "a" if side == "a" else "b", rows))
