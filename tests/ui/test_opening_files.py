@@ -175,6 +175,16 @@ def test_a_folder_with_an_odd_name_can_be_shown(
     assert app.session.scene.path == folder / "scene.glb"
 
 
+def test_the_dialog_stays_in_front_of_panels(app: DrivenApp) -> None:
+    app.resize((1000, 600))
+    app.settle()
+    dialog(app)
+    app.click_at(30.0, 200.0)
+    app.click("file: ../")
+    app.click("Cancel opening")
+    assert not app.session.window.file_dialog
+
+
 def test_escape_closes_the_dialog_and_nothing_else(app: DrivenApp) -> None:
     dialog(app)
     app.press(imgui.Key.escape)

@@ -13,6 +13,7 @@ from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.scene.json_text import Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera, Scene
+from viewer.scene.scene_files import CAMERAS_FILE
 
 LARGEST_FILE = 1 << 26
 """Bytes: half a million cameras."""
@@ -80,7 +81,10 @@ def cameras_json(cameras: Sequence[Camera]) -> str:
 
 def cameras_beside(scene_path: Path) -> Path | None:
     """The cameras file of a scene: `NAME.cameras.json` beside it, else `cameras.json`; None without one."""
-    candidates = (scene_path.with_name(f"{scene_path.stem}.cameras.json"), scene_path.with_name("cameras.json"))
+    candidates = (
+        scene_path.with_name(f"{scene_path.stem}.{CAMERAS_FILE}"),
+        scene_path.with_name(CAMERAS_FILE),
+    )
     return next((path for path in candidates if path.is_file()), None)
 
 

@@ -23,6 +23,8 @@ PICTURES = {
     b"MM\0*": "TIFF",
 }
 """How files of pictures begin."""
+CAMERAS_FILE = "cameras.json"
+"""Beside a scene, also with the scene's name and a dot before it."""
 LONGEST_BEGINNING = 16
 OPENABLE = "a scene is a .gltf, .glb, .obj, .ply or .stl"
 
@@ -64,12 +66,14 @@ def require_scene(path: Path) -> None:
     if suffix == PACK_SUFFIX:
         raise InputError(
             f"{path}: is a pack of encoded textures, not a scene; open its scene, then drop the pack on the window, "
-            f"or give both: ntc-viewer SCENE --pack {path.name}"
+            f"or give both: ntc-viewer SCENE --pack {path}"
         )
     if suffix in PANORAMA_SUFFIXES:
         raise InputError(f"{path}: is a panorama, which lights a scene; open a scene, then drop it on the window")
     if picture is not None:
         raise InputError(f"{path}: is a picture ({picture}), not a scene; open the .gltf or .glb that uses it")
+    if path.name == CAMERAS_FILE or path.name.endswith(f".{CAMERAS_FILE}"):
+        raise InputError(f"{path}: holds cameras; they are read with the scene that lies beside it: open that")
     if not begins.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"glTF")):
         kind = f"a {suffix} file" if suffix else "a file without a suffix"
         raise InputError(f"{path}: is {kind}, not a scene; {OPENABLE}")

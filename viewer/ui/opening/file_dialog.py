@@ -66,7 +66,9 @@ class FileDialog:
         imgui.set_next_window_size(extent)
         imgui.set_next_window_bg_alpha(1.0)
         flags = imgui.WindowFlags_
-        if opening:
+        on_top = ui.session.window.question is None
+        if on_top:
+            # In every frame: a click on a panel would put it in front of the dialog.
             imgui.set_next_window_focus()
         _, stays = imgui.begin(
             "Open a scene, a pack or a panorama###open",
@@ -75,7 +77,7 @@ class FileDialog:
         )
         self._content(ui)
         imgui.end()
-        if not stays or imgui.is_key_pressed(imgui.Key.escape, repeat=False):
+        if not stays or (on_top and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
             ui.emit("file.close-dialog")
 
     def _begin(self, ui: UiFrame) -> None:

@@ -22,7 +22,8 @@ CAMERAS = '[{"name": "street", "eye": [0, 1, 5], "target": [0, 1, 0]}]'
         ("picture.png", png(noise()), "is a picture (PNG)", "open the .gltf or .glb"),
         ("notes.txt", b"read me", "is a .txt file, not a scene", "a scene is a .gltf, .glb"),
         ("LICENSE", b"free for all", "is a file without a suffix", "a scene is a .gltf, .glb"),
-        ("mine.ntc", b"whatever", "is a pack of encoded textures, not a scene", "--pack mine.ntc"),
+        ("mine.ntc", b"whatever", "is a pack of encoded textures, not a scene", "mine.ntc"),
+        ("cameras.json", b"[]", "holds cameras", "open that"),
         ("sky.hdr", b"#?RADIANCE", "is a panorama, which lights a scene", "drop it on the window"),
     ],
 )
