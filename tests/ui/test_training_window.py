@@ -15,6 +15,7 @@ from imgui_bundle import imgui
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
+from ntc.training.progress import TrainingProgress
 from ntc.worker.shared_arrays import without_arrays
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
@@ -351,6 +352,7 @@ def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
     run = training.active
     assert run is not None
     wait(app, lambda t: t.active is None)
+    run.add_progress(TrainingProgress(1, 1, 0.0, 1.0, {}, {0: 30.0}, 1.0, 1.0))
     change = figures_under_way(run)[0]
     assert change.startswith("PSNR of mip 0, 1 texture: ")
     assert " -> " in change

@@ -256,7 +256,11 @@ class Frontend:
         """What panels show of a training and its messages, as values that are equal while they show the same."""
         training = self._context.training
         run, log = training.active, training.log
-        under_way = (run.state, run.progress, run.notes) if run is not None else ()
+        under_way: tuple[object, ...] = ()
+        if run is not None:
+            # Before the first report, the seconds that have passed are the only sign of life.
+            passed = int(time.monotonic() - run.began) if run.progress is None else 0
+            under_way = (run.state, run.progress, run.notes, passed)
         return (*under_way, self.session.window.log.count, log.runs, log.undecided, training.saving)
 
     def _figures_are_wanted(self) -> bool:

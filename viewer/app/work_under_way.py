@@ -8,6 +8,7 @@ from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
 from viewer.ui.facts import Work
+from viewer.ui.widgets import duration
 
 LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
 """Of the work, and since its beginning: before that its end cannot be told."""
@@ -64,7 +65,9 @@ def _training(training: LiveTraining) -> Iterator[Work]:
     if run is None:
         return
     title, progress = f"{run.name}: {job_title(run.job)}", run.progress
-    state = TRAINING_STATES.get(run.state, "" if progress is not None else "starting")
+    state = TRAINING_STATES.get(run.state, "")
+    if progress is None:
+        state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
     share = progress.step / max(1, progress.steps) if progress is not None else None
     left = progress.seconds_left if progress is not None and not state else None
     # One that is about to end cannot be ended again.

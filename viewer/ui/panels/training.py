@@ -1,5 +1,7 @@
 """Panel "Training": the offer to encode, what is under way with its curves, the decision about it, and the log of runs."""
 
+import time
+
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.pack_files import base_pack_name
@@ -124,7 +126,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
         return f"{ended.fate}. Keep it?" if ended is not None else ""
     state, progress = STATES[run.state], run.progress
     if progress is None:
-        return state or "starting"
+        return f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
     unit = "texture" if run.codec_kind == "block" else "step"
     return f"{unit} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
 

@@ -25,11 +25,11 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
     if progress is None:
         return ()
     before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet known"
-    trained = counted(len(progress.psnr_db), "texture")
+    trained = f", {counted(len(progress.psnr_db), 'texture')}" if progress.psnr_db else ""
     if run.codec_kind == "block":
         # Both are of mip 0, so that one can be set against the other.
         change = now if before is None else f"{before:.2f} -> {now}"
-        lines = [f"PSNR of mip 0, {trained}: {change}"]
+        lines = [f"PSNR of mip 0{trained}: {change}"]
     else:
         lines = [f"PSNR of samples of all mips: {now}"]
         if before is not None:
