@@ -276,11 +276,11 @@ def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, i
 
 def test_theme_and_scale_are_applied_and_kept(app: DrivenApp, tmp_path: Path) -> None:
     dark, places = app.screenshot(), app.frontend.interface.rects
-    lower = places.centre("B source")[1]
+    lower = places.centre("A source")[1]
     run(app, "window.theme", "light")
     assert app.screenshot()[:, :200].mean() > dark[:, :200].mean() + 80
     run(app, "window.ui-scale", "1.5")
-    assert places.centre("B source")[1] == pytest.approx(1.5 * lower, rel=0.05)
+    assert places.centre("A source")[1] == pytest.approx(1.5 * lower, rel=0.05)
     run(app, "window.ui-scale", "9")
     assert app.session.window.toasts[-1].kind == "error"
     run(app, "window.panel", "Memory", "off")
