@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
-from viewer.app import frontend
+from viewer.app import frontend, slow_commands
 from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
@@ -56,7 +56,7 @@ def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
         else:
             run(context, command_id, *values)
 
-    monkeypatch.setattr(frontend, "run_or_notify", note)
+    monkeypatch.setattr(slow_commands, "run_or_notify", note)
     # What cannot run now is grey.
     monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "")
     monkeypatch.setattr(parse, "run", note)

@@ -32,7 +32,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("slot.source", "slot.path", "slot.precision", "slot.maps", "slot.filter"),
         ("compare.swap", "slot.next-source", "slot.next-path"),
         ("compare.difference", "compare.gain"),
-        ("compare.toggle-flicker", "compare.flicker"),
+        ("compare.toggle-flicker",),
         ("compare.live", "compare.measure"),
     ),
     "Inspect": (
@@ -69,6 +69,7 @@ ONLY_TYPED: Final = frozenset(
         "camera.look",
         "camera.next-mode",
         "camera.turntable",
+        "compare.flicker",
         "errors.by",
         "errors.highlight",
         "errors.sort",
