@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
+from ntc.codec.maps import MAPS
 from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.model import Grouping
 from ntc.codec.reference import decode_image
@@ -87,6 +88,15 @@ def test_bytes_of_mips() -> None:
     plain, blocks = scene_memory(scene_of([], [], [texture(8, 4)]))
     assert plain.bytes == 4 * (32 + 8 + 2 + 1)
     assert blocks.bytes == 16 * (2 + 1 + 1 + 1)
+
+
+def test_originals_are_counted_with_all_their_maps() -> None:
+    whole = replace(texture(8, 8), maps=MAPS)
+    one = sum(side * side for side in (8, 4, 2, 1))
+    plain, blocks = scene_memory(scene_of([], [], [whole]))
+    # Base colour, normals, roughness with metalness and occlusion, emission.
+    assert plain.bytes == 4 * 4 * one
+    assert blocks.bytes == 4 * 16 * (4 + 1 + 1 + 1)
 
 
 def test_memory_of_a_pack_adds_up(scene: Scene) -> None:

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
 from ntc.metrics.block_compression import compressed_bytes
-from ntc.metrics.compressed_textures import CompressedTextures
+from ntc.metrics.compressed_textures import CompressedTextures, kind_of
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.match import PackMatch
+from viewer.scene.map_pictures import pictures_of
 from viewer.scene.model import Scene
 
 RGBA_BYTES = 4
@@ -28,21 +30,22 @@ class MemoryRow:
 
 
 @lru_cache(maxsize=4096)
-def _bytes_of_size(width: int, height: int) -> tuple[int, int]:
-    """(as RGBA8, as BC7), with all mips."""
-    sizes = mip_sizes(width, height)
-    plain = sum(w * h * RGBA_BYTES for w, h in sizes)
-    blocks = sum(compressed_bytes(w, h, "bc7") for w, h in sizes)
+def _bytes_of(width: int, height: int, maps: tuple[MapName, ...]) -> tuple[int, int]:
+    """(as RGBA8, as BC7) of a texture with these maps, with all mips: one picture for the base colour, one for normals, which are in
+    BC5, one for roughness, metalness and occlusion, and one for emission."""
+    sizes, pictures = mip_sizes(width, height), pictures_of(maps)
+    plain = len(pictures) * sum(w * h * RGBA_BYTES for w, h in sizes)
+    blocks = sum(compressed_bytes(w, h, "bc7", kind_of(picture)) for w, h in sizes for picture in pictures)
     return plain, blocks
 
 
 def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
-    """The scene's textures as RGBA8 and as BC7, with all mips."""
-    sizes = [_bytes_of_size(texture.pixels.shape[1], texture.pixels.shape[0]) for texture in scene.textures]
+    """The scene's textures with all their maps as RGBA8 and as BC7, with all mips."""
+    sizes = [_bytes_of(texture.pixels.shape[1], texture.pixels.shape[0], texture.maps) for texture in scene.textures]
     plain, blocks = sum(size[0] for size in sizes), sum(size[1] for size in sizes)
     return (
-        MemoryRow("original RGBA8", plain, 1.0, "the original images with their mips, 4 bytes a texel"),
-        MemoryRow("as BC7", blocks, blocks / max(plain, 1), "block compression with mips, 1 byte a texel"),
+        MemoryRow("original RGBA8", plain, 1.0, "the original images of all maps with their mips, 4 bytes a texel"),
+        MemoryRow("as BC7", blocks, blocks / max(plain, 1), "the same in blocks, 1 byte a texel, normals in BC5"),
     )
 
 
@@ -52,6 +55,8 @@ class SizePair:
 
     original: tuple[int, int]
     encoded: tuple[int, int]
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Those that the pack holds."""
 
     @property
     def is_smaller(self) -> bool:
@@ -65,7 +70,8 @@ def size_pairs(scene: Scene, pack: Pack, match: PackMatch) -> tuple[SizePair, ..
     for texture, index in zip(scene.textures, match.texture_index, strict=True):
         if index >= 0:
             encoded = pack.textures[index]
-            pairs.append(SizePair((texture.pixels.shape[1], texture.pixels.shape[0]), (encoded.width, encoded.height)))
+            size = (texture.pixels.shape[1], texture.pixels.shape[0])
+            pairs.append(SizePair(size, (encoded.width, encoded.height), encoded.maps))
     return tuple(pairs)
 
 
@@ -86,11 +92,11 @@ def pack_memory(
 ) -> tuple[MemoryRow, ...]:
     """What a pack takes: in its file, and on the GPU by part, where it has been drawn.
 
-    Shares are of the originals of those textures that the pack holds, reduced to the size that was encoded: fewer texels are no
-    compression. `idle` bytes on the GPU belong to decode paths that are not used now; they count for nothing.
+    Shares are of the originals of those textures and maps that the pack holds, reduced to the size that was encoded: fewer texels
+    are no compression. `idle` bytes on the GPU belong to decode paths that are not used now; they count for nothing.
     """
     pairs = size_pairs(scene, pack, match)
-    original = max(1, sum(_bytes_of_size(*pair.encoded)[0] for pair in pairs))
+    original = max(1, sum(_bytes_of(*pair.encoded, pair.maps)[0] for pair in pairs))
     table = psnr_table(pack)
     rows = []
     if any(pair.is_smaller for pair in pairs):
@@ -124,7 +130,8 @@ def pack_memory(
 
 def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
     """What the textures take in a format of graphics hardware; here they are drawn from RGBA8 that was made of it."""
-    plain = max(1, sum(_bytes_of_size(own.shape[1], own.shape[0])[0] for own in compressed.textures))
+    pictures = (*compressed.textures, *(picture for pictures in compressed.further for picture in pictures))
+    plain = max(1, sum(_bytes_of(own.shape[1], own.shape[0], own.maps)[0] for own in pictures))
     stored = compressed.stored_bytes
     explanation = f"{compressed.bits_per_texel:.2f} bits a texel, all mips, blocks over the edge included"
     return (MemoryRow("blocks in all", stored, stored / plain, explanation, is_total=True),)

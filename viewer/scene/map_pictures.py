@@ -25,14 +25,19 @@ NEUTRAL = 255
 """Of components that a texture lacks, which nothing reads."""
 
 
+def pictures_of(maps: Sequence[MapName]) -> tuple[tuple[MapName, ...], ...]:
+    """The pictures that a texture of these maps has, each with its maps."""
+    own = (tuple(name for name in picture if name in maps) for picture in PICTURES)
+    return tuple(picture for picture in own if picture)
+
+
 def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.uint8]]:
     """[H, W, 1 to 3] uint8 of each picture that `texture` has, by its maps."""
     found: dict[tuple[MapName, ...], NDArray[np.uint8]] = {}
-    for picture in PICTURES:
-        maps = tuple(name for name in picture if name in texture.maps)
+    for maps in pictures_of(texture.maps):
         if maps == ("base",):
             found[maps] = texture.pixels
-        elif maps:
+        else:
             pixels = np.concatenate([texture.further_maps[name] for name in maps], axis=2)
             # Formats take the second of two channels for alpha, but for normals.
             unused = int(pixels.shape[2] == 2 and maps != ("normal",))
