@@ -43,7 +43,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
         if not sections:
             continue
         opened = imgui.begin_menu(menu)
-        ui.rects.note(f"{LABEL}{menu}")
+        ui.rects.note(f"{LABEL}{menu}", is_open=opened)
         if opened:
             for number, section in enumerate(sections):
                 if number:
@@ -94,7 +94,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     name = " ".join((command.id, *chosen))
     title = _shown(chosen[-1]) if chosen else command.title
     opened = imgui.begin_menu(f"{title}##{name}", bool(options))
-    ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there is none"))
+    ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there is none"), opened)
     if not opened:
         return
     is_last = len(chosen) == needed - 1

@@ -111,7 +111,6 @@ class UserInterface:
         draw_labels(ui, area)
         if session.window.show_panels:
             self._warnings.draw(ui, area)
-        draw_map_legend(ui, area)
         draw_block(ui, area)
         draw_pixel(ui, area)
         shown = session.window.show_panels and not session.window.column_folded
@@ -128,7 +127,8 @@ class UserInterface:
             self._flat.draw(ui)
         else:
             draw_way_back(ui, area)
-        self._first_run_card.draw(ui, area)
+        beside_card = self._first_run_card.draw(ui, area)
+        draw_map_legend(ui, beside_card)
         for sheet in self._sheets:
             sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
@@ -140,7 +140,7 @@ class UserInterface:
         if escape and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             imgui.internal.close_popup_to_level(0, True)
         self._question.draw(ui, size)
-        draw_toasts(session.window.toasts, area)
+        draw_toasts(session.window.toasts, beside_card)
         self._input.handle(session, area, ui.emit, keys=not list_is_open)
         self._input.flight.draw(area, ui.rects)
         ui.rects.tooltips.end()

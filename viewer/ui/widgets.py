@@ -126,16 +126,18 @@ class WidgetRects:
         self._explain = explain
         self.tooltips.begin()
 
-    def note(self, label: str, text: str = "") -> None:
+    def note(self, label: str, text: str = "", is_open: bool = False) -> None:
         """Record the last widget's rectangle, and explain it while the mouse rests on it.
 
-        The explanation is `text`; without one, that of the label (viewer/ui/help/explanations.py).
+        The explanation is `text`; without one, that of the label (viewer/ui/help/explanations.py). It would hide what hangs below
+        a menu that `is_open`.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
         if text:
             self._texts[label] = text
-        self.tooltips.show(lambda: self.explanation(label))
+        if not is_open:
+            self.tooltips.show(lambda: self.explanation(label))
 
     def explain(self, label: str) -> None:
         """Explain the last widget as `label` is, without recording a rectangle: for figures beside their name."""

@@ -1,6 +1,6 @@
 """The card of first steps: what this program is for, and three things to try."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imgui_bundle import ImVec2, imgui
 
@@ -14,6 +14,8 @@ from viewer.ui.widgets import Area
 WIDTH = 30.0
 """Largest width in heights of the font."""
 MARGIN = 12.0
+LEAST_REST = 24.0
+"""Width in heights of the font beside the card in which a legend and messages still fit."""
 PURPOSE = (
     "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
     "beside the original, with the error and the cost of every pixel."
@@ -47,10 +49,13 @@ class FirstRunCard:
         self._done = [False, False, False]
         self._scene: str | None = None
 
-    def draw(self, ui: UiFrame, area: Area) -> None:
-        """The card, while the session shows it, at the lower left of `area`."""
+    def draw(self, ui: UiFrame, area: Area) -> Area:
+        """The card, while the session shows it, at the lower left of `area`; what it leaves of that to its right.
+
+        Where too little is left, all of `area`.
+        """
         if not ui.session.window.show_first_steps:
-            return
+            return area
         self._note_progress(ui.session)
         font = imgui.get_font_size()
         width = min(WIDTH * font, area.width - 2.0 * MARGIN)
@@ -81,6 +86,8 @@ class FirstRunCard:
         imgui.same_line()
         imgui.text_disabled("Help > First steps shows this again.")
         imgui.end()
+        rest = replace(area, left=area.left + MARGIN + width)
+        return rest if rest.width >= LEAST_REST * font else area
 
     @staticmethod
     def _row(number: int, step: _Step, done: bool) -> None:
