@@ -20,6 +20,7 @@ import time
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from lab.window_trials.run_journal import fingerprint, read_journal
 from lab.window_trials.virtual_display import virtual_display
@@ -28,6 +29,7 @@ from ntc.io import write_text
 from ntc.pack.file import read_pack
 from ntc.pack.match import require_match
 from tests.end_to_end.conftest import two_squares
+from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import match_scene, packs_beside
 
@@ -46,11 +48,22 @@ class Findings:
     killed: int = 0
     runs: int = 0
     """That ended with a pack."""
+    frames: int = 0
+    """Of windows that were not killed."""
     slow_frames: dict[str, int] = field(default_factory=dict)
-    """Frames over 250 ms, by what the window said that it was doing."""
-    slowest_silent_ms: int = 0
-    """Longest frame while it said nothing."""
+    """Frames over 250 ms: while the window said that something was under way, among its first pictures, by drawing alone (its passes
+    took as long), and others."""
+    slowest_ms: dict[str, int] = field(default_factory=dict)
+    """The longest of each kind."""
     problems: list[str] = field(default_factory=list)
+
+
+def _kind_of_slow(entry: dict[str, Any]) -> str:
+    if entry["doing"]:
+        return "said to be under way"
+    if entry["first"]:
+        return "first pictures of a window"
+    return "drawing" if entry["passes_ms"] > 0.6 * entry["ms"] else "others"
 
 
 class Trial:
@@ -68,6 +81,7 @@ class Trial:
         ):
             (self._files / name).write_bytes(data)
         self._journals: list[Path] = []
+        self._assets, self._left_with_assets = set(assets_folder().glob("*.ntc")), set[Path]()
 
     def _make_scene(self, name: str, seed: int) -> Path:
         (self._files / name).mkdir(parents=True)
@@ -129,26 +143,36 @@ class Trial:
 
     def _check_runs(self) -> None:
         on_disk = set()
-        for path in self._folder.rglob("*.ntc"):
+        # The built-in scenes can be opened, too, and packs of theirs be kept.
+        self._left_with_assets |= set(assets_folder().glob("*.ntc")) - self._assets
+        for path in (*self._folder.rglob("*.ntc"), *self._left_with_assets):
             try:
                 on_disk.add(fingerprint(read_pack(path)))
             except InputError as error:
                 self._add_problem(f"{path.name}: {error}")
         ended: dict[str, str] = {}
-        discarded, slow = set(), Counter[str]()
-        silent = 0
+        discarded, slow, slowest, frames = set(), Counter[str](), Counter[str](), 0
         for entry in (line for journal in self._journals for line in read_journal(journal)):
             if entry["event"] == "run":
                 ended[entry["pack"]] = f"{Path(entry['scene']).name} run {entry['run']}"
                 if entry["discarded"]:
                     discarded.add(entry["pack"])
             elif entry["event"] == "slow":
-                slow[entry["doing"]] += 1
-                silent = max(silent, 0 if entry["doing"] else entry["ms"])
-        self.findings.runs, self.findings.slow_frames, self.findings.slowest_silent_ms = len(ended), dict(slow), silent
+                kind = _kind_of_slow(entry)
+                slow[kind] += 1
+                slowest[kind] = max(slowest[kind], entry["ms"])
+            elif entry["event"] == "end":
+                frames += entry["frames"]
+        self.findings.runs, self.findings.frames = len(ended), frames
+        self.findings.slow_frames, self.findings.slowest_ms = dict(slow), dict(slowest)
         for pack, what in ended.items():
             if pack not in on_disk | discarded:
                 self._add_problem(f"lost: {what}")
+
+    def tidy(self) -> None:
+        """Remove what windows have written beside the built-in scenes."""
+        for path in self._left_with_assets:
+            path.unlink(missing_ok=True)
 
     def _add_problem(self, line: str) -> None:
         if line not in self.findings.problems:
@@ -167,7 +191,10 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     with virtual_display(1280, 720) as display:
         trial = Trial(folder, display, options.seed)
-        trial.run(options.seconds)
+        try:
+            trial.run(options.seconds)
+        finally:
+            trial.tidy()
     if options.json is not None:
         write_text(options.json, json.dumps(asdict(trial.findings), indent=1) + "\n")
     if options.keep is None:

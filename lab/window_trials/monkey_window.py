@@ -31,6 +31,8 @@ from viewer.ui.keyboard import imgui_key
 
 SLOW_MS = 250.0
 """A frame that takes longer is written down, with what the window says that it does."""
+FIRST_PICTURES = 3
+"""Of a window: they make buffers, compile programs and upload the scene."""
 SECONDS_BETWEEN_ACTIONS = 0.05
 SIZES = ((1280, 720), (1024, 640), (900, 600), (640, 480), (360, 260))
 TRAININGS = (
@@ -93,7 +95,9 @@ class MonkeyWindow(WindowApp):
         super()._frame(window, size)
         spent = 1e3 * (time.perf_counter() - began)
         if spent > SLOW_MS:
-            self._journal.write("slow", ms=round(spent), doing=self._doing())
+            passes = sum(self.frontend.facts().timings_ms.values())
+            first = self.frontend.picture.frames_drawn <= FIRST_PICTURES
+            self._journal.write("slow", ms=round(spent), doing=self._doing(), first=first, passes_ms=round(passes))
         self._note_runs()
 
     def _doing(self) -> str:
