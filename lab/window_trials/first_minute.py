@@ -33,6 +33,7 @@ wait settled
 screenshot {out}/4-dropped.png
 click "Encode it now"
 wait seconds 6
+move 60% 40%
 screenshot {out}/5-encoding.png
 wait trained
 wait settled

@@ -9,7 +9,7 @@ from viewer.state.session import Toast
 from viewer.state.view_state import Slot, ViewState, is_image_source
 from viewer.ui.facts import UiFrame
 from viewer.ui.map_legend import slot_note
-from viewer.ui.widgets import Area, counted, packed
+from viewer.ui.widgets import Area, counted, draw_tooltip, packed
 
 MARGIN = 12.0
 WHITE = (1.0, 1.0, 1.0, 0.9)
@@ -123,7 +123,7 @@ class PictureWarnings:
             low, high = ImVec2(at.x - 6.0, at.y - 3.0), ImVec2(at.x + size.x + 6.0, at.y + size.y + 3.0)
             ui.rects.note_rectangle(f"warning {number + 1}", low.x, low.y, high.x, high.y)
             if not imgui.get_io().want_capture_mouse and imgui.is_mouse_hovering_rect(low, high, False):
-                imgui.set_tooltip(warning.remedy)
+                draw_tooltip(warning.remedy)
             at = ImVec2(at.x, high.y + 7.0)
 
 
@@ -162,7 +162,7 @@ def draw_block(ui: UiFrame, area: Area) -> None:
             for side, slot in slots
             if not is_image_source(slot.source)
         ]
-        imgui.set_tooltip(", ".join([*texts, counted(len(block.textures), "texture")]))
+        draw_tooltip(", ".join([*texts, counted(len(block.textures), "texture")]))
 
 
 def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:

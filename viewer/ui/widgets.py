@@ -69,6 +69,15 @@ TOOLTIP_FONT_SIZES = 28.0
 """Width of a tooltip's longest line."""
 
 
+def draw_tooltip(text: str) -> None:
+    """A tooltip beside the mouse, in lines that are not too long."""
+    if imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(TOOLTIP_FONT_SIZES * imgui.get_font_size())
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
 class Tooltips:
     """Shows what explains a widget while the mouse rests on it, and says when the next frame is due for that."""
 
@@ -102,11 +111,8 @@ class Tooltips:
             return
         if not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
             self._waits = True
-        elif imgui.begin_tooltip():
-            imgui.push_text_wrap_pos(TOOLTIP_FONT_SIZES * imgui.get_font_size())
-            imgui.text_unformatted(shown)
-            imgui.pop_text_wrap_pos()
-            imgui.end_tooltip()
+        else:
+            draw_tooltip(shown)
 
 
 class WidgetRects:

@@ -11,10 +11,10 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.style.inks import ink
 from viewer.ui.widgets import Area
 
-WIDTH = 30.0
+WIDTH = 26.0
 """Largest width in heights of the font."""
 MARGIN = 12.0
-LEAST_REST = 24.0
+LEAST_REST = 22.0
 """Width in heights of the font beside the card in which a legend and messages still fit."""
 PURPOSE = (
     "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
@@ -50,10 +50,7 @@ class FirstRunCard:
         self._scene: str | None = None
 
     def draw(self, ui: UiFrame, area: Area) -> Area:
-        """The card, while the session shows it, at the lower left of `area`; what it leaves of that to its right.
-
-        Where too little is left, all of `area`.
-        """
+        """The card, while the session shows it, at the lower left of `area`; what it leaves of that to its right, else above it."""
         if not ui.session.window.show_first_steps:
             return area
         self._note_progress(ui.session)
@@ -85,9 +82,10 @@ class FirstRunCard:
         ui.rects.note("Got it")
         imgui.same_line()
         imgui.text_disabled("Help > First steps shows this again.")
+        top = imgui.get_window_pos().y
         imgui.end()
         rest = replace(area, left=area.left + MARGIN + width)
-        return rest if rest.width >= LEAST_REST * font else area
+        return rest if rest.width >= LEAST_REST * font else replace(area, bottom=max(top, area.top + 1.0))
 
     @staticmethod
     def _row(number: int, step: _Step, done: bool) -> None:

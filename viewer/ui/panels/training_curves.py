@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
+from numpy.typing import NDArray
 
 from ntc.codec.config import CodecKind
 from viewer.training.run_log import Curves
@@ -13,6 +14,7 @@ from viewer.ui.widgets import combo
 
 PLOT_LINES = 8.5
 """Height of a plot, in lines of text."""
+FIT = implot.AxisFlags_.auto_fit
 MOST_NAMED = 6
 """Groups up to which the plot names them."""
 WORST = "worst texture"
@@ -34,23 +36,13 @@ class TrainingCurves:
             return
         seconds = curves.array(curves.seconds)
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
-        unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
-        fit = implot.AxisFlags_.auto_fit
         size = ImVec2(imgui.get_content_region_avail().x, PLOT_LINES * imgui.get_text_line_height_with_spacing())
-        if implot.begin_plot("loss by group##loss", size, flags | unnamed):
-            implot.setup_axes("seconds", "loss", fit, fit)
-            # Beside the plot: the curves stay in sight.
-            implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
-            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
-            ticks = _ticks(curves)
-            implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
-            for group, curve in sorted(curves.losses.items()):
-                implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
-            implot.end_plot()
-        ui.rects.note("loss by group")
+        # Codec `block` is fitted in closed form: its textures come one after the other, and no loss falls.
+        if kind != "block":
+            self._losses(curves, seconds, size, flags, ui)
         texture = self._chosen(curves)
         if implot.begin_plot(f"{PSNR_TITLES.get(kind, 'PSNR')}##psnr", size, flags | implot.Flags_.no_legend):
-            implot.setup_axes("seconds", "dB", fit, fit)
+            implot.setup_axes("seconds", "dB", FIT, FIT)
             # Read on either theme's ground.
             mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
             implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
@@ -61,6 +53,21 @@ class TrainingCurves:
         ui.rects.note("PSNR curve")
         imgui.text_wrapped("thick: the mean" + (f", blue: {_name(texture, names)}" if texture is not None else ""))
         self._choose(curves, names, ui)
+
+    @staticmethod
+    def _losses(curves: Curves, seconds: NDArray[np.float64], size: ImVec2, flags: int, ui: UiFrame) -> None:
+        unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
+        if implot.begin_plot("loss by group##loss", size, flags | unnamed):
+            implot.setup_axes("seconds", "loss", FIT, FIT)
+            # Beside the plot: the curves stay in sight.
+            implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
+            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            ticks = _ticks(curves)
+            implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
+            for group, curve in sorted(curves.losses.items()):
+                implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
+            implot.end_plot()
+        ui.rects.note("loss by group")
 
     def _chosen(self, curves: Curves) -> int | None:
         if self._texture in curves.psnr_db:
