@@ -30,10 +30,22 @@ def _cache_folder(name: str) -> Path:
     return Path(given, name)
 
 
+def _data_folder(name: str) -> Path:
+    given = os.environ.get(DATA_FOLDER_VARIABLE) or platformdirs.user_data_dir("ntc-viewer", appauthor=False)
+    return Path(given, name)
+
+
 def kept_runs_folder() -> Path:
     """Where training runs wait that nobody has decided about: in NTC_VIEWER_DATA_DIR, else the platform's folder for data."""
-    given = os.environ.get(DATA_FOLDER_VARIABLE) or platformdirs.user_data_dir("ntc-viewer", appauthor=False)
-    return Path(given, "runs")
+    return _data_folder("runs")
+
+
+def packs_folder(scene_path: Path) -> Path:
+    """Where accepted packs of a scene are written: beside it, but those of a built-in scene in NTC_VIEWER_DATA_DIR, likewise.
+
+    An installation may be read-only, and belongs to all users of the machine.
+    """
+    return _data_folder("packs") if is_builtin(scene_path) else scene_path.parent
 
 
 def features_cache() -> Path:

@@ -29,7 +29,6 @@ from ntc.io import write_text
 from ntc.pack.file import read_pack
 from ntc.pack.match import require_match
 from tests.end_to_end.conftest import two_squares
-from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import match_scene, packs_beside
 
@@ -81,7 +80,6 @@ class Trial:
         ):
             (self._files / name).write_bytes(data)
         self._journals: list[Path] = []
-        self._assets, self._left_with_assets = set(assets_folder().glob("*.ntc")), set[Path]()
 
     def _make_scene(self, name: str, seed: int) -> Path:
         (self._files / name).mkdir(parents=True)
@@ -143,9 +141,7 @@ class Trial:
 
     def _check_runs(self) -> None:
         on_disk = set()
-        # The built-in scenes can be opened, too, and packs of theirs be kept.
-        self._left_with_assets |= set(assets_folder().glob("*.ntc")) - self._assets
-        for path in (*self._folder.rglob("*.ntc"), *self._left_with_assets):
+        for path in self._folder.rglob("*.ntc"):
             try:
                 on_disk.add(fingerprint(read_pack(path)))
             except InputError as error:
@@ -169,11 +165,6 @@ class Trial:
             if pack not in on_disk | discarded:
                 self._add_problem(f"lost: {what}")
 
-    def tidy(self) -> None:
-        """Remove what windows have written beside the built-in scenes."""
-        for path in self._left_with_assets:
-            path.unlink(missing_ok=True)
-
     def _add_problem(self, line: str) -> None:
         if line not in self.findings.problems:
             self.findings.problems.append(line)
@@ -191,10 +182,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     with virtual_display(1280, 720) as display:
         trial = Trial(folder, display, options.seed)
-        try:
-            trial.run(options.seconds)
-        finally:
-            trial.tidy()
+        trial.run(options.seconds)
     if options.json is not None:
         write_text(options.json, json.dumps(asdict(trial.findings), indent=1) + "\n")
     if options.keep is None:

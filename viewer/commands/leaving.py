@@ -7,6 +7,7 @@ from typing import Any
 
 from ntc.errors import InputError
 from viewer.commands.command import Context, command, gesture
+from viewer.locations import is_builtin
 from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.session import Session
@@ -25,7 +26,9 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
     if not lines:
         return False
     scene = context.session.scene
-    where = f"beside {scene.path.name}" if scene.path is not None else "in the data folder, until the next start"
+    where = "in the data folder, until the next start"
+    if scene.path is not None:
+        where = "in the data folder" if is_builtin(scene.path) else f"beside {scene.path.name}"
     few = "pack" if len(lines) == 1 else "packs"
     what = "This training has" if len(lines) == 1 else "These trainings have"
     text = "\n".join(

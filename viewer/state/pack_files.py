@@ -8,6 +8,7 @@ from pathlib import Path
 from ntc.codec.model import Pack
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
+from viewer.locations import packs_folder
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
@@ -39,8 +40,15 @@ def base_pack_name(view: ViewState, packs: Mapping[str, Pack]) -> str | None:
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
-    """The packs that lie beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order."""
-    stem, folder = scene_path.stem, scene_path.parent
+    """The packs that lie beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order.
+
+    Those of a built-in scene come first, and then those that the user has accepted for it.
+    """
+    folders = dict.fromkeys((scene_path.parent, packs_folder(scene_path)))
+    return tuple(path for folder in folders for path in _packs_in(folder, scene_path.stem))
+
+
+def _packs_in(folder: Path, stem: str) -> tuple[Path, ...]:
     try:
         return tuple(
             sorted(
@@ -52,7 +60,7 @@ def packs_beside(scene_path: Path) -> tuple[Path, ...]:
             )
         )
     except OSError:
-        # The scene can still be opened where its folder cannot be listed.
+        # The scene can still be opened where the folder cannot be listed, or is not there.
         return ()
 
 

@@ -163,7 +163,7 @@ class LiveTraining:
         return self.active
 
     def accept(self, path: Path | None, packs: Iterable[Pack]) -> None:
-        """Write the undecided run's pack to `path`, or beside the scene that it was trained on; `packs` are those that are open.
+        """Write the undecided run's pack to `path`, or where its scene has its packs; `packs` are those that are open.
 
         Raises InputError where no run is undecided, and for a path that no pack can have. Other errors of writing are notified.
         """

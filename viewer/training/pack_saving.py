@@ -9,6 +9,7 @@ from ntc.errors import InputError
 from ntc.io import numbered_path
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import read_pack, write_pack
+from viewer.locations import DATA_FOLDER_VARIABLE, packs_folder
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.pack_files import same_place
 
@@ -17,10 +18,19 @@ FileStamp = tuple[int, int, int]
 
 
 def default_path(scene_path: Path | None, pack: Pack) -> Path:
-    """`SCENE.GROUPING.ntc` beside the scene. Raises InputError for a scene without file."""
+    """`SCENE.GROUPING.ntc` beside the scene, or in the user's data folder for a built-in one, which is made where it is not there.
+
+    Raises InputError for a scene without file.
+    """
     if scene_path is None:
         raise InputError("the scene comes from no file; name the file that the pack is to be written to")
-    return scene_path.with_name(f"{scene_path.stem}.{pack.grouping.name}{PACK_SUFFIX}")
+    folder = packs_folder(scene_path)
+    if folder != scene_path.parent:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be made ({error.strerror}); set {DATA_FOLDER_VARIABLE}") from error
+    return folder / f"{scene_path.stem}.{pack.grouping.name}{PACK_SUFFIX}"
 
 
 def save_numbered(path: Path, pack: Pack) -> Pack:

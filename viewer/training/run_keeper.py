@@ -98,7 +98,7 @@ class RunKeeper:
             self.keep(active.ended("under way", so_far, ()), active.scene)
 
     def accept(self, run: Run, scene: Scene, path: Path | None, opened: Sequence[Pack]) -> None:
-        """Write the pack of a run to `path`, or beside its scene, and remove it from the data folder then.
+        """Write the pack of a run to `path`, or where packs of its scene lie, and remove it from the data folder then.
 
         `opened` are the packs that are open. Raises InputError for a path that no pack can have.
         """

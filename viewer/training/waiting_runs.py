@@ -60,7 +60,7 @@ class WaitingRuns:
         return Run(number, facts.title, facts.settings, facts.groups, *ended, (f"kept back at {facts.clock}",), pack)
 
     def write(self, key: str) -> Path:
-        """Write a run's pack beside the scene that it was made of; the file's path.
+        """Write a run's pack where those of the scene lie that it was made of; the file's path.
 
         Raises InputError, also where that scene is gone, or another one by now: its packs would not fit.
         """

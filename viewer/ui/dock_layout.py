@@ -74,7 +74,7 @@ class DockLayout:
         """Frames until the next panel may be focused, or until the last one is visible."""
         self._folded: frozenset[str] = frozenset()
         self._scale: float | None = None
-        """Of the last frame."""
+        """That the columns have the width for."""
         self._heights: dict[int, float] = {}
         """Share of their column that folded stacks had before, by the ids of their nodes."""
         self._widths: dict[int, tuple[float, float]] = {}
@@ -105,10 +105,9 @@ class DockLayout:
         known = imgui.internal.dock_builder_get_node(dock_space)
         if self._saw_menu_bar and (reset or known is None or not (known.is_split_node() or known.windows)):
             self._build(dock_space, panels, viewport, scale)
+            self._scale = scale
         elif self._saw_menu_bar:
             self._follow_scale([panel.title for panel in panels], scale, viewport)
-        if self._saw_menu_bar:
-            self._scale = scale
         self._fold([panel.title for panel in panels], folded)
         self._placed, self._saw_menu_bar = self._saw_menu_bar, True
         imgui.dock_space_over_viewport(dock_space, viewport, imgui.DockNodeFlags_.passthru_central_node)
@@ -196,6 +195,9 @@ class DockLayout:
                 if node.parent_node.split_axis == imgui.internal.Axis.x:
                     columns[node.id_] = node
                 node = node.parent_node
+        if not columns:
+            # Panels that are hidden are in no column: theirs follows when they are shown again.
+            return
         for number, node in columns.items():
             units, given = self._widths.get(number, (0.0, 0.0))
             if self._scale is None:
@@ -206,6 +208,7 @@ class DockLayout:
             given = min(units * scale, widest) if self._scale is not None else units * scale
             self._widths[number] = (units, given)
             node.size_ref = ImVec2(given, node.size_ref.y)
+        self._scale = scale
 
     def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal

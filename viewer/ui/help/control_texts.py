@@ -154,11 +154,11 @@ CONTROLS: Final = {
     "copy timings": "Put all figures of this panel on the clipboard as text.",
     "copy memory": "Put the table on the clipboard as text.",
     # Training
-    "file": "The .ntc file to write. Left empty: SCENE.GROUPING.ntc beside the scene.",
+    "file": "The .ntc file to write. Left empty: SCENE.GROUPING.ntc beside the scene; for a built-in scene in the user's data folder.",
     "run # into": "Show the pack of this run in this slot.",
     "kept back": "Trainings that were neither accepted nor discarded when their window was closed, or when it broke off.",
     "open kept back #": "Open its scene, and show its pack in slot A: accept or discard it then.",
-    "keep kept back #": "Write its pack beside the scene that it was trained on.",
+    "keep kept back #": "Write its pack beside the scene that it was trained on; for a built-in scene, into the user's data folder.",
     "discard kept back #": "Remove its pack for good. A question comes first.",
     "Open what was kept back": "Show the pack of a training of this scene that was neither accepted nor discarded.",
     "Keep": "Write the packs beside their scene, then go on.",
