@@ -160,7 +160,7 @@ def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) ->
     session.pictures_folder = tmp_path / "file"
     session.pictures_folder.write_text("")
     line = str(context_lost_error(session, ContextLostError("unknown"), "no window could be opened"))
-    assert "could not be kept" in line
+    assert "could not be saved" in line
     assert list(tmp_path.iterdir()) == [session.pictures_folder]
 
 

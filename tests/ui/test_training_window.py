@@ -204,14 +204,14 @@ def test_encode_accept_retrain_discard(
     assert session.packs["run 4"].grouping.groups == (0, 1)
     run_line(app.context, f"training.regroup baseline auto {budget}")
     wait(app, lambda t: t.active is None)
-    assert "nothing is to be trained" in messages(app)
+    assert "there is nothing to train" in messages(app)
 
 
 @pytest.mark.timing
 def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     session = app.session
     run_line(app.context, "training.encode single auto 32 600s best grid")
-    with pytest.raises(InputError, match="another one is under way"):
+    with pytest.raises(InputError, match="another run is under way"):
         run_line(app.context, "training.encode")
     training = wait(app, lambda t: t.active is not None and t.active.groups_seen)
     app.click("Pause")

@@ -208,7 +208,7 @@ class Frontend:
             self._graphics.reset.check_after(error)
             if not self.picture.note_failure(size):
                 raise
-            line = " ".join(str(error).split()) or "there is not enough memory"
+            line = " ".join(str(error).split()) or "out of memory"
             notify(session, line, "error", str(error))
             if session.requests.measure:
                 finish_measurement(session, None)

@@ -73,5 +73,5 @@ def context_lost_error(session: Session, lost: ContextLostError, why: str) -> In
     try:
         write_text(path, view_json(present_view(session)))
     except InputError as error:
-        return InputError(f"{lost}, {why}; the view could not be kept: {error}")
-    return InputError(f"{lost}, {why}; the view is kept, to see it again: {_command(session, path)}")
+        return InputError(f"{lost}, {why}; the view could not be saved: {error}")
+    return InputError(f"{lost}, {why}; the view is saved; to open it again: {_command(session, path)}")

@@ -67,7 +67,7 @@ class WindowApp(App):
         try:
             make_config_folder(folder)
         except InputError as error:
-            self._folder, problem = None, f"{error}; settings are not kept"
+            self._folder, problem = None, f"{error}; settings will not be saved"
         self._losses, self._lost_before = SimulatedLosses.of_environment(), LossHistory()
         self._size = content.size or settings.window_size
         """In screen units, as it was last."""
@@ -153,7 +153,7 @@ class WindowApp(App):
             self._playing = None
         except InputError as error:
             self._playing = None
-            notify(self.session, f"{error}; the script ends here", "error")
+            notify(self.session, f"{error}; the script was stopped", "error")
         self._wake()
 
     def show(self, frames: int | None = None) -> None:

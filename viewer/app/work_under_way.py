@@ -14,9 +14,9 @@ LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
 """Of the work, and since its beginning: before that its end cannot be told."""
 TRAINING_STATES = {
     "preparing": "preparing textures and groups",
-    "pausing": "about to pause",
+    "pausing": "pausing",
     "paused": "paused",
-    "cancelling": "about to end",
+    "cancelling": "cancelling",
 }
 
 

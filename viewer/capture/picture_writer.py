@@ -60,7 +60,7 @@ class PictureWriter:
             if not request.quiet:
                 notify(session, f"wrote {path}")
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
-            line = " ".join(str(error).split()) or "there is not enough memory for the picture"
+            line = " ".join(str(error).split()) or "out of memory while writing the picture"
             notify(session, line, "error")
 
     def _follow_film(self, framebuffer: moderngl.Framebuffer) -> None:

@@ -40,7 +40,9 @@ def open_scene(path: Path | None) -> Scene:
     for line in missing[:MISSING_SHOWN]:
         sys.stderr.write(f"note: {line}\n")
     if len(missing) > MISSING_SHOWN:
-        sys.stderr.write(f"note: {len(missing) - MISSING_SHOWN} more things are missing; see ntc-viewer info {path}\n")
+        sys.stderr.write(
+            f"note: {len(missing) - MISSING_SHOWN} more files or parts could not be read; see ntc-viewer info {path}\n"
+        )
     return scene
 
 

@@ -38,7 +38,7 @@ def decide(
 ) -> None:
     runs = context.training.waiting.runs
     if number > len(runs):
-        raise InputError(f"number {number}: {len(runs)} are kept back")
+        raise InputError(f"number {number}: there are only {len(runs)} kept runs")
     run = runs[number - 1]
     if action == "keep":
         notify(context.session, f"wrote {context.training.waiting.write(run.key)}")
@@ -66,7 +66,7 @@ def open_leaving(context: Context, key: str, decision: Decision) -> None:
     """Open the scene of a waiting run, and the run in slot A. Raises InputError."""
     run = context.training.waiting[key]
     if not run.scene_path:
-        raise InputError(f"{run.line}: its scene came from no file")
+        raise InputError(f"{run.line}: its scene was not read from a file")
     open_file(context.session, Path(run.scene_path))
     context.training.leave_scene(decision)
     _open(context, key)

@@ -32,7 +32,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
     few = "pack" if len(lines) == 1 else "packs"
     what = "This training has" if len(lines) == 1 else "These trainings have"
     text = "\n".join(
-        (f"{what} not been kept yet:", *(f"  {line}" for line in lines), f"{KEEP} writes the {few} {where}.")
+        (f"{what} not been saved yet:", *(f"  {line}" for line in lines), f"{KEEP} writes the {few} {where}.")
     )
     choices = (
         Choice(KEEP, command_id, (*values, "keep")),
@@ -50,7 +50,7 @@ def _undecided(training: LiveTraining) -> tuple[str, ...]:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
     if training.active is not None:
-        picture = "" if training.active.pack_so_far() is not None else ", no picture to keep yet"
+        picture = "" if training.active.pack_so_far() is not None else ", no pack to save yet"
         lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{picture}")
     return tuple(lines)
 
@@ -65,7 +65,7 @@ def answer(context: Context, label: str) -> None:
     question, context.session.window.question = context.session.window.question, None
     chosen = next((choice for choice in question.choices if choice.label == label), None) if question else None
     if chosen is None:
-        raise InputError(f"{label!r}: is no answer now")
+        raise InputError(f"{label!r}: is not an answer to an open question")
     if chosen.command:
         context.following.append((chosen.command, chosen.values))
 

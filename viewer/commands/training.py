@@ -83,7 +83,7 @@ def point_out_groups(context: Context, groups: frozenset[int]) -> None:
 def _base(context: Context) -> Pack:
     name = base_pack_name(context.session.view, context.session.packs)
     if name is None:
-        raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
+        raise InputError("training: no pack is open to continue from; encode the scene first (training.encode)")
     return context.session.packs[name]
 
 

@@ -133,7 +133,7 @@ def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
     pictures = (*compressed.textures, *(picture for pictures in compressed.further for picture in pictures))
     plain = max(1, sum(_bytes_of(own.shape[1], own.shape[0], own.maps)[0] for own in pictures))
     stored = compressed.stored_bytes
-    explanation = f"{compressed.bits_per_texel:.2f} bits a texel, all mips, blocks over the edge included"
+    explanation = f"{compressed.bits_per_texel:.2f} bits a texel, all mips, padding of blocks included"
     return (MemoryRow("blocks in all", stored, stored / plain, explanation, is_total=True),)
 
 

@@ -32,7 +32,7 @@ def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
     missing = scene.report.missing
     if missing:
         more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
-        remedy = "The panel Scene lists under 'missing' all that the file names and that could not be read."
+        remedy = "Files or parts that could not be read; panel Scene lists all of them under 'missing'."
         found.append(PictureWarning(f"missing: {_short(missing[0])}{more}", remedy))
     white = sum(material.texture_id < 0 and material.factor == WHITE for material in scene.materials)
     if white and 2 * white >= len(scene.materials):
@@ -53,7 +53,7 @@ def pack_warnings(side: str, scene: Scene, pack: Pack, match: PackMatch) -> tupl
         text = f"{side}: {len(match.absent)} of {total} textures are not in the pack"
         found.append(PictureWarning(text, "They are shown as the originals."))
     if smaller := smaller_note(size_pairs(scene, pack, match)):
-        remedy = "Some of the blur comes from fewer texels, and not from the codec. Encode larger textures for a fair comparison."
+        remedy = "Part of the blur comes from the smaller textures, not from the codec. Encode at full size for a fair comparison."
         found.append(PictureWarning(f"{side}: {smaller}", remedy))
     return tuple(found)
 

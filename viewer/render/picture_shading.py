@@ -64,7 +64,7 @@ class PictureShading:
         try:
             light = self._light.prepare(lighting)
         except InputError as error:
-            self.problem = f"{error}; the sky stands in for {Path(lighting.environment).name}"
+            self.problem = f"{error}; the sky is shown instead of {Path(lighting.environment).name}"
             return self._light.prepare(replace(lighting, environment=SKY))
         self.problem = None
         return light

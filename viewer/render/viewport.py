@@ -263,7 +263,7 @@ class Viewport:
         alone = next((side for side, slot in session.view.slots.items() if slot.source != REFERENCE), None)
         if not self._is_drawn and alone is not None and session.view.compare not in ("a", "b"):
             self._emit(ViewChanged(replace(session.view, compare=alone)))
-            self._emit(Notification(f"slot {alone.upper()} is shown alone"))
+            self._emit(Notification(f"slot {alone.upper()} is shown alone, because both could not be drawn"))
             return
         # The last picture stays, at whatever size.
         self._undrawable = self._wanted(size)
@@ -273,11 +273,11 @@ class Viewport:
         short: set[str] = set()
         if any(counts.out_of_memory for counts in frame.tiles.values()):
             short.add(
-                "the GPU has no memory for more decoded tiles: path cached goes on with those it has; "
+                "the GPU has no memory for more decoded tiles: path cached uses a smaller cache; "
                 "close packs, or lower tile_cache_megabytes in settings.json"
             )
         if frame.short_latents:
-            short.add("the GPU has no memory for all latents: coarser mips are shown in their place; close packs")
+            short.add("the GPU has no memory for all latents: coarser mips are shown instead; close packs")
         for line in sorted(short - self._memory_problems):
             self._emit(Notification(line, "error"))
         self._memory_problems = frozenset(short)

@@ -101,7 +101,7 @@ def _trained(stage: Stage) -> Iterator[Turn]:
     yield from inputs.rest()
     while training.active is not None or training.saving:
         if training.state == "paused":
-            raise InputError("wait trained: the run is paused; training.resume goes on with it")
+            raise InputError("wait trained: the run is paused; training.resume continues it")
         if time.monotonic() > end:
             raise InputError(f"wait trained: the run had not ended after {LONGEST_WAIT:g} s; training.cancel ends it")
         yield "rest"

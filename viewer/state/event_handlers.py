@@ -159,7 +159,7 @@ def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
     notify(
         session,
-        f"looking from within {session.scene.name}; F shows all of it, and the bookmark {event.camera.name!r} this place",
+        f"the camera is inside {session.scene.name}; F frames the whole scene, bookmark {event.camera.name!r} returns here",
     )
 
 

@@ -149,7 +149,10 @@ def _open_scene(session: Session, path: Path) -> None:
     if problem is not None:
         notify(session, str(problem), "error", details_of(problem))
     problems = len(scene.report.missing)
-    notify(session, f"opened {path.name}" + (f"; {problems} things missing, see Scene" if problems else ""))
+    notify(
+        session,
+        f"opened {path.name}" + (f"; {problems} files or parts could not be read, see panel Scene" if problems else ""),
+    )
 
 
 def _open_pack(session: Session, path: Path) -> None:

@@ -38,7 +38,7 @@ MOST_RECENT = 10
 LONGEST_PATH = 4096
 LARGEST_FILE = 1 << 20
 """Bytes: a settings file is a few hundred; anything beyond this is not one."""
-REMEDY = "it is replaced when the window closes"
+REMEDY = "it will be overwritten when the window closes"
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,9 @@ def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
             return ViewerSettings(), None
         return parse_settings(read_file(file, LARGEST_FILE), str(file)), None
     except InputError as error:
-        return ViewerSettings(), f"{error}; using defaults"
+        return ViewerSettings(), f"{error}; using default settings"
     except OSError as error:
-        return ViewerSettings(), f"{file}: cannot be read ({error.strerror}); using defaults"
+        return ViewerSettings(), f"{file}: cannot be read ({error.strerror}); using default settings"
 
 
 def make_config_folder(folder: Path) -> None:
@@ -131,7 +131,7 @@ def make_config_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error}); set {CONFIG_FOLDER_VARIABLE}") from error
+        raise InputError(f"{folder}: cannot be created ({error}); set {CONFIG_FOLDER_VARIABLE}") from error
 
 
 def save_settings(folder: Path, settings: ViewerSettings) -> None:

@@ -42,7 +42,7 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     if job.config.name != "covisible":
         return GroupingInputs(features=features)
     if job.scene is None:
-        raise InputError("covisible: the scene comes from no file that could be drawn; choose another grouping")
+        raise InputError("covisible: needs a scene that was read from a file; choose another grouping")
     from viewer.scene.load import load_scene
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 

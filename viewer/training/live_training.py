@@ -83,9 +83,9 @@ class LiveTraining:
         Raises InputError where another run is under way, and where there is no pack to go on from.
         """
         if self.active is not None:
-            raise InputError("training: another one is under way; cancel it first (training.cancel)")
+            raise InputError("training: another run is under way; cancel it first (training.cancel)")
         if base is None and not isinstance(job, EncodeScene):
-            raise InputError("training: there is no pack to go on from; encode the scene first (training.encode)")
+            raise InputError("training: no pack is open to continue from; encode the scene first (training.encode)")
         self.enter(scene)
         name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
@@ -112,7 +112,7 @@ class LiveTraining:
             self.leave_scene("later")
         self._scene = scene
         if was_under_way:
-            self._emit(Notification("the training ended, because another scene was opened"))
+            self._emit(Notification("training was stopped because another scene was opened"))
         if line := self.waiting.look(scene):
             self._emit(Notification(line))
 
@@ -120,7 +120,7 @@ class LiveTraining:
         """Make a waiting run one of this scene's, and open its pack; returns its name. Raises InputError."""
         self.enter(scene)
         if self.active is not None:
-            raise InputError("training: one is under way; wait for its end, or cancel it first (training.cancel)")
+            raise InputError("training: a run is under way; wait until it ends, or cancel it first (training.cancel)")
         run = self.waiting.adopted(key, self.log.next_number, scene)
         self._keeper.take_over(run, key)
         self.log.add(run)
@@ -159,7 +159,7 @@ class LiveTraining:
         if self.active is None:
             raise InputError("training: there is none under way")
         if self.active.state == "preparing":
-            raise InputError("training: it has not begun yet; wait, or cancel it")
+            raise InputError("training: the run has not started yet; wait, or cancel it")
         return self.active
 
     def accept(self, path: Path | None, packs: Iterable[Pack]) -> None:
@@ -336,11 +336,15 @@ class LiveTraining:
         if finished.pack is None:
             pack = run.pack_so_far()
             self._end(run, "cancelled", pack, lines)
-            rest = "its last pack stays: accept or discard it" if pack is not None else "it made no pack"
+            rest = "its latest pack is kept: accept or discard it" if pack is not None else "it made no pack"
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
-        kept = f"; {worse} of {len(finished.outcomes)} groups were better before and stay as they were" if worse else ""
+        kept = (
+            f"; {worse} of {len(finished.outcomes)} groups would have become worse and were left unchanged"
+            if worse
+            else ""
+        )
         self._end(run, finished.reason, finished.pack, lines)
         self._emit(Notification(f"{run.name} ({job_title(run.job)}): {finished.reason}{kept}. Accept or discard it"))
 

@@ -23,13 +23,13 @@ def default_path(scene_path: Path | None, pack: Pack) -> Path:
     Raises InputError for a scene without file.
     """
     if scene_path is None:
-        raise InputError("the scene comes from no file; name the file that the pack is to be written to")
+        raise InputError("the scene was not read from a file; name the file to write the pack to")
     folder = packs_folder(scene_path)
     if folder != scene_path.parent:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: cannot be made ({error.strerror}); set {DATA_FOLDER_VARIABLE}") from error
+            raise InputError(f"{folder}: cannot be created ({error.strerror}); set {DATA_FOLDER_VARIABLE}") from error
     return folder / f"{scene_path.stem}.{pack.grouping.name}{PACK_SUFFIX}"
 
 

@@ -90,7 +90,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         raise InputError("no pack is shown; encode the scene first")
     if isinstance(job, Regroup) and job.settings.strategy == UNIVERSAL:
         raise InputError(
-            f"regroup {UNIVERSAL}: the decoder that ships has a shape of its own; encode the scene in grouping {UNIVERSAL} instead"
+            f"regroup {UNIVERSAL}: the shipped decoder has a different size; encode the scene in grouping {UNIVERSAL} instead"
         )
     grouping = base.grouping
     if isinstance(job, MoveTexture):
@@ -103,7 +103,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             _check_clusters(job.settings, textures)
             grouping = process.find(textures, scene.path, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
-            raise InputError(f"{job.settings.grouping_text}: gives the groups that there are; nothing is to be trained")
+            raise InputError(f"{job.settings.grouping_text}: gives the present groups again; there is nothing to train")
     else:
         textures = _textures_of(base, scene, report)
     dirty = job.groups if isinstance(job, RetrainGroups) else None

@@ -227,7 +227,7 @@ class RunKeeper:
         """Once: the next run would fail alike."""
         if not self._failed:
             self._failed = True
-            self._emit(Notification(f"runs are not kept after the window closes: {error}", "error"))
+            self._emit(Notification(f"runs will be lost when the window closes: {error}", "error"))
 
 
 def accepted(run: Run, saved: Saved, open_as: str) -> Run:

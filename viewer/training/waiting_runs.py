@@ -31,7 +31,7 @@ class WaitingRuns:
         if not told:
             return ""
         lines = ", ".join(run.line for run in told[:3]) + (f" and {len(told) - 3} more" if len(told) > 3 else "")
-        return f"kept back from the last time: {lines}; see the panel Training"
+        return f"kept back from an earlier session: {lines}; see the panel Training"
 
     def of(self, scene: Scene) -> tuple[KeptRun, ...]:
         """Those that were made of this scene."""
@@ -42,7 +42,7 @@ class WaitingRuns:
         for run in self.runs:
             if run.key == key:
                 return run
-        raise InputError("training: that run is not kept any more")
+        raise InputError("training: that run no longer exists")
 
     def adopted(self, key: str, number: int, scene: Scene) -> Run:
         """A run as one of this window's, which has its lock from now on. Raises InputError where it does not fit `scene`."""
@@ -50,7 +50,7 @@ class WaitingRuns:
         try:
             pack = kept.read(key)
             if not facts.is_of(scene.path):
-                raise InputError(f"{facts.line}: was made of {facts.scene_path or 'another scene'}; open that first")
+                raise InputError(f"{facts.line}was trained on {facts.scene_path or 'another scene'}; open that first")
             require_match(pack, match_scene(pack, scene), scene.name)
         except InputError:
             kept.release(key)
@@ -68,7 +68,9 @@ class WaitingRuns:
         try:
             scene = Path(facts.scene_path)
             if not facts.scene_path or scene_stamp(scene) != facts.scene_stamp:
-                raise InputError(f"{facts.line}: {facts.scene_path} has changed since; open the run, and accept it")
+                raise InputError(
+                    f"{facts.line}: {facts.scene_path} has changed since; open the run and accept it into a file"
+                )
             pack = kept.read(key)
             written = save_numbered(default_path(scene, pack), pack).path
         except InputError:
@@ -91,5 +93,5 @@ class WaitingRuns:
         facts, kept = self[key], self._kept
         if kept is None or not kept.claim(key):
             self.runs = tuple(run for run in self.runs if run.key != key)
-            raise InputError(f"{facts.line}: another window has it, or it is gone")
+            raise InputError(f"{facts.line}: is open in another window, or was removed")
         return kept, facts

@@ -24,9 +24,9 @@ UNSTOPPABLE = ("preparing", "cancelling")
 STATES = {
     "preparing": "preparing textures and groups",
     "training": "",
-    "pausing": "about to pause",
+    "pausing": "pausing",
     "paused": "paused",
-    "cancelling": "about to end",
+    "cancelling": "cancelling",
 }
 
 

@@ -84,7 +84,7 @@ class TrainingForms:
                 ui.rects.note(f"tab {label}")
                 if shown:
                     if label != "Encode":
-                        wrapped_disabled(f"goes on from {name}: {counted(pack.grouping.group_count, 'group')}")
+                        wrapped_disabled(f"continues from {name}: {counted(pack.grouping.group_count, 'group')}")
                     form(pack, ui)
                     imgui.end_tab_item()
             imgui.end_tab_bar()

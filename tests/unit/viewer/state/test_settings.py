@@ -62,7 +62,7 @@ def test_the_line_about_a_broken_file_names_the_field_and_the_remedy(tmp_path: P
     _, problem = load_settings(tmp_path)
     assert problem is not None
     assert named in problem
-    assert "it is replaced when the window closes; using defaults" in problem
+    assert "it will be overwritten when the window closes; using default settings" in problem
 
 
 def test_unknown_fields_are_left_alone(tmp_path: Path) -> None:

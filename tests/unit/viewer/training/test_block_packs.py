@@ -74,7 +74,7 @@ def test_what_is_asked_of_a_training_is_encoded_in_grids(scene: Scene, settings:
 
 def test_no_pack_is_regrouped_under_the_decoder_that_ships(scene: Scene) -> None:
     pack = random_block_pack(((32, 32), (32, 32)), (0, 1), hashes=[texture.pixel_hash for texture in scene.textures])
-    with pytest.raises(InputError, match="regroup universal: the decoder that ships"):
+    with pytest.raises(InputError, match="regroup universal: the shipped decoder"):
         prepare(Regroup(TrainingSettings("universal")), scene, pack, JobReport())
     request = checked_request(prepare(EncodeScene(TrainingSettings("universal")), scene, None, JobReport()))
     assert request.grouping.name == "universal"

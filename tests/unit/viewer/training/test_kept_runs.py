@@ -84,7 +84,7 @@ def test_a_run_of_a_killed_window_is_found_again(path: Path, folder: Path) -> No
     ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(path)], check=False)
     assert ended.returncode == -signal.SIGKILL
     context = window(path, folder)
-    assert "kept back from the last time: scene run 2" in messages(context)
+    assert "kept back from an earlier session: scene run 2" in messages(context)
     run_line(context, "training.kept-back open")
     assert context.session.view.slot_a.source == "run 1"
     assert context.training.log.undecided == 1
@@ -122,7 +122,7 @@ def test_a_run_goes_to_one_of_two_windows(path: Path, folder: Path) -> None:
     run_line(second, "training.kept-back open")
     for action in ("open", "keep"):
         run_or_notify(third, "training.kept-back", action)
-    assert "another window has it" in errors(third)[0]
+    assert "is open in another window" in errors(third)[0]
     assert "no training was kept back" in errors(third)[1]
     assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
 
@@ -209,7 +209,7 @@ def test_what_is_no_run_is_passed_over_and_a_full_disk_is_said_once(path: Path, 
     context = window(path, folder.parent / "file" / "runs")
     end_run(context)
     end_run(context)
-    assert [line for line in errors(context) if "runs are not kept" in line] == errors(context)
+    assert [line for line in errors(context) if "runs will be lost" in line] == errors(context)
     assert len(errors(context)) == 1
 
 

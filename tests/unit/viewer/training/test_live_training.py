@@ -59,7 +59,7 @@ def test_a_run_is_a_sequence_of_events(
     training: LiveTraining, scene: Scene, events: list[Event], tmp_path: Path, settings: TrainingSettings
 ) -> None:
     training.start(EncodeScene(settings), scene, None)
-    with pytest.raises(InputError, match="another one is under way"):
+    with pytest.raises(InputError, match="another run is under way"):
         training.start(EncodeScene(settings), scene, None)
     tick_until(training, scene, lambda: training.active is None)
     first = updates(events)[0]
@@ -91,9 +91,9 @@ def test_a_run_is_a_sequence_of_events(
 
 
 def test_another_scene_ends_the_run(training: LiveTraining, scene: Scene, events: list[Event], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no pack to go on from"):
+    with pytest.raises(InputError, match="no pack is open to continue from"):
         training.start(RetrainGroups(SETTINGS, frozenset((1,))), scene, None)
     training.start(EncodeScene(SETTINGS), scene, None)
     training.tick(load_scene(two_squares(6).write(tmp_path / "other.glb")), frozenset())
     assert training.state == "idle"
-    assert events == [Notification("the training ended, because another scene was opened")]
+    assert events == [Notification("training was stopped because another scene was opened")]
