@@ -119,7 +119,7 @@ def _texture(text: str, pack: Pack) -> int:
 
 def _training_is_busy(context: Context) -> str:
     if context.training.active is not None:
-        return "another one is under way; cancel it first"
+        return "another run is under way; cancel it first"
     return "a pack is being written; try again in a moment" if context.training.saving else ""
 
 
