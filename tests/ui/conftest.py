@@ -50,6 +50,7 @@ def run_window(
             **os.environ,
             "DISPLAY": display,
             "NTC_VIEWER_CONFIG_DIR": str(folder / "settings"),
+            "NTC_VIEWER_DATA_DIR": str(folder / "data"),
             **(variables or {}),
         },
         capture_output=True,

@@ -117,14 +117,13 @@ def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
     views, placements, windows = [], [], []
     for name in ("before", "after"):
         assert app._window is not None
+        if name == "before":
+            glfw.set_window_size(app._window.handle, 760, 470)
+            app.show(FRAMES)
         views.append(take_pictures(app, name))
         placements.append(app._window.placement)
         windows.append(id(app._window))
         if name == "before":
-            glfw.set_window_size(app._window.handle, 760, 470)
-            app.show(FRAMES)
-            placements[0] = app._window.placement
-            views[0] = take_pictures(app, name)
             die(app)
             app.show(1)
     return {
