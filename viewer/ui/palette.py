@@ -11,6 +11,8 @@ from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.explanations import value_text
 from viewer.ui.search import best_first, score
+from viewer.ui.style.inks import ink
+from viewer.ui.widgets import shortened
 
 WIDTH = 620.0
 TOP_SHARE = 0.12
@@ -19,7 +21,6 @@ ROWS_SHARE = 0.6
 LABEL = "palette: "
 """Before the names under which scripts click on entries: `palette: compare.mode`, `palette: wipe`."""
 FIELD_FLAGS = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-PROBLEM = (1.0, 0.55, 0.45, 1.0)
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,6 @@ class _Row:
     key: str = ""
     refusal: str = ""
     """Why it cannot be taken now; "" where it can."""
-
-
-def _shortened(text: str, width: float) -> str:
-    """As much of `text` as fits."""
-    if imgui.calc_text_size(text).x <= width:
-        return text
-    while text and imgui.calc_text_size(f"{text}...").x > width:
-        text = text[:-1]
-    return f"{text.rstrip()}..."
 
 
 def _shown_name(parameter: Parameter) -> str:
@@ -148,7 +140,7 @@ class Palette:
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
         if self._problem:
-            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*PROBLEM))
+            imgui.push_style_color(imgui.Col_.text, ink("error"))
             imgui.text_wrapped(self._problem)
             imgui.pop_style_color()
         for key, step in ((imgui.Key.down_arrow, 1), (imgui.Key.up_arrow, -1)):
@@ -198,7 +190,7 @@ class Palette:
             key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0
             if row.note:
                 imgui.same_line()
-                imgui.text_disabled(_shortened(row.note, key_left - imgui.get_cursor_pos_x() - 8.0))
+                imgui.text_disabled(shortened(row.note, key_left - imgui.get_cursor_pos_x() - 8.0))
             if row.key:
                 imgui.same_line(key_left)
                 imgui.text_disabled(row.key)

@@ -19,6 +19,7 @@ from viewer.scene.json_text import printable
 from viewer.scene.scene_files import OPENABLE
 from viewer.ui.facts import UiFrame
 from viewer.ui.opening.system_dialog import SystemDialog
+from viewer.ui.style.inks import ink
 
 SIZE = (46.0, 30.0)
 """Largest (width, height) in heights of the font."""
@@ -26,8 +27,6 @@ RECENT_SHARE = 0.3
 """Of the width, for recent files."""
 LABEL = "file: "
 """Before the names under which scripts click on entries: `file: textures/`, `file: recent town.glb`."""
-PROBLEM = (1.0, 0.55, 0.45, 1.0)
-PROBLEM_ON_LIGHT = (0.7, 0.1, 0.05, 1.0)
 
 
 def _bytes(size: int) -> str:
@@ -138,8 +137,7 @@ class FileDialog:
         entries = self._listed()
         entered = self._field(entries, ui)
         if self._problem:
-            theme = ui.session.settings.theme
-            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(PROBLEM if theme == "dark" else PROBLEM_ON_LIGHT)))
+            imgui.push_style_color(imgui.Col_.text, ink("error"))
             imgui.text_wrapped(self._problem)
             imgui.pop_style_color()
         line = imgui.get_frame_height_with_spacing()
