@@ -12,12 +12,13 @@ from msgspec import Meta
 
 from ntc.errors import InputError
 from viewer.scene.cameras_file import Viewpoint
-from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json
+from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json, printable
 from viewer.scene.model import Camera
 from viewer.state.session import Session
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
     REFERENCE,
+    SKY,
     CompareMode,
     Difference,
     Lighting,
@@ -150,6 +151,10 @@ class _ViewFile(msgspec.Struct):
 
     def __post_init__(self) -> None:
         self.scene = nonempty_line(self.scene)
+        environment = printable(self.lighting.environment)
+        if not environment:
+            raise ValueError(f"lighting: the environment must be {SKY!r} or a file")
+        self.lighting = replace(self.lighting, environment=environment)
         names = Counter(camera.name for camera in self.bookmarks or ())
         if len(names) < names.total():
             raise ValueError(f"bookmarks: two are called {names.most_common(1)[0][0]!r}")
@@ -198,7 +203,7 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
             zoom=Zoom(saved.zoom.factor, (saved.zoom.x, saved.zoom.y)),
             anisotropy=saved.anisotropy,
             material_view=saved.materials,
-            lighting=replace(saved.lighting, environment=nonempty_line(saved.lighting.environment)),
+            lighting=saved.lighting,
         ),
         saved.resolution,
         present.bookmarks

@@ -87,6 +87,7 @@ def _with(path: str, value: Any) -> str:
         ("overlay/block", "1x1"),
         ("zoom/factor", 1e9),
         ("zoom/x", float("nan")),
+        ("lighting/environment", ""),
         ("anisotropy", 3),
         ("anisotropy", True),
         ("resolution", 0),
