@@ -8,14 +8,13 @@ The scene's folder is copied first: the pack is written beside the scene.
 """
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from lab.window_trials.virtual_display import virtual_display
+from lab.window_trials.virtual_display import remembering_in, virtual_display
 
 FIRST = """
 wait settled
@@ -59,10 +58,9 @@ def play(script: str, folder: Path, display: str, *arguments: str) -> None:
     """Play a script in a window whose settings and data lie in `folder`. Raises CalledProcessError."""
     file = folder / "script"
     file.write_text(script)
-    variables = {f"NTC_VIEWER_{kind}_DIR": str(folder / kind.lower()) for kind in ("CONFIG", "CACHE", "DATA")}
     subprocess.run(
         [sys.executable, "-m", "viewer", "view", "--script", str(file), *arguments],
-        env={**os.environ, **variables, "DISPLAY": display},
+        env=remembering_in(folder, display),
         timeout=SECONDS,
         check=True,
     )

@@ -9,7 +9,6 @@ After each: its exit status, every pack beside a scene against that scene, and e
 
 import argparse
 import json
-import os
 import random
 import shutil
 import signal
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.window_trials.run_journal import fingerprint, read_journal
-from lab.window_trials.virtual_display import virtual_display
+from lab.window_trials.virtual_display import remembering_in, virtual_display
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.pack.file import read_pack
@@ -108,11 +107,10 @@ class Trial:
         seed, scene = self._random.randrange(1 << 30), self._random.choice(self._scenes)
         self._journals.append(self._folder / f"journal-{self.findings.windows}.jsonl")
         self.findings.windows += 1
-        variables = {f"NTC_VIEWER_{kind}_DIR": str(self._folder / kind.lower()) for kind in ("CONFIG", "CACHE", "DATA")}
         command = [sys.executable, "-m", "lab.window_trials.monkey_window", str(self._files), "--scene", str(scene)]
         return subprocess.Popen(
             [*command, "--seed", str(seed), "--seconds", f"{seconds:.1f}", "--journal", str(self._journals[-1])],
-            env={**os.environ, **variables, "DISPLAY": self._display},
+            env=remembering_in(self._folder, self._display),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,

@@ -5,8 +5,15 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from ntc.errors import InputError
+
+
+def remembering_in(folder: Path, display: str) -> dict[str, str]:
+    """The environment of a window on `display` whose settings, caches and data lie in `folder`, and nowhere else."""
+    variables = {f"NTC_VIEWER_{kind}_DIR": str(folder / kind.lower()) for kind in ("CONFIG", "CACHE", "DATA")}
+    return {**os.environ, **variables, "DISPLAY": display}
 
 
 @contextmanager

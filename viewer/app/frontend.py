@@ -88,7 +88,7 @@ class Frontend:
         encoding, last = self._formats.progress, self.picture.last
         tiles = last.waiting if last is not None else 0
         found = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, tiles)
-        work = (*self.slow.announce(), *found)
+        work = (*self.slow.work, *found)
         return replace(self.reader.read(self.live.figures, self._is_training, encoding), work=work)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
@@ -116,7 +116,10 @@ class Frontend:
         last = self.picture.last
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         reason = partial(why_not, self._context)
-        frame = UiFrame(session, self._context.training, self.facts(), self.slow.emit, self.interface.rects, reason)
+        facts = self.facts()
+        # Before the panels are drawn: what they ask for is shown by the next frame only.
+        self.slow.note_shown()
+        frame = UiFrame(session, self._context.training, facts, self.slow.emit, self.interface.rects, reason)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
             notify(session, problem, "error")

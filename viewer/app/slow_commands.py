@@ -40,7 +40,11 @@ class SlowCommands:
             for command_id, values in waiting:
                 run_or_notify(self._context, command_id, *values)
 
-    def announce(self) -> tuple[Work, ...]:
-        """What this frame is to show."""
+    def note_shown(self) -> None:
+        """A frame has shown `work`."""
         self._announced = bool(self._waiting)
+
+    @property
+    def work(self) -> tuple[Work, ...]:
+        """What is about to be done, for the status bar."""
         return tuple(Work(f"opening {Path(str(values[0])).name}") for _, values in self._waiting)

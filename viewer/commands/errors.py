@@ -4,7 +4,8 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.window import panel_switch, toggle_panel
 from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
 from viewer.state.session import ErrorColumn, ErrorsBy, Session
@@ -25,20 +26,16 @@ def _nothing_highlighted(context: Context) -> str:
     return "" if context.session.view.highlight else "nothing is highlighted"
 
 
-def _toggle_panel(session: Session, title: str) -> None:
-    session.window.open_panels ^= {title}
-
-
 @command(
     "pixel.panel",
     "Pixel panel",
     "look at one pixel and those around it in A and B",
     "Inspect",
     "I",
-    current=switch(lambda session: "Pixel" in session.window.open_panels),
+    current=panel_switch("Pixel"),
 )
 def toggle_pixel_panel(session: Session) -> None:
-    _toggle_panel(session, "Pixel")
+    toggle_panel(session, "Pixel")
 
 
 @command("pixel.keep", "Keep a pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
@@ -86,10 +83,10 @@ def hover(session: Session, at: tuple[float, float] | None) -> None:
     "list textures and decoders by how much A and B differ in them",
     "Inspect",
     "U",
-    current=switch(lambda session: "Errors" in session.window.open_panels),
+    current=panel_switch("Errors"),
 )
 def toggle_errors_panel(session: Session) -> None:
-    _toggle_panel(session, "Errors")
+    toggle_panel(session, "Errors")
 
 
 def _change_table(session: Session, table: dict[str, object]) -> None:
@@ -161,7 +158,7 @@ def end_highlight(session: Session) -> None:
     "Histogram panel",
     "see how many pixels differ between A and B, and by how much",
     "Inspect",
-    current=switch(lambda session: "Histogram" in session.window.open_panels),
+    current=panel_switch("Histogram"),
 )
 def toggle_histogram_panel(session: Session) -> None:
-    _toggle_panel(session, "Histogram")
+    toggle_panel(session, "Histogram")

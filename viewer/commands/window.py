@@ -1,5 +1,6 @@
 """Commands: the window, its panels and how they look."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated
 
@@ -83,15 +84,25 @@ def fit_column(session: Session, folded: bool) -> None:
     session.window.column_folded = folded
 
 
+def toggle_panel(session: Session, title: str) -> None:
+    """Open a panel of OPENED_ON_REQUEST, or close it."""
+    session.window.open_panels ^= {title}
+
+
+def panel_switch(title: str) -> Callable[[Session], str]:
+    """Whether a panel of OPENED_ON_REQUEST is open, for its command."""
+    return switch(lambda session: title in session.window.open_panels)
+
+
 @command(
     "log.panel",
     "Log panel",
     "show all messages with their times",
     "Window",
-    current=switch(lambda session: "Log" in session.window.open_panels),
+    current=panel_switch("Log"),
 )
 def toggle_log(session: Session) -> None:
-    session.window.open_panels ^= {"Log"}
+    toggle_panel(session, "Log")
 
 
 @command("help.palette", "Find a command", "find a command by typing", "Help", "Ctrl+P", "F3")
