@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import time
 from dataclasses import replace
 from multiprocessing.shared_memory import SharedMemory
@@ -78,8 +79,15 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
 
 
 def test_paused_before_it_began_it_waits(shared: TrainingWorker, case: CodecCase) -> None:
-    shared.start(case.from_nothing)
-    shared.pause()
+    shared.warm_up()
+    assert shared.process_id is not None
+    # Stopped until both messages have been sent: on a busy machine it would otherwise train between them.
+    os.kill(shared.process_id, signal.SIGSTOP)
+    try:
+        shared.start(case.from_nothing)
+        shared.pause()
+    finally:
+        os.kill(shared.process_id, signal.SIGCONT)
     reports = until(shared, Paused)
     assert not any(isinstance(report, TrainingProgress) for report in reports)
     shared.resume()
