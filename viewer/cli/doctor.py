@@ -22,8 +22,10 @@ PACKAGES = (
     "OpenImageIO",
     "trimesh",
     "safetensors",
+    "DracoPy",
+    "meshopt",
 )
-OPTIONAL_MODULES = {"DracoPy": "Draco-compressed meshes: pip install 'ntc-viewer[draco]'"}
+OPTIONAL_MODULES = {"etcpak": "comparison with formats of graphics hardware: pip install 'ntc-viewer[lab]'"}
 
 
 def has_display() -> bool:

@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+import DracoPy
 import numpy as np
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
+from tests.support.meshopt_twins import meshopt_twin
 from viewer.state.settings import ViewerSettings
 
 LARGEST_REAL = 1 << 13
@@ -37,13 +39,10 @@ def scenes() -> Iterator[bytes]:
         chain.add("nodes", mesh=mesh, children=[number + 1] if number < 11 else [], rotation=[0, math.sin(0.1), 0, 1])
     yield chain.glb()
     yield from _draco_scenes()
+    yield from _meshopt_scenes()
 
 
 def _draco_scenes() -> Iterator[bytes]:
-    try:
-        import DracoPy
-    except ImportError:
-        return
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
     faces = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
     for level in (1, 10):
@@ -55,6 +54,15 @@ def _draco_scenes() -> Iterator[bytes]:
         primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
         builder.json["extensionsUsed"] = ["KHR_draco_mesh_compression"]
         yield builder.drawn(primitive).glb()
+
+
+def _meshopt_scenes() -> Iterator[bytes]:
+    builder = GltfBuilder()
+    primitive = builder.triangle()
+    primitive["indices"] = builder.accessor(np.array([0, 1, 2], np.uint16))
+    data = builder.drawn(primitive).glb()
+    yield meshopt_twin(data)
+    yield meshopt_twin(data, "KHR_meshopt_compression", version=1)
 
 
 def packs() -> Iterator[bytes]:

@@ -10,6 +10,12 @@ from numpy.typing import NDArray
 from ntc.io import read_file
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.meshopt import decode_meshopt, meshopt_extension
+
+FREE_DECODED_BYTES = 1 << 28
+DECODED_PER_BYTE = 64
+"""Compressed buffer views may decode to FREE_DECODED_BYTES, and beyond to so many for each byte of the buffers' files: several
+views may name the same bytes."""
 
 
 def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
@@ -82,6 +88,9 @@ class Buffers:
     def __init__(self, file: GltfFile) -> None:
         self._file = file
         self._read: dict[int, NDArray[np.uint8]] = {}
+        self._decoded: dict[int, NDArray[np.uint8]] = {}
+        """Content of compressed buffer views."""
+        self._decoded_bytes = 0
         self._sources: dict[str | Path, bytes] = {}
         self._byte_count = 0 if file.binary is None else len(file.binary)
 
@@ -125,11 +134,26 @@ class Buffers:
         number = file.index(index, len(views), where)
         view = views[number]
         name = f"bufferViews[{number}]"
-        buffer_index = file.index(view.get("buffer"), len(file.entries("buffers")), f"{name}.buffer")
-        data = self.buffer(buffer_index)
-        offset = file.integer(view, "byteOffset", name, 0)
-        length = file.integer(view, "byteLength", name)
         stride = file.integer(view, "byteStride", name, 0, high=252)
+        length = file.integer(view, "byteLength", name)
+        if number not in self._decoded:
+            compression = meshopt_extension(file, view, name)
+            if compression is None:
+                buffer_index = file.index(view.get("buffer"), len(file.entries("buffers")), f"{name}.buffer")
+                return self._bytes(buffer_index, file.integer(view, "byteOffset", name, 0), length, name), stride
+            self._decoded_bytes += compression.count * compression.stride
+            if self._decoded_bytes > FREE_DECODED_BYTES + DECODED_PER_BYTE * self._byte_count:
+                problem = f"the scene's compressed views hold more than {FREE_DECODED_BYTES >> 20} MiB"
+                raise file.fail(name, f"{problem} and {DECODED_PER_BYTE} bytes for each byte of its files; split it")
+            compressed = self._bytes(compression.buffer, compression.offset, compression.length, compression.field)
+            self._decoded[number] = decode_meshopt(file, compression, compressed)
+        decoded = self._decoded[number]
+        if len(decoded) < length:
+            raise file.fail(name, f"its compressed data has {len(decoded)} bytes of the {length} it should have")
+        return decoded[:length], stride
+
+    def _bytes(self, buffer: int, offset: int, length: int, where: str) -> NDArray[np.uint8]:
+        data = self.buffer(buffer)
         if offset + length > len(data):
-            raise file.fail(name, f"ends at byte {offset + length} of a buffer of {len(data)}")
-        return data[offset : offset + length], stride
+            raise self._file.fail(where, f"ends at byte {offset + length} of a buffer of {len(data)}")
+        return data[offset : offset + length]

@@ -23,6 +23,7 @@ MAX_JSON_BYTES = 1 << 28
 SUPPORTED = frozenset(
     {
         "EXT_mesh_gpu_instancing",
+        "EXT_meshopt_compression",
         "EXT_texture_webp",
         "KHR_draco_mesh_compression",
         "KHR_lights_punctual",
@@ -34,6 +35,7 @@ SUPPORTED = frozenset(
         "KHR_materials_transmission",
         "KHR_materials_unlit",
         "KHR_mesh_quantization",
+        "KHR_meshopt_compression",
         "KHR_texture_transform",
         "MSFT_texture_dds",
     }

@@ -1,8 +1,7 @@
-"""KHR_draco_mesh_compression through DracoPy, an optional dependency."""
+"""KHR_draco_mesh_compression through DracoPy."""
 
 import struct
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -66,18 +65,11 @@ def check_draco_header(data: bytes) -> str:
     return ""
 
 
-def draco_available() -> bool:
-    """Whether DracoPy is installed."""
-    return find_spec("DracoPy") is not None
-
-
 def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], where: str) -> DracoMesh:
-    """Decode the primitive at `where`. Raises InputError where DracoPy is absent or the data is broken."""
+    """Decode the primitive at `where`. Raises InputError where the data is broken."""
+    import DracoPy
+
     where = f"{where}.{EXTENSION}"
-    try:
-        import DracoPy
-    except ImportError as error:
-        raise file.fail(where, "needs DracoPy; install it with: pip install 'ntc-viewer[draco]'") from error
     data, _ = buffers.view(extension.get("bufferView"), f"{where}.bufferView")
     refusal = check_draco_header(data.tobytes())
     if refusal:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.buffers import Buffers
-from viewer.scene.gltf.container import GltfFile, names_of
+from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.draco import EXTENSION as DRACO
-from viewer.scene.gltf.draco import DracoMesh, decode_draco, draco_available
+from viewer.scene.gltf.draco import DracoMesh, decode_draco
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.textures import UvTransform
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
@@ -159,9 +159,6 @@ class GeometryReader:
     def _draco(self, entry: dict[str, Any], where: str) -> DracoMesh | None:
         extension = self._file.extension(entry, DRACO, where)
         if extension is None:
-            return None
-        if not draco_available() and DRACO not in names_of(self._file, "extensionsRequired"):
-            self._notes.ignored(f"{DRACO}: the uncompressed copy was used, as DracoPy is not installed")
             return None
         mesh = decode_draco(self._file, self._buffers, extension, where)
         self._notes.honoured(f"{DRACO}: primitives")

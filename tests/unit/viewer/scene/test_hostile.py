@@ -314,7 +314,6 @@ def test_settings_that_are_a_pipe(tmp_path: Path) -> None:
 
 
 def test_draco_data_that_claims_more_than_it_holds() -> None:
-    pytest.importorskip("DracoPy")
     builder = GltfBuilder()
     points = b"DRACO\x02\x03\x00\x00\x00\x00" + struct.pack("<i", 251_000_000)
     sequential = b"DRACO\x02\x02\x01\x00\x00\x00\x02\xff\xff\xff\x7f"

@@ -122,7 +122,6 @@ def test_the_same_vertices_with_and_without_tangents_are_two_ranges() -> None:
 
 
 def test_draco_gives_the_normals_and_tangents_of_the_plain_file(data_folder: Path) -> None:
-    pytest.importorskip("DracoPy")
     scenes = [load_scene(data_folder / f"scenes/lantern/{kind}/Lantern.gltf") for kind in ("glTF", "glTF-Draco")]
     for name in ("normals", "tangents"):
         means = [np.abs(getattr(scene.geometry, name)).mean(axis=0) for scene in scenes]
