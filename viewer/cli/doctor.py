@@ -24,6 +24,7 @@ PACKAGES = (
     "safetensors",
     "DracoPy",
     "meshopt",
+    "opengl-basisu",
 )
 OPTIONAL_MODULES = {"etcpak": "comparison with formats of graphics hardware: pip install 'ntc-viewer[lab]'"}
 

@@ -16,10 +16,11 @@ from ntc.codec.color import linear_to_srgb
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import atomic_path, is_partial, read_file
+from viewer.scene.ktx2 import is_ktx2, read_ktx2
 
 LARGEST_EXCESS = 1e-3
 """Floating-point values may lie this far above 1, by rounding."""
-_SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
+_SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .ktx2 .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
 IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
 """Suffixes of the files that `folder_textures` reads."""
 
@@ -118,7 +119,14 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
                 f"{name}: holds values up to {largest:.4g}; textures are colours from 0 to 1: scale or tone-map it first"
             )
         pixels = _encoded(pixels, colors)
-    if pixels.shape[2] <= 2:
+    return _as_colors(pixels, tuple(spec.channelnames[:2]) == ("R", "G"))
+
+
+def _as_colors(pixels: NDArray[np.uint8], red_green: bool) -> NDArray[np.uint8]:
+    """[H, W, 3 or 4] of `pixels` [H, W, 1 to 4]: two channels are red and green, as in BC5, or grey and alpha."""
+    if pixels.shape[2] == 2 and red_green:
+        pixels = np.pad(pixels, ((0, 0), (0, 0), (0, 1)))
+    elif pixels.shape[2] <= 2:
         pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), pixels[..., 1:]], axis=2)
     return np.ascontiguousarray(pixels)
 
@@ -142,6 +150,11 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
     """
     if not data:
         raise InputError(f"{name}: the image is empty (0 bytes); replace it")
+    if is_ktx2(data):
+        content = read_ktx2(data, name, MAX_SIDE, values_allowed(len(data)))
+        if not isinstance(content, bytes):
+            return _as_colors(content, red_green=True)
+        data = content
     # The wheel cannot read from memory; names from the scene could have a special meaning to OpenImageIO.
     path: str | None = None
     try:

@@ -24,6 +24,7 @@ SUPPORTED = frozenset(
     {
         "EXT_mesh_gpu_instancing",
         "EXT_meshopt_compression",
+        "EXT_texture_avif",
         "EXT_texture_webp",
         "KHR_draco_mesh_compression",
         "KHR_lights_punctual",
@@ -36,6 +37,7 @@ SUPPORTED = frozenset(
         "KHR_materials_unlit",
         "KHR_mesh_quantization",
         "KHR_meshopt_compression",
+        "KHR_texture_basisu",
         "KHR_texture_transform",
         "MSFT_texture_dds",
     }

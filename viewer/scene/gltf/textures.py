@@ -22,6 +22,10 @@ MINIFY: dict[int, tuple[bool, Literal["none", "nearest", "linear"]]] = {
     9986: (False, "linear"),
     9987: (True, "linear"),
 }
+IMAGE_EXTENSIONS = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu", "EXT_texture_avif")
+"""They name another image of a texture, in order of preference."""
+COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_avif"})
+"""Those of IMAGE_EXTENSIONS that are used where there is no plain image."""
 LEAST_DETERMINANT = 1e-12
 """A transform that shrinks areas more than this is taken to be without an inverse."""
 LARGEST_TERM = 1e30
@@ -116,17 +120,18 @@ def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportN
 
 
 def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
-    """Image of a texture: a WebP or DDS extension's, else the plain one."""
+    """Image of a texture: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
     count = len(file.entries("images"))
-    for name in ("EXT_texture_webp", "MSFT_texture_dds"):
-        extension = file.extension(texture, name, where)
+    for name in IMAGE_EXTENSIONS:
+        # What Basis Universal or AVIF holds was compressed from the plain image, which is nearer to what was made.
+        preferred = name not in COPIES or "source" not in texture
+        extension = file.extension(texture, name, where) if preferred else None
         if extension is not None and "source" in extension:
             notes.honoured(f"{name}: textures")
             return file.index(extension["source"], count, f"{where}.{name}.source")
     if "source" in texture:
         return file.index(texture["source"], count, f"{where}.source")
-    basis = file.extension(texture, "KHR_texture_basisu", where) is not None
-    notes.missing(f"{where}: {'only a KTX2 image, which is not read' if basis else 'no image'}; its factor is used")
+    notes.missing(f"{where}: no image; its factor is used")
     return None
 
 

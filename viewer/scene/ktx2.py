@@ -1,0 +1,167 @@
+"""KTX2 files (Khronos KTX 2.0): Basis Universal (ETC1S, UASTC), blocks of graphics hardware, and plain bytes."""
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+
+SIGNATURE: Final = b"\xabKTX 20\xbb\r\n\x1a\n"
+_HEADER: Final = struct.Struct("<12s9I4I2Q")
+"""Signature; format, size of its type, width, height, depth, layers, faces, levels, supercompression; places of the data format
+descriptor, of the key/value data and of the supercompression's global data."""
+_LEVEL: Final = struct.Struct("<3Q")
+"""Offset, length, length without supercompression."""
+NO_FORMAT: Final = 0
+"""VK_FORMAT_UNDEFINED: Basis Universal says in the data format descriptor what its blocks are."""
+CHANNELS: Final = {9: 1, 15: 1, 16: 2, 22: 2, 23: 3, 29: 3, 37: 4, 43: 4}
+"""By VkFormat, the channels of 8-bit formats: R8, R8G8, R8G8B8 and R8G8B8A8, each UNORM and SRGB."""
+BLOCKS: Final = {
+    131: (8, 71, "BC1"),
+    132: (8, 72, "BC1"),
+    133: (8, 71, "BC1"),
+    134: (8, 72, "BC1"),
+    137: (16, 77, "BC3"),
+    138: (16, 78, "BC3"),
+    139: (8, 80, "BC4"),
+    141: (16, 83, "BC5"),
+    145: (16, 98, "BC7"),
+    146: (16, 99, "BC7"),
+}
+"""By VkFormat: bytes of a block of 4 x 4 texels, the same format as a DXGI_FORMAT, its name."""
+SCHEMES: Final = {0: "none", 1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
+"""Supercompression."""
+_DDS: Final = struct.Struct("<4s7I44x8I5I5I")
+
+
+@dataclass(frozen=True)
+class _Container:
+    """Checked header of a file with one picture."""
+
+    name: str
+    format: int
+    width: int
+    height: int
+    scheme: int
+    offset: int
+    length: int
+    """Bytes of mip 0."""
+
+
+def is_ktx2(data: bytes) -> bool:
+    """Whether `data` starts as a KTX2 file does."""
+    return data.startswith(SIGNATURE)
+
+
+def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> NDArray[np.uint8] | bytes:
+    """Mip 0 of the KTX2 file in `data`: pixels [H, W, 1 to 4] uint8, row 0 on top, or a DDS file that holds its blocks.
+
+    `name` is for messages, `largest_side` in texels; `most_values` limits width x height x 4. Raises InputError for broken files,
+    and for what is not read: cube maps, arrays, volumes, and formats that are not in this module's tables.
+    """
+    found = _container(data, name)
+    if max(found.width, found.height) > largest_side:
+        raise InputError(f"{name}: image of {found.width} x {found.height}; sides are 1 to {largest_side} texels")
+    if found.width * found.height * 4 > most_values:
+        raise InputError(f"{name}: {found.width} x {found.height} texels in {len(data)} bytes; the image is broken")
+    if found.format == NO_FORMAT:
+        return _basis_pixels(data, name, found)
+    if found.format in CHANNELS:
+        channels = CHANNELS[found.format]
+        level = _level(data, found, found.width * found.height * channels)
+        return np.frombuffer(level, np.uint8).reshape(found.height, found.width, channels)
+    if found.format in BLOCKS:
+        block_bytes, format_number, _ = BLOCKS[found.format]
+        blocks = -(-found.width // 4) * -(-found.height // 4)
+        level = _level(data, found, blocks * block_bytes)
+        return _dds_header(found.width, found.height, len(level), format_number) + level
+    known = ", ".join(sorted({block[2] for block in BLOCKS.values()}))
+    raise InputError(
+        f"{name}: KTX2 of VkFormat {found.format} is not read; give Basis Universal, {known} or 8-bit pixels"
+    )
+
+
+def _container(data: bytes, name: str) -> _Container:
+    if len(data) < _HEADER.size + _LEVEL.size:
+        raise InputError(f"{name}: truncated KTX2 file ({len(data)} bytes); copy or export it again")
+    _, vk_format, _, width, height, depth, layers, faces, _, scheme, *_ = _HEADER.unpack_from(data)
+    for wrong, what in (
+        (faces == 6, "a cube map"),
+        (layers > 0, "an array of pictures"),
+        (depth > 0, "a volume"),
+        (height == 0, "a row of texels"),
+    ):
+        if wrong:
+            raise InputError(f"{name}: {what} in KTX2 is not read; give one picture")
+    if width == 0 or faces != 1 or scheme not in SCHEMES:
+        raise InputError(f"{name}: the KTX2 header is broken; copy or export it again")
+    offset, length, _ = _LEVEL.unpack_from(data, _HEADER.size)
+    if offset + length > len(data):
+        raise InputError(
+            f"{name}: truncated KTX2 file ({len(data)} of {offset + length} bytes); copy or export it again"
+        )
+    return _Container(name, vk_format, width, height, scheme, offset, length)
+
+
+def _level(data: bytes, found: _Container, size: int) -> bytes:
+    """The `size` bytes of mip 0, decompressed. Raises InputError where it has others."""
+    packed = data[found.offset : found.offset + found.length]
+    if found.scheme == 0:
+        level = packed
+    elif found.scheme == 2:
+        level = _unpacked_zstandard(packed, size)
+    elif found.scheme == 3:
+        level = _unpacked_zlib(packed, size)
+    else:
+        raise InputError(f"{found.name}: {SCHEMES[found.scheme]} with VkFormat {found.format}; the KTX2 file is broken")
+    if len(level) != size:
+        raise InputError(f"{found.name}: mip 0 does not hold the {size} bytes it should; the KTX2 file is broken")
+    return level
+
+
+def _unpacked_zstandard(packed: bytes, size: int) -> bytes:
+    """At most `size` + 1 bytes; none where `packed` is broken."""
+    import zstandard
+
+    try:
+        with zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(packed) as reader:
+            return bytes(reader.read(size + 1))
+    except zstandard.ZstdError:
+        return b""
+
+
+def _unpacked_zlib(packed: bytes, size: int) -> bytes:
+    """At most `size` + 1 bytes; none where `packed` is broken."""
+    try:
+        return zlib.decompressobj().decompress(packed, size + 1)
+    except zlib.error:
+        return b""
+
+
+def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8]:
+    try:
+        import opengl_basisu
+    except ImportError as error:
+        raise InputError(
+            f"{name}: Basis Universal needs opengl-basisu, which has no wheel for this system; give a PNG beside it"
+        ) from error
+    try:
+        texture = opengl_basisu.open(data)
+        if (texture.width, texture.height) != (found.width, found.height):
+            raise InputError(f"{name}: the KTX2 header is broken; copy or export it again")
+        image = texture.transcode("rgba8")
+    except (opengl_basisu.BasisuError, ValueError, IndexError, MemoryError) as error:
+        raise InputError(f"{name}: the image does not decode ({error}); replace it") from error
+    pixels = np.asarray(image.data, np.uint8)
+    return pixels if texture.has_alpha else pixels[..., :3]
+
+
+def _dds_header(width: int, height: int, size: int, format_number: int) -> bytes:
+    """Of a DDS file with one mip in blocks of a DXGI_FORMAT."""
+    flags, pixel_format, texture = 0x81007, (32, 4, 0x30315844, 0, 0, 0, 0, 0), 0x1000
+    extended = (format_number, 3, 0, 1, 0)
+    return _DDS.pack(b"DDS ", 124, flags, height, width, size, 0, 1, *pixel_format, texture, 0, 0, 0, 0, *extended)
