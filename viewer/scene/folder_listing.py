@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 from ntc.errors import InputError
-from viewer.scene.scene_files import MESH_SUFFIXES, PACK_SUFFIX, PANORAMA_SUFFIXES, SCENE_SUFFIXES
+from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, PACK_SUFFIX, PANORAMA_SUFFIXES, SCENE_SUFFIXES
 
 EntryKind = Literal["folder", "scene", "pack", "panorama"]
 MOST_LISTED = 2000
 """Entries of one folder that are listed."""
 _KINDS: dict[str, EntryKind] = {
-    **dict.fromkeys((*SCENE_SUFFIXES, *MESH_SUFFIXES), "scene"),
+    **dict.fromkeys((*SCENE_SUFFIXES, *MESH_SUFFIXES, ARCHIVE_SUFFIX), "scene"),
     **dict.fromkeys(PANORAMA_SUFFIXES, "panorama"),
     PACK_SUFFIX: "pack",
 }

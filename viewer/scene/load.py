@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ntc.errors import InputError
+from viewer.scene.archives import unpacked_scene
 from viewer.scene.bounds import world_bounds
 from viewer.scene.gltf.accessors import Accessors
 from viewer.scene.gltf.buffers import Buffers
@@ -19,7 +20,7 @@ from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
 from viewer.scene.model import Instances, Primitive, Scene
 from viewer.scene.report import ReportNotes
-from viewer.scene.scene_files import MESH_SUFFIXES, require_scene, scene_file
+from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file
 
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
@@ -27,7 +28,7 @@ FREE_INSTANCES = 1 << 21
 
 
 def load_scene(path: Path) -> Scene:
-    """The scene in the .gltf, .glb, .obj, .ply or .stl file at `path`, or in the folder there, if that holds one scene.
+    """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
 
     Raises InputError where the file is missing, is none of these, broken, requires an extension that is not supported, holds no
     triangles or does not fit into memory. Missing and broken images are no error: the load report names them.
@@ -41,13 +42,20 @@ def load_scene(path: Path) -> Scene:
 
 
 def _load(path: Path) -> Scene:
+    if path.suffix.lower() == ARCHIVE_SUFFIX:
+        with unpacked_scene(path) as unpacked:
+            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path)
+    return build_scene(_container(path, str(path)), path.stem, path)
+
+
+def _container(path: Path, name: str) -> GltfFile:
     if path.suffix.lower() in MESH_SUFFIXES:
-        return build_scene(parse_gltf(mesh_to_glb(path), str(path), None), path.stem, path)
-    return build_scene(read_gltf(path), path.stem, path)
+        return parse_gltf(mesh_to_glb(path), name, None)
+    return read_gltf(path, name)
 
 
 def mesh_to_glb(path: Path) -> bytes:
-    """The OBJ, PLY or STL file at `path` as GLB bytes in memory. Raises InputError where it cannot be read or holds no triangles."""
+    """The OBJ, PLY, STL or OFF file at `path` as a GLB. Raises InputError where it cannot be read or holds no triangles."""
     if not path.is_file():
         raise InputError(f"{path}: cannot be read (no such file); check the path")
     import trimesh

@@ -1,11 +1,12 @@
 """Which files are scenes, which of a folder's files is meant, and what a file is that is none."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ntc.errors import InputError
 
 SCENE_SUFFIXES = (".gltf", ".glb")
-MESH_SUFFIXES = (".obj", ".ply", ".stl")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 """Formats that trimesh converts to GLB first."""
 PANORAMA_SUFFIXES = (".hdr", ".exr")
 PACK_SUFFIX = ".ntc"
@@ -26,14 +27,16 @@ PICTURES = {
 CAMERAS_FILE = "cameras.json"
 """Beside a scene, also with the scene's name and a dot before it."""
 LONGEST_BEGINNING = 16
-OPENABLE = "a scene is a .gltf, .glb, .obj, .ply or .stl"
+ARCHIVE_SUFFIX = ".zip"
+OTHER_SCENES = (".fbx", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".dae", ".3ds", ".max", ".abc")
+"""Formats of scenes that are not read."""
+OPENABLE = "a scene is a .gltf, .glb, .zip with one of them, .obj, .ply, .stl or .off"
 
 
 def scenes_in(folder: Path) -> tuple[Path, ...]:
-    """The scenes that lie in `folder`, by name: glTF files, or where there are none, meshes. Raises OSError."""
+    """The scenes that lie in `folder`, by name: glTF files and meshes. Raises OSError."""
     files = sorted(path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file())
-    found = [path for path in files if path.suffix.lower() in SCENE_SUFFIXES]
-    return tuple(found or [path for path in files if path.suffix.lower() in MESH_SUFFIXES])
+    return tuple(path for path in files if path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES))
 
 
 def scene_file(path: Path) -> Path:
@@ -44,20 +47,32 @@ def scene_file(path: Path) -> Path:
         found = scenes_in(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    return one_scene(found, path, "folder")
+
+
+def one_scene(found: Sequence[Path], path: Path, kind: str) -> Path:
+    """The only one of `found`, the scenes in the folder or archive at `path`; glTF files go before meshes. Raises InputError."""
+    found = [scene for scene in found if scene.suffix.lower() in SCENE_SUFFIXES] or found
     if len(found) == 1:
         return found[0]
     if not found:
-        raise InputError(f"{path}: the folder holds no scene; {OPENABLE}")
+        raise InputError(f"{path}: the {kind} holds no scene; {OPENABLE}")
     names = ", ".join(scene.name for scene in found[:SCENES_NAMED])
     more = f" and {len(found) - SCENES_NAMED} more" if len(found) > SCENES_NAMED else ""
-    raise InputError(f"{path}: the folder holds {len(found)} scenes, name one of them: {names}{more}")
+    raise InputError(f"{path}: the {kind} holds {len(found)} scenes, name one of them: {names}{more}")
 
 
 def require_scene(path: Path) -> None:
     """Refuse a file that is plainly something else than a scene. Raises InputError that says what it is and what to do with it."""
     suffix = path.suffix.lower()
-    if suffix in SCENE_SUFFIXES or suffix in MESH_SUFFIXES:
+    if path.parts[:1] in (("http:",), ("https:",)):
+        raise InputError(f"{path}: scenes are opened from files; download it, then open the file")
+    if suffix in SCENE_SUFFIXES or suffix in MESH_SUFFIXES or suffix == ARCHIVE_SUFFIX:
         return
+    if suffix in OTHER_SCENES:
+        raise InputError(
+            f"{path}: {suffix[1:].upper()} is not read; export the scene as glTF (.glb), for example with Blender"
+        )
     begins = _beginning(path)
     if begins is None:
         # What cannot be read is told by whoever reads it.

@@ -37,6 +37,7 @@ SUPPORTED = frozenset(
         "KHR_materials_unlit",
         "KHR_mesh_quantization",
         "KHR_meshopt_compression",
+        "KHR_node_visibility",
         "KHR_texture_basisu",
         "KHR_texture_transform",
         "MSFT_texture_dds",
@@ -46,6 +47,7 @@ SUPPORTED = frozenset(
 
 WITHOUT_EFFECT = frozenset(
     {
+        "KHR_animation_pointer",
         "KHR_materials_anisotropy",
         "KHR_materials_dispersion",
         "KHR_materials_iridescence",
@@ -54,7 +56,7 @@ WITHOUT_EFFECT = frozenset(
         "KHR_xmp_json_ld",
     }
 )
-"""Finer effects of light, and metadata: a file may require them and still be drawn without."""
+"""Finer effects of light, animated properties, and metadata: a file may require them and still be drawn without."""
 
 MOST_NAMED = 4
 """Extensions that one message names."""
@@ -225,15 +227,16 @@ def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, .
     return file
 
 
-def read_gltf(path: Path) -> GltfFile:
-    """The glTF container at `path`. Raises InputError."""
+def read_gltf(path: Path, name: str | None = None) -> GltfFile:
+    """The glTF container at `path`, called `name` in messages, by its path unless given. Raises InputError."""
+    name = name or str(path)
     try:
         data = read_file(Path(path))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+        raise InputError(f"{name}: cannot be read ({error.strerror}); check the path") from error
     if not data:
-        raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
-    return parse_gltf(data, str(path), Path(path).parent, scene_roots())
+        raise InputError(f"{name}: the file is empty (0 bytes); copy or export it again")
+    return parse_gltf(data, name, Path(path).parent, scene_roots())
 
 
 def names_of(file: GltfFile, key: str) -> tuple[str, ...]:

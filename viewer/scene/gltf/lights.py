@@ -57,13 +57,16 @@ def _light(
 
 
 def read_lights(file: GltfFile, placements: Sequence[NodePlacements], notes: ReportNotes) -> tuple[Light, ...]:
-    """All lights that stand in the scene, in the order of their nodes. Scale does not change their range. Raises InputError."""
+    """All lights that stand in the scene and are not hidden, in the order of their nodes. Raises InputError.
+
+    Scale does not change their range.
+    """
     entries = _entries(file)
     nodes = file.entries("nodes")
     lights: list[Light] = []
     for placement in placements if entries else ():
         node, field = nodes[placement.node], f"nodes[{placement.node}]"
-        extension = file.extension(node, EXTENSION, field) if "extensions" in node else None
+        extension = file.extension(node, EXTENSION, field) if "extensions" in node and placement.visible else None
         if extension is None:
             continue
         number = file.index(extension.get("light"), len(entries), f"{field}.{EXTENSION}.light")

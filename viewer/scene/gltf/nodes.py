@@ -11,6 +11,7 @@ from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.report import ReportNotes
 
+VISIBILITY = "KHR_node_visibility"
 MAX_DEPTH = 1 << 14
 """Deepest nesting of nodes; rigs have a few hundred."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -27,6 +28,8 @@ class NodePlacements:
     mesh_worlds: NDArray[np.float64]
     """[N, 4, 4] placements of the mesh: `world`, or one for each instance of EXT_mesh_gpu_instancing."""
     camera: int | None
+    visible: bool = True
+    """Whether its mesh and lights are there (KHR_node_visibility)."""
 
 
 def compose(
@@ -129,6 +132,19 @@ def _instance_matrices(
     )
 
 
+def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes: ReportNotes) -> list[bool]:
+    """By place in depth-first order, whether neither a node nor one above it is hidden (KHR_node_visibility)."""
+    nodes = file.entries("nodes")
+    visible: list[bool] = []
+    for index, parent in zip(order, parents, strict=True):
+        node, where = nodes[index], f"nodes[{index}]"
+        extension = file.extension(node, VISIBILITY, where) if "extensions" in node else None
+        hidden = extension is not None and extension.get("visible") is False
+        notes.honoured(f"{VISIBILITY}: hidden nodes", int(hidden))
+        visible.append(not hidden and (parent < 0 or visible[parent]))
+    return visible
+
+
 def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], list[int]]:
     """(nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
 
@@ -191,11 +207,12 @@ def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tupl
     mesh_count, camera_count = len(file.entries("meshes")), len(file.entries("cameras"))
     order, parents, depths = _tree(file, notes)
     worlds = _world_matrices(file, order, parents, depths)
+    visible = _visible(file, order, parents, notes)
     placements: list[NodePlacements] = []
     for place, index in enumerate(order):
         node, where = nodes[index], f"nodes[{index}]"
         world = worlds[place]
-        mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node else None
+        mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node and visible[place] else None
         camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
         mesh_worlds = worlds[place : place + 1]
         instancing = file.extension(node, "EXT_mesh_gpu_instancing", where) if "extensions" in node else None
@@ -208,5 +225,5 @@ def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tupl
             notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
         if "skin" in node:
             notes.ignored("skins (meshes stand in their rest pose)")
-        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera))
+        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera, visible[place]))
     return tuple(placements)

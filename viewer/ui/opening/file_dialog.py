@@ -268,5 +268,5 @@ class FileDialog:
                 self.system.ask(self._folder)
             ui.rects.note("System dialog...")
         imgui.same_line()
-        imgui.text_disabled(".gltf .glb .obj .ply .stl .ntc .hdr .exr")
+        imgui.text_disabled(".gltf .glb .zip .obj .ply .stl .off .ntc .hdr .exr")
         return pressed

@@ -7,11 +7,13 @@ from typing import Any
 
 from imgui_bundle import portable_file_dialogs
 
-from viewer.scene.scene_files import MESH_SUFFIXES, PACK_SUFFIX, PANORAMA_SUFFIXES, SCENE_SUFFIXES
+from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, PACK_SUFFIX, PANORAMA_SUFFIXES, SCENE_SUFFIXES
 
 HELPERS = ("zenity", "matedialog", "qarma", "kdialog")
 """Programs that show it on Linux."""
-_PATTERNS = " ".join(f"*{suffix}" for suffix in (*SCENE_SUFFIXES, *MESH_SUFFIXES, PACK_SUFFIX, *PANORAMA_SUFFIXES))
+_PATTERNS = " ".join(
+    f"*{suffix}" for suffix in (*SCENE_SUFFIXES, *MESH_SUFFIXES, ARCHIVE_SUFFIX, PACK_SUFFIX, *PANORAMA_SUFFIXES)
+)
 
 
 class SystemDialog:

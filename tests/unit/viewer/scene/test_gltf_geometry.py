@@ -203,3 +203,22 @@ def test_broken_draco_is_an_input_error() -> None:
     primitive["extensions"] = {"KHR_draco_mesh_compression": packed}
     with pytest.raises(InputError, match="Draco data does not decode"):
         built(builder.drawn(primitive))
+
+
+def test_hidden_nodes_and_those_below_them_are_not_drawn() -> None:
+    builder = GltfBuilder()
+    mesh = builder.mesh(builder.triangle())
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    shown = {"KHR_node_visibility": {"visible": True}}
+    camera = builder.add("cameras", type="perspective", perspective={"yfov": 1.0, "znear": 0.1})
+    builder.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    light = {"KHR_lights_punctual": {"light": 0}}
+    builder.add("nodes", mesh=mesh, extensions=hidden, children=[1], translation=[9, 0, 0])
+    builder.add("nodes", mesh=mesh, extensions={**shown, **light}, camera=camera)
+    builder.add("nodes", mesh=mesh, extensions=shown)
+    builder.json["extensionsRequired"] = ["KHR_node_visibility", "KHR_animation_pointer"]
+    scene = built(builder)
+    np.testing.assert_array_equal(scene.instances.node, [2])
+    assert not scene.lights
+    assert len(scene.cameras) == 1
+    assert any("KHR_animation_pointer" in line for line in scene.report.ignored)

@@ -65,7 +65,7 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         load_scene(tmp_path)
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl"])
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off"])
 def test_other_formats(tmp_path: Path, suffix: str) -> None:
     box = trimesh.creation.box((1.0, 2.0, 3.0))
     path = tmp_path / f"box{suffix}"

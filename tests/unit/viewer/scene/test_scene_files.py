@@ -24,6 +24,8 @@ CAMERAS = '[{"name": "street", "eye": [0, 1, 5], "target": [0, 1, 0]}]'
         ("LICENSE", b"free for all", "is a file without a suffix", "a scene is a .gltf, .glb"),
         ("mine.ntc", b"whatever", "is a pack of encoded textures, not a scene", "mine.ntc"),
         ("cameras.json", b"[]", "holds cameras", "open that"),
+        ("city.fbx", b"Kaydara FBX", "FBX is not read", "export the scene as glTF"),
+        ("city.usdz", b"PK", "USDZ is not read", "export the scene as glTF"),
         ("sky.hdr", b"#?RADIANCE", "is a panorama, which lights a scene", "drop it on the window"),
     ],
 )
@@ -36,6 +38,12 @@ def test_another_file_is_told_what_it_is_and_what_to_do(
     assert what in str(caught.value)
     assert remedy in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("address", ["https://example.com/a.glb", "http://example.com/a"])
+def test_addresses_are_refused(address: str) -> None:
+    with pytest.raises(InputError, match="scenes are opened from files; download it"):
+        load_scene(Path(address))
 
 
 def test_a_scene_under_another_name_is_opened(tmp_path: Path) -> None:

@@ -1,0 +1,79 @@
+"""Scenes in zip archives, as Sketchfab and others give them: unpacked into a temporary folder while they are read."""
+
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+
+from ntc.errors import InputError
+from viewer.scene.scene_files import MESH_SUFFIXES, SCENE_SUFFIXES, one_scene
+
+MOST_FILES = 1 << 16
+FREE_BYTES = 1 << 28
+BYTES_PER_BYTE = 200
+"""An archive may hold FREE_BYTES, and beyond, so many for each of its own; pictures and buffers shrink 20 times at best."""
+MOST_BYTES = 1 << 34
+_CHUNK = 1 << 20
+
+
+@contextmanager
+def unpacked_scene(archive: Path) -> Iterator[Path]:
+    """Path of the one scene in the zip archive, unpacked with all that lies beside it; gone after the `with` block.
+
+    Raises InputError for what is no zip archive, holds no scene or several, is encrypted, would unpack to more than a multiple of
+    its size, names files outside of itself, or cannot be written.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix="ntc-viewer-") as folder, zipfile.ZipFile(archive) as content:
+            files = _checked_files(content, archive)
+            inner = one_scene([Path(name) for name in files if _is_scene(name)], archive, "archive")
+            for name, file in files.items():
+                _unpack(content, file, Path(folder, name))
+            yield Path(folder, inner)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+        raise InputError(f"{archive}: the archive cannot be unpacked ({error}); unpack it yourself") from error
+    except OSError as error:
+        raise InputError(
+            f"{archive}: cannot be unpacked ({error.strerror or error}); check the path and TMPDIR"
+        ) from error
+
+
+def _is_scene(name: str) -> bool:
+    path = PurePosixPath(name)
+    # macOS puts a hidden twin of each file beside it.
+    hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
+    return not hidden and path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES)
+
+
+def _checked_files(content: zipfile.ZipFile, archive: Path) -> dict[str, zipfile.ZipInfo]:
+    """The files by their names, with slashes."""
+    files = [file for file in content.infolist() if not file.is_dir()]
+    if len(files) > MOST_FILES:
+        raise InputError(
+            f"{archive}: {len(files)} files in an archive, at most {MOST_FILES} are read; unpack it yourself"
+        )
+    allowed = min(MOST_BYTES, FREE_BYTES + BYTES_PER_BYTE * archive.stat().st_size)
+    size = sum(file.file_size for file in files)
+    if size > allowed:
+        raise InputError(f"{archive}: unpacks to {size} bytes, at most {allowed} are read; unpack it yourself")
+    named = {file.filename.replace("\\", "/"): file for file in files}
+    for name in named:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or ":" in name or "\0" in name:
+            raise InputError(f"{archive}: holds {name[:60]!r}, which leads out of the archive; it is not read")
+    return named
+
+
+def _unpack(content: zipfile.ZipFile, file: zipfile.ZipInfo, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # `ZipFile.extract` would follow what an earlier entry made; here each entry is a plain file.
+    with content.open(file) as source, target.open("wb") as output:
+        left = file.file_size
+        while left > 0:
+            part = source.read(min(_CHUNK, left))
+            if not part:
+                raise EOFError(f"{file.filename} is truncated")
+            output.write(part)
+            left -= len(part)
