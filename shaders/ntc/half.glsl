@@ -57,7 +57,7 @@ float to_half(float value) {
 #elif !HALF_EMULATED
 #define ADD_PRODUCT(sum, w, value) sum += ACC_T(w * value)
 #define ADAPTED(sum, scale, bias) (ACC_T(scale) * sum + ACC_T(bias))
-#define LEAKY(sum, slope) max(sum, ACC_SCALAR(slope) * sum)
+#define LEAKY(sum, slope) ACC_T(max(sum, ACC_SCALAR(slope) * sum))
 #define AS_MUL_T(sum) MUL_T(sum)
 ACC_SCALAR product_sum(MUL_T values, MUL_T w) {
     ACC_T products = ACC_T(values * w);

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.support.every_program import AssembledProgram, every_program
 from viewer.gl.context import GraphicsContext, create_headless_context
 
 
@@ -13,3 +14,9 @@ def graphics() -> Iterator[GraphicsContext]:
     context = create_headless_context()
     yield context
     context.gl.release()
+
+
+@pytest.fixture(scope="session")
+def programs(graphics: GraphicsContext) -> tuple[AssembledProgram, ...]:
+    """Every program that can be assembled; collecting them takes about 20 s."""
+    return every_program(graphics)

@@ -1,0 +1,316 @@
+"""Every program that the renderer can assemble. None is compiled: for compilers other than the driver's, and for counts."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Final, get_args
+from unittest.mock import patch
+
+import moderngl
+import numpy as np
+
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
+from ntc.codec.model import Pack
+from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
+from viewer.gl.context import GraphicsContext
+from viewer.gl.features import Features
+from viewer.gl.program import Defines, ProgramFactory
+from viewer.render.passes.composite import COMPARISONS
+from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.renderer import Renderer
+from viewer.render.resources.divergence_maps import Stage
+from viewer.render.resources.precision import LEVELS
+from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
+from viewer.state.overlay import BLOCKS, Overlay
+from viewer.state.view_state import (
+    DecodePath,
+    Difference,
+    Lighting,
+    MaterialView,
+    Precision,
+    Slot,
+    TexelFilter,
+    ToneMap,
+    ViewState,
+)
+from viewer.state.zoom import Zoom
+
+HALF_EXTENSION: Final = "GL_EXT_shader_explicit_arithmetic_types_float16"
+"""The one of `HALF_EXTENSIONS` that compilers other than drivers' know best."""
+SIZE: Final = (16, 16)
+CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
+SIDE: Final = 16
+"""Texels along a side of each texture."""
+TEXTURES: Final = 3
+
+
+@dataclass(frozen=True)
+class AssembledProgram:
+    """One program as the driver would get it."""
+
+    files: tuple[str, ...]
+    """Files of its stages, below shaders/: one of a compute shader, else those of the vertex and the fragment shader."""
+    texts: tuple[str, ...]
+    """GLSL of each stage."""
+    defines: Mapping[str, int | float | str]
+    """What was defined; of equal texts those of the first."""
+    codec: str
+    """Name in `packs()` of the pack that it decodes or was first assembled for; empty for none."""
+
+
+def _grid(config: CodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+    made = random_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
+    return replace(made, textures=tuple(replace(own, maps=config.maps) for own in made.textures))
+
+
+def _blocks(config: BlockCodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+    return random_block_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
+
+
+def _hashes(maps: tuple[MapName, ...]) -> list[str]:
+    """Those by which a pack of `maps` is found to fit the textures of both scenes."""
+    return [own.set_hash or own.pixel_hash for own in (_sets() if len(maps) > 1 else _textures())]
+
+
+def packs() -> dict[str, Pack]:
+    """Packs of every kind of codec, with decoders of their own and with one for all."""
+    adapted = CodecConfig(hidden_width=64, adapters=True)
+    sets = BlockCodecConfig(
+        block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
+    )
+    return {
+        "grid": _grid(CodecConfig()),
+        "grid-one-decoder": _grid(CodecConfig(), (0, 0, 0)),
+        "grid-one-mip": _grid(CodecConfig(latent_channels=8, latent_bits=4, levels=1, hidden_width=16)),
+        "grid-adapters": _grid(adapted, (0, 0, 0)),
+        "grid-adapter-output": _grid(replace(adapted, adapter_output=True), (0, 0, 0)),
+        "grid-sets": _grid(CodecConfig(output_channels=11, maps=MAPS)),
+        "block": _blocks(BlockCodecConfig()),
+        "block-one-decoder": _blocks(BlockCodecConfig(), (0, 0, 0)),
+        "block-4x4": _blocks(BlockCodecConfig(block_side=4, block_words=(2,), coefficients=24)),
+        "block-sets": _blocks(sets),
+        "block-sets-one-decoder": _blocks(sets, (0, 0, 0)),
+    }
+
+
+def _textures() -> list[SceneTexture]:
+    return [texture(SIDE, SIDE, number) for number in range(TEXTURES)]
+
+
+def _sets() -> list[SceneTexture]:
+    """The same images as material sets."""
+    further: dict[MapName, Any] = {
+        name: np.full((SIDE, SIDE, MAP_CHANNELS[name]), 128, np.uint8) for name in MAPS if name != "base"
+    }
+    return [
+        replace(own, maps=MAPS, further_maps=further, set_hash=f"set {number}")
+        for number, own in enumerate(_textures())
+    ]
+
+
+def scenes() -> dict[str, Scene]:
+    """One with little, and one with all that makes a program differ."""
+    places = [placed(x=number - 1.0, scale=(0.5, 0.5, 0.5)) for number in range(TEXTURES)]
+    parts = [cube(number, place) for number, place in enumerate(places)]
+    plain = scene_of(parts, [Material(f"m{number}", number, WHITE) for number in range(TEXTURES)], _textures())
+    factors = SurfaceFactors(clearcoat=0.5, emissive=(1.0, 1.0, 1.0), ior=1.8)
+    materials = [
+        Material(
+            f"m{number}",
+            number,
+            (1.0, 1.0, 1.0, 0.7),
+            alpha_mode=("opaque", "mask", "blend")[number],
+            surface=PlaneTexture(number, maps=MAPS[1:4], second_uvs=True),
+            emission=PlaneTexture(number, maps=MAPS[4:]),
+            factors=factors,
+            unlit=number == 1,
+        )
+        for number in range(TEXTURES)
+    ]
+    colored: list[Part] = [replace(part, colors=np.ones((len(part.positions), 4), np.float32)) for part in parts]
+    rich = scene_of(colored, materials, _sets())
+    vertices = len(rich.geometry.positions)
+    geometry = replace(
+        rich.geometry,
+        normals=np.tile(np.array([0, 0, 1], np.float32), (vertices, 1)),
+        tangents=np.tile(np.array([1, 0, 0, 1], np.float32), (vertices, 1)),
+        second_uvs=rich.geometry.uvs,
+    )
+    lights = (Light("point", (1.0, 1.0, 1.0), (0.0, 2.0, 0.0)),)
+    return {"plain": plain, "rich": replace(rich, geometry=geometry, lights=lights)}
+
+
+def _feature_sets(features: Features) -> Iterator[tuple[Features, bool]]:
+    """Features, and whether halves are emulated: weights in an image, in buffers, and in buffers with none that is uniform."""
+    halves = replace(features, half_arithmetic=HALF_EXTENSION, anisotropy=16)
+    for emulated in (False, True):
+        yield replace(halves, weights_in_image=True), emulated
+        yield replace(halves, weights_in_image=False), emulated
+        yield replace(halves, weights_in_image=False, uniform_block_bytes=0), emulated
+
+
+def _precisions(name: str) -> tuple[Precision, ...]:
+    """Those in which the pack `name` is decoded by different programs."""
+    return tuple(LEVELS) if name.startswith("grid") else ("fp32",)
+
+
+def _decoding_views(name: str) -> Iterator[ViewState]:
+    """Every way to decode the pack `name`."""
+    plain = ViewState(CAMERA, SIZE, material_view="lit")
+    filters: dict[DecodePath, tuple[TexelFilter, ...]] = {"cached": ("exact",)}
+    for precision in _precisions(name):
+        for path in get_args(DecodePath):
+            for texel_filter in filters.get(path, get_args(TexelFilter)):
+                slot = Slot(name, path, precision, texel_filter)
+                yield replace(plain, slot_a=slot)
+                if path == "cached":
+                    yield replace(plain, slot_a=slot, anisotropy=8)
+
+
+def _other_views(name: str) -> Iterator[ViewState]:
+    """Every way to show what was decoded, and the original images."""
+    decoded = Slot(name)
+    both = ViewState(CAMERA, SIZE, Slot(), decoded)
+    overlays = [Overlay(), Overlay("error-texture"), *(Overlay("divergence", block=block) for block in BLOCKS)]
+    for zoom in (Zoom(), Zoom(2.0)):
+        for overlay in overlays:
+            for compare, kind in COMPARISONS:
+                view = replace(both, compare=compare, difference=Difference(kind), overlay=overlay, zoom=zoom)
+                yield view
+                yield replace(view, highlight=(0,))
+    for shown in get_args(MaterialView):
+        for anisotropy in (1, 8):
+            for slot in (Slot(), decoded, replace(decoded, maps="normal"), replace(decoded, maps="emissive")):
+                yield replace(both, slot_a=slot, material_view=shown, anisotropy=anisotropy)
+    for tone_map in get_args(ToneMap):
+        for strength in (0.0, 1.0):
+            lighting = Lighting(tone_map=tone_map, sun_strength=strength)
+            yield replace(both, material_view="lit", lighting=lighting)
+
+
+class _NoProgram(moderngl.Program):
+    """Draws nothing."""
+
+    def __init__(self, uniforms: frozenset[str]) -> None:
+        self.extra = uniforms
+
+    def get(self, _key: str, default: Any) -> Any:
+        return default
+
+    def release(self) -> None:
+        """There is nothing to free."""
+
+
+class _NoComputeShader(moderngl.ComputeShader):
+    """Computes nothing."""
+
+    def __init__(self, uniforms: frozenset[str]) -> None:
+        self.extra = uniforms
+
+    def get(self, _key: str, default: Any) -> Any:
+        return default
+
+    def run(self, *_groups: int) -> None:
+        """Nothing is run."""
+
+    def run_indirect(self, *_place: object) -> None:
+        """Nothing is run."""
+
+    def release(self) -> None:
+        """There is nothing to free."""
+
+
+class _NoVertexArray(moderngl.VertexArray):
+    """Draws nothing."""
+
+    def __init__(self, program: moderngl.Program) -> None:
+        self._program = program
+
+    def render(self, *_: object, **__: object) -> None:
+        """Nothing is drawn."""
+
+    def render_indirect(self, *_: object, **__: object) -> None:
+        """Nothing is drawn."""
+
+    def release(self) -> None:
+        """There is nothing to free."""
+
+
+@dataclass
+class _Recorder:
+    """Takes what a ProgramFactory would compile, and gives it programs that do nothing."""
+
+    found: dict[tuple[str, ...], AssembledProgram]
+    uniforms: dict[tuple[str, ...], frozenset[str]]
+    codec: str = ""
+
+    def find(
+        self, factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
+    ) -> moderngl.Program | moderngl.ComputeShader:
+        """In place of `ProgramFactory._find`."""
+        key = (names, tuple(sorted((defines or {}).items())))
+        if key not in factory._programs:
+            sources = [factory._library.assemble(name, defines) for name in names]
+            texts = tuple(source.text for source in sources)
+            if texts not in self.found:
+                self.found[texts] = AssembledProgram(names, texts, dict(defines or {}), self.codec)
+                self.uniforms[texts] = frozenset[str]().union(*(source.uniforms for source in sources))
+            kind = _NoComputeShader if len(names) == 1 else _NoProgram
+            factory._programs[key] = kind(self.uniforms[texts])
+        return factory._programs[key]
+
+    @staticmethod
+    def vertex_array(
+        _gl: moderngl.Context, program: moderngl.Program, *_: object, **__: object
+    ) -> moderngl.VertexArray:
+        """In place of `moderngl.Context.vertex_array`."""
+        return _NoVertexArray(program)
+
+    @contextmanager
+    def recording(self) -> Iterator[None]:
+        """While it lasts nothing is compiled."""
+
+        def find(
+            factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
+        ) -> moderngl.Program | moderngl.ComputeShader:
+            return self.find(factory, names, defines)
+
+        with (
+            patch.object(ProgramFactory, "_find", find),
+            patch.object(moderngl.Context, "vertex_array", self.vertex_array),
+        ):
+            yield
+
+
+def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
+    """All distinct programs of every decode path, codec, precision (halves native and emulated), filter, view and overlay.
+
+    `context` holds what is uploaded meanwhile; whether its driver has half arithmetic does not matter.
+    """
+    recorder = _Recorder({}, {})
+    opened = packs()
+    stages = get_args(Stage)
+    with recorder.recording():
+        for scene in scenes().values():
+            for number, (features, emulated) in enumerate(_feature_sets(context.features)):
+                graphics = replace(context, features=features)
+                renderer = Renderer(graphics, scene, stages[number % len(stages)], emulate_half=emulated)
+                renderer.set_packs(opened)
+                for name, pack in opened.items():
+                    recorder.codec = name
+                    for view in _decoding_views(name):
+                        renderer.render(view)
+                    for precision in _precisions(name):
+                        decoder = GlTexelDecoder(graphics, pack, precision, emulated)
+                        decoder.decode_texels(0, np.zeros((1, 2)), np.zeros(1))
+                        decoder.release()
+                recorder.codec = ""
+                if number < len(stages):
+                    for view in _other_views("block-sets"):
+                        renderer.render(view)
+                    renderer.render(ViewState(CAMERA, SIZE, Slot("grid", filter="stochastic")), whole=True)
+                renderer.release()
+    return tuple(recorder.found.values())
