@@ -125,7 +125,7 @@ def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precis
 def bench(options: BenchOptions) -> int:
     """Run `ntc-viewer bench`. Raises InputError for bad input, before anything is timed."""
     _check(options)
-    context = create_headless_context()
+    context = create_headless_context(options.device)
     options = replace(options, precisions=_precisions(options, context))
     limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
     wanted = ("worst-case", "scene", "scaling") if options.what == "all" else (options.what,)

@@ -10,7 +10,7 @@ from lab.studies.settings import BlockSide, ScaleName, StudySettings
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
-from viewer.cli.options import OptionalScene, Packs, Size, Sizes, Switch
+from viewer.cli.options import Gpu, OptionalScene, Packs, Size, Sizes, Switch
 from viewer.state.view_state import DecodePath, Precision, TexelFilter
 
 
@@ -58,6 +58,8 @@ class BenchOptions:
     """JSON file of cameras. None: the scene's own, or the whole of it."""
     repeats: int = 5
     """Timed frames of each; figures are medians."""
+    device: Gpu = None
+    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ import moderngl
 
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
-from viewer.gl.functions import egl_loader
 
 PLENTY = 1 << 40
 
@@ -42,9 +41,8 @@ class ForgetfulMemory(GpuMemory):
 
 def existing(context: GraphicsContext) -> dict[str, int]:
     """OpenGL objects by kind, as OpenGL says."""
-    load = egl_loader()
     found: dict[str, int] = {}
     for kind in ("Buffer", "Texture", "Framebuffer"):
-        is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(load(f"glIs{kind}"))
+        is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(context.load(f"glIs{kind}"))
         found[kind] = sum(bool(is_one(name)) for name in range(1, HIGHEST_NAME))
     return found

@@ -21,7 +21,7 @@ REST_SECONDS = 0.02
 
 
 class HeadlessApp(App):
-    """Session, user interface and renderer under EGL, driven by a script instead of a person."""
+    """Session, user interface and renderer, driven by a script instead of a person."""
 
     def __init__(
         self,
@@ -31,10 +31,12 @@ class HeadlessApp(App):
         pictures: Path,
         settings: ViewerSettings | None = None,
         initial: InitialView | None = None,
+        device: str | None = None,
     ) -> None:
-        """`size` (width, height) in pixels; `pictures`: where pictures, views and camera paths are written."""
+        """`size` (width, height) in pixels; `pictures`: where pictures, views and camera paths are written; `device` as for
+        `create_headless_context`."""
         self._size = size
-        self.graphics = create_headless_context()
+        self.graphics = create_headless_context(device)
         self.framebuffer = self._make_framebuffer(size)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)

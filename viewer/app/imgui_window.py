@@ -17,6 +17,7 @@ from moderngl_window.context.glfw.window import Window
 from ntc.errors import InputError
 from viewer.gl.context import REQUIRED_VERSION, GraphicsContext, wrap_context
 from viewer.gl.context_loss import SimulatedLosses
+from viewer.gl.systems import SYSTEM
 
 TITLE = "ntc-viewer"
 
@@ -46,9 +47,7 @@ def _open_robust_if_possible(size: tuple[int, int]) -> Window:
     try:
         return _open(size, robust=False)
     except Exception as error:
-        raise InputError(
-            f"no window could be opened ({error}); check DISPLAY and the OpenGL driver, or use ntc-viewer render"
-        ) from error
+        raise InputError(f"no window could be opened ({error}); {SYSTEM.window}, or use ntc-viewer render") from error
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from ntc.errors import InputError
 from ntc.training.threads import wait_passively
 from viewer.cli.arguments import parse_arguments
 from viewer.gl.context_loss import ContextLostError
+from viewer.gl.systems import SYSTEM
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -26,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ContextLostError as lost:
         sys.stderr.write(
             f"error: {lost}; what was not finished has not been written; run it again, "
-            "or without the GPU: LIBGL_ALWAYS_SOFTWARE=1\n"
+            f"or without the GPU: {SYSTEM.software}\n"
         )
         return BAD_INPUT
     except BrokenPipeError:

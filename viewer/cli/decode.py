@@ -34,7 +34,7 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
             from viewer.gl.context import create_headless_context
             from viewer.render.passes.decode_texels import GlTexelDecoder
 
-            return GlTexelDecoder(create_headless_context(), pack, options.precision).decode_image
+            return GlTexelDecoder(create_headless_context(options.device), pack, options.precision).decode_image
 
 
 def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapName, NDArray[np.uint8]]:
@@ -67,6 +67,8 @@ def decode(options: DecodeOptions) -> int:
         raise InputError(f"--level {options.level}: must be 0 or more")
     if options.precision != "fp32" and options.backend != "gl":
         raise InputError(f"--precision {options.precision}: only --backend gl has it")
+    if options.device is not None and options.backend != "gl":
+        raise InputError(f"--device {options.device}: only --backend gl has it")
     pack = read_pack(options.pack)
     decode_level, written = _decoder(pack, options), 0
     for index, file_name in enumerate(image_file_names([texture.name for texture in pack.textures])):

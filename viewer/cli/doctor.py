@@ -11,6 +11,8 @@ from typing import Any
 from ntc.errors import InputError
 from viewer.cli.options import DoctorOptions
 from viewer.gl.context import create_headless_context
+from viewer.gl.devices import find_devices
+from viewer.gl.systems import SYSTEM
 
 PACKAGES = (
     "moderngl",
@@ -41,10 +43,11 @@ def _version(package: str) -> str:
         return "missing"
 
 
-def examine() -> dict[str, Any]:
-    """Facts about this machine: Python, display, packages, OpenGL."""
+def examine(device: str | None = None) -> dict[str, Any]:
+    """Facts about this machine: Python, display, packages, devices, OpenGL on one of them."""
     findings: dict[str, Any] = {
         "python": platform.python_version(),
+        "system": SYSTEM.name,
         "display": has_display(),
         "packages": {package: _version(package) for package in PACKAGES},
         "optional": {
@@ -52,8 +55,9 @@ def examine() -> dict[str, Any]:
             for module, purpose in OPTIONAL_MODULES.items()
         },
     }
+    findings["devices"] = [device.line for device in find_devices()] or [f"not listed: {SYSTEM.window_gpu}"]
     try:
-        context = create_headless_context()
+        context = create_headless_context(device)
         information = context.info
         findings["opengl"] = {
             "renderer": information.renderer,
@@ -76,6 +80,8 @@ def _lines(findings: dict[str, Any], indent: str = "") -> list[str]:
     for key, value in findings.items():
         if isinstance(value, dict):
             lines += [f"{indent}{key}:", *_lines(value, indent + "  ")]
+        elif isinstance(value, list):
+            lines += [f"{indent}{key}:", *(f"{indent}  {line}" for line in value)]
         else:
             lines.append(f"{indent}{key}: {value}")
     return lines
@@ -83,6 +89,6 @@ def _lines(findings: dict[str, Any], indent: str = "") -> list[str]:
 
 def doctor(options: DoctorOptions) -> int:
     """Run `ntc-viewer doctor`: 0 if pictures can be drawn, else 1."""
-    findings = examine()
+    findings = examine(options.device)
     sys.stdout.write((json.dumps(findings, indent=2) if options.json else "\n".join(_lines(findings))) + "\n")
     return 1 if "error" in findings["opengl"] else 0

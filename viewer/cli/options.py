@@ -71,6 +71,8 @@ Vector = Annotated[
 Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
+Gpu = Annotated[str | None, tyro.conf.arg(metavar="N|NAME")]
+"""As `viewer.gl.devices.choose_device` takes it; None: the first one, or the one that NTC_VIEWER_DEVICE names."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,8 @@ class ViewOptions:
     """Folder for pictures, views and recorded paths."""
     size: Size | None = None
     """Size of the window's content. None: as it was last; 1280x720 without a window."""
+    device: Gpu = None
+    """Without a window: the GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
 
 
 @dataclass(frozen=True)
@@ -179,6 +183,8 @@ class RenderOptions:
     """Also write aovs.exr: the maps of the visible surfaces, and with --view lit normals, as channels of floats."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
+    device: Gpu = None
+    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
 
 
 @dataclass(frozen=True)
@@ -268,6 +274,8 @@ class DecodeOptions:
     """Storage of the decoder weights (gl only)."""
     level: int = 0
     """Mip level to decode; textures without it are decoded at their last."""
+    device: Gpu = None
+    """--backend gl: the GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
 
 
 @dataclass(frozen=True)
@@ -288,6 +296,8 @@ class DoctorOptions:
 
     json: Switch = False
     """Print JSON instead of text."""
+    device: Gpu = None
+    """The GPU to tell more of, by its number or part of its name, or `software`. None: the first."""
 
 
 SUBCOMMANDS = (

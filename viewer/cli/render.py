@@ -209,7 +209,7 @@ def render(options: RenderOptions) -> int:
     camera, lighting = choose_camera(scene, options), chosen_lighting(options)
     block_format = named_format(source)
     compressed = compress_scene(scene, block_format) if block_format is not None else None
-    context = create_headless_context()
+    context = create_headless_context(options.device)
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():

@@ -9,6 +9,7 @@ from viewer.cli.doctor import has_display
 from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
 from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
+from viewer.gl.systems import SYSTEM
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.parse import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView
@@ -22,7 +23,13 @@ WITHOUT_SCRIPT = "wait settled; screenshot window.png"
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
     """Write the decoded picture with its divergence, and the original picture, into `folder`."""
     # As the window opens.
-    common = {"scene": options.scene, "pack": options.pack, "size": PICTURES_SIZE, "view": "lit"}
+    common = {
+        "scene": options.scene,
+        "pack": options.pack,
+        "size": PICTURES_SIZE,
+        "view": "lit",
+        "device": options.device,
+    }
     slot = {"path": options.path, "precision": options.precision, "filter": options.filter or "exact"}
     decoded = {"grouping": options.grouping, **slot}
     render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
@@ -50,7 +57,7 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     source = choose_source(packs, options.grouping, options.pack)
     precision = resolve_precision(options.precision, packs.get(source), None)
     initial = InitialView(source, options.path, precision, options.filter)
-    app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial)
+    app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial, device=options.device)
     try:
         app.play(script)
     finally:
@@ -64,6 +71,8 @@ def view(options: ViewOptions) -> int:
         return play_headless(options, options.out)
     script = script_of(options)
     if has_display():
+        if options.device is not None:
+            raise InputError(f"--device {options.device}: the GPU of a window is not chosen here; {SYSTEM.window_gpu}")
         from viewer.app.window_app import WindowContent, run_window
 
         scene = open_scene(options.scene)

@@ -1,22 +1,20 @@
-"""OpenGL contexts: headless under EGL, or one that a window has made."""
+"""OpenGL contexts: without a window, or one that a window has made."""
 
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import moderngl
 
 from ntc.errors import InputError
 from viewer.gl.allocation import GpuMemory, limit_from_environment
 from viewer.gl.context_loss import ResetStatus, SimulatedLosses
+from viewer.gl.devices import OLDEST_VERSION, device_number, is_software
 from viewer.gl.features import Features, find_features
-from viewer.gl.functions import FunctionLoader, GlFunctions, egl_loader
+from viewer.gl.functions import GlFunctions
+from viewer.gl.systems import SYSTEM, FunctionLoader, GraphicsSystem, make_context
 
 REQUIRED_VERSION = 430
 VERSION = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION // 10 % 10}"
-OLDEST_VERSION = 330
-"""Requested to name the version that the machine has, where REQUIRED_VERSION is missing."""
-SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swr", "swiftshader")
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class ContextInformation:
     @property
     def is_software(self) -> bool:
         """Whether the renderer is known to run on the CPU."""
-        return any(name in self.renderer.lower() for name in SOFTWARE_RENDERERS)
+        return is_software(self.renderer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +37,8 @@ class GraphicsContext:
 
     gl: moderngl.Context
     info: ContextInformation
+    load: FunctionLoader
+    """Addresses of all functions of OpenGL."""
     functions: GlFunctions
     features: Features
     reset: ResetStatus
@@ -60,34 +60,32 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
     features = find_features(gl, information.is_software)
     memory = GpuMemory(gl, limit_from_environment())
-    return GraphicsContext(gl, information, functions, features, reset, memory)
+    return GraphicsContext(gl, information, load, functions, features, reset, memory)
 
 
-def create_headless_context() -> GraphicsContext:
-    """A context without a window. Raises InputError where EGL or OpenGL 4.3 is not available."""
+def create_headless_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
+    """A context without a window, on the GPU that `device` names (None: `viewer.gl.devices.device_number`).
+
+    Raises InputError where there is no such device, or no OpenGL 4.3 on it.
+    """
+    number = device_number(device, system)
     try:
-        settings: Any = {"backend": "egl"}
-        gl = moderngl.create_standalone_context(require=REQUIRED_VERSION, **settings)
+        gl, load = make_context(REQUIRED_VERSION, number, system)
     except Exception as error:
-        older = _older_context()
+        older = _older_context(number, system)
         if older is not None:
             raise InputError(
-                f"OpenGL {VERSION} is needed, and {older} is there; update the driver, or use Mesa's llvmpipe: "
-                "LIBGL_ALWAYS_SOFTWARE=1"
+                f"OpenGL {VERSION} is needed, and {older} is there; update the driver, or draw without the GPU: {system.software}"
             ) from error
-        raise InputError(
-            f"OpenGL {VERSION} without a window is not available ({error}); install EGL and a driver, "
-            "on Debian: apt-get install libegl1 libgl1 libgl1-mesa-dri"
-        ) from error
-    return wrap_context(gl, egl_loader())
+        raise InputError(f"OpenGL {VERSION} without a window is not available ({error}); {system.driver}") from error
+    return wrap_context(gl, load)
 
 
-def _older_context() -> str | None:
-    """Version and renderer of the context that the machine offers below REQUIRED_VERSION; None where it offers none."""
+def _older_context(device: int, system: GraphicsSystem) -> str | None:
+    """Version and renderer of the context that the device offers below REQUIRED_VERSION; None where it offers none."""
     # glcontext raises plain Exceptions.
     with suppress(Exception):
-        settings: Any = {"backend": "egl"}
-        gl = moderngl.create_standalone_context(require=OLDEST_VERSION, **settings)
+        gl, _ = make_context(OLDEST_VERSION, device, system)
         found = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
         gl.release()
         return found

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Concatenate, Final, Literal, ParamSpec, Protocol, TypeVar
 
 from ntc.errors import InputError
-from viewer.gl.functions import FunctionLoader
+from viewer.gl.systems import FunctionLoader
 
 LOSE_VARIABLE: Final = "NTC_VIEWER_LOSE_CONTEXT_AT"
 """Environment variable for tests: which checks find the context lost: their numbers from 1, separated by commas."""

@@ -1,9 +1,10 @@
 """OpenGL functions that moderngl lacks, called by their addresses: sRGB texture arrays, texture views, integer clears."""
 
 import ctypes
-import ctypes.util
 from collections.abc import Callable
 from typing import Any
+
+from viewer.gl.systems import FunctionLoader
 
 GL_TEXTURE_2D_ARRAY = 0x8C1A
 GL_SRGB8_ALPHA8 = 0x8C43
@@ -22,19 +23,6 @@ GL_UNPACK_ALIGNMENT = 0x0CF5
 GL_TEXTURE0 = 0x84C0
 GL_TEXTURE_MAX_ANISOTROPY = 0x84FE
 GL_COLOR = 0x1800
-
-FunctionLoader = Callable[[str], int]
-"""Name of an OpenGL function -> its address, 0 if there is none."""
-
-
-def egl_loader() -> FunctionLoader:
-    """Addresses by eglGetProcAddress, for a context made with EGL."""
-    library = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
-    get: Any = library.eglGetProcAddress
-    get.restype = ctypes.c_void_p
-    get.argtypes = [ctypes.c_char_p]
-    return lambda name: get(name.encode()) or 0
-
 
 _UINT, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[type, ...]] = {
