@@ -63,6 +63,7 @@ def _command(session: Session, view: Path) -> str:
         *(["--pack", *named] if named else []),
         "--exec",
         f"view.load {shlex.quote(str(view))}",
+        *(["--exec", f"materials.variant {shlex.quote(session.scene.variant)}"] if session.scene.variant else []),
     ]
     return shlex.join(arguments)
 

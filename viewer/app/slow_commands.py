@@ -7,7 +7,7 @@ from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.ui.facts import Work
 
-OPENING = ("file.open", "file.open-recent")
+OPENING = ("file.open", "file.open-recent", "materials.variant")
 """Reading a scene, and drawing it first, takes seconds."""
 
 

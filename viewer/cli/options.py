@@ -126,6 +126,8 @@ class RenderOptions:
     """Folder for color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
     scene: OptionalScene = None
     """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
+    variant: str = ""
+    """Name of the material variant to draw (KHR_materials_variants). Empty: the materials that the scene's parts name themselves."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None

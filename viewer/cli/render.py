@@ -200,7 +200,7 @@ def render(options: RenderOptions) -> int:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
-    scene = open_scene(options.scene)
+    scene = open_scene(options.scene, options.variant)
     if options.grouping is not None and is_image_source(options.grouping) and not options.pack:
         packs: dict[str, Pack] = {}
     else:

@@ -33,9 +33,9 @@ MISSING_SHOWN = 3
 """Missing things that are listed one by one; the others are only counted."""
 
 
-def open_scene(path: Path | None) -> Scene:
+def open_scene(path: Path | None, variant: str = "") -> Scene:
     """Load the scene that `path` names, or the courtyard, and print notes about missing parts. Raises InputError."""
-    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path())
+    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path(), variant)
     missing = scene.report.missing
     for line in missing[:MISSING_SHOWN]:
         sys.stderr.write(f"note: {line}\n")

@@ -4,9 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-from viewer.commands.command import Arg, command, gesture
+from viewer.commands.command import Arg, Context, command, gesture
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
+from viewer.state.open_files import show_variant
 from viewer.state.session import Session
 from viewer.state.view_state import (
     ELEVATION_RANGE,
@@ -25,6 +26,9 @@ VIEWS: dict[MaterialView, str] = {
     "emissive": "emitted light",
 }
 """What each view shows, in a few words."""
+
+OWN_MATERIALS = "default"
+"""Stands for the materials that primitives name themselves."""
 
 
 def _light(session: Session, **changes: Any) -> None:
@@ -54,6 +58,28 @@ def next_view(session: Session) -> None:
 )
 def set_view(session: Session, view: Annotated[MaterialView, Arg("what is shown")]) -> None:
     session.view = replace(session.view, material_view=view)
+
+
+def _no_variants(context: Context) -> str:
+    return "" if context.session.scene.variants else "the scene has no material variants"
+
+
+Variant = Annotated[
+    str, Arg(f"a variant of the scene's materials, or {OWN_MATERIALS}", lambda s: (OWN_MATERIALS, *s.scene.variants))
+]
+
+
+@command(
+    "materials.variant",
+    "Material variant",
+    "draw the scene with another of the sets of materials that its file has",
+    "View",
+    unavailable=_no_variants,
+    current=lambda session: session.scene.variant or OWN_MATERIALS,
+)
+def set_variant(session: Session, name: Variant) -> None:
+    own = name == OWN_MATERIALS and name not in session.scene.variants
+    show_variant(session, "" if own else name)
 
 
 @command("light.sun", "Place of the sun", "put the sun at an azimuth and an elevation", "View")

@@ -18,6 +18,7 @@ from viewer.scene.gltf.lights import read_lights
 from viewer.scene.gltf.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
+from viewer.scene.gltf.variants import chosen_variant, variant_names
 from viewer.scene.model import Instances, Primitive, Scene
 from viewer.scene.report import ReportNotes
 from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file
@@ -27,25 +28,27 @@ FREE_INSTANCES = 1 << 21
 """Instances that any file may have; more only in proportion to its bytes, one each."""
 
 
-def load_scene(path: Path) -> Scene:
+def load_scene(path: Path, variant: str = "") -> Scene:
     """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
 
-    Raises InputError where the file is missing, is none of these, broken, requires an extension that is not supported, holds no
-    triangles or does not fit into memory. Missing and broken images are no error: the load report names them.
+    `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
+    themselves; the textures of all variants are read. Raises InputError where there is no such variant, or the file is missing, is
+    none of these, broken, requires an extension that is not supported, holds no triangles or does not fit into memory. Missing and
+    broken images are no error: the load report names them.
     """
     path = scene_file(Path(path))
     require_scene(path)
     try:
-        return _load(path)
+        return _load(path, variant)
     except MemoryError as error:
         raise InputError(f"{path}: takes more memory than there is; split the scene or reduce its textures") from error
 
 
-def _load(path: Path) -> Scene:
+def _load(path: Path, variant: str) -> Scene:
     if path.suffix.lower() == ARCHIVE_SUFFIX:
         with unpacked_scene(path) as unpacked:
-            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path)
-    return build_scene(_container(path, str(path)), path.stem, path)
+            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path, variant)
+    return build_scene(_container(path, str(path)), path.stem, path, variant)
 
 
 def _container(path: Path, name: str) -> GltfFile:
@@ -73,21 +76,24 @@ def mesh_to_glb(path: Path) -> bytes:
     return data
 
 
-def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
-    """The scene in the glTF container `file`, called `name`. Raises InputError."""
+def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "") -> Scene:
+    """The scene in the glTF container `file`, called `name`, in a material variant. Raises InputError."""
     check_required(file)
     notes = ReportNotes()
     buffers = Buffers(file)
     accessors = Accessors(file, buffers)
     sources = read_materials(file, notes)
     placements = walk_nodes(file, accessors, notes)
-    geometry_reader = GeometryReader(file, buffers, accessors, sources, notes)
+    variants = variant_names(file)
+    notes.honoured("KHR_materials_variants: variants", len(variants))
+    chosen = chosen_variant(variants, variant, name)
+    geometry_reader = GeometryReader(file, buffers, accessors, sources, notes, chosen)
     primitives, ranges = _read_meshes(placements, geometry_reader)
     instances = _place(file, placements, ranges, min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count))
     if len(instances.primitive) == 0:
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
-    drawn = frozenset(primitive.material for primitive in primitives)
+    drawn = frozenset(geometry_reader.all_materials)
     materials, textures = read_textures(file, buffers, sources, drawn, notes)
     if len(sources) - 1 not in drawn:
         materials = materials[:-1]
@@ -124,6 +130,8 @@ def build_scene(file: GltfFile, name: str, path: Path | None) -> Scene:
         bounds=bounds,
         report=notes.report(used),
         lights=lights,
+        variants=variants,
+        variant=variant,
     )
 
 

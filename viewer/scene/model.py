@@ -242,3 +242,7 @@ class Scene:
     """[2, 3] float32 world-space minimum and maximum corner."""
     report: LoadReport
     lights: tuple[Light, ...] = ()
+    variants: tuple[str, ...] = ()
+    """Names of the material variants that the file has."""
+    variant: str = ""
+    """The one that is drawn; "": the materials that primitives name themselves."""

@@ -155,6 +155,18 @@ def _open_scene(session: Session, path: Path) -> None:
     )
 
 
+def show_variant(session: Session, variant: str) -> None:
+    """Read the scene that is open again, in another material variant; packs and view stay. Raises InputError."""
+    before = session.scene
+    if before.path is None or variant == before.variant:
+        return
+    loaded = load_scene(before.path, variant)
+    session.scene = replace(loaded, cameras=before.cameras)
+    notify(
+        session, f"material variant {variant}" if variant else "the materials that the scene's parts name themselves"
+    )
+
+
 def _open_pack(session: Session, path: Path) -> None:
     pack, match = _matching_pack(path, session.scene)
     same = (name for name, other in session.packs.items() if other.path is not None and same_place(other.path, path))

@@ -35,6 +35,7 @@ SUPPORTED = frozenset(
         "KHR_materials_specular",
         "KHR_materials_transmission",
         "KHR_materials_unlit",
+        "KHR_materials_variants",
         "KHR_mesh_quantization",
         "KHR_meshopt_compression",
         "KHR_node_visibility",

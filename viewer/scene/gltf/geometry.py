@@ -14,6 +14,7 @@ from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.textures import UvTransform
+from viewer.scene.gltf.variants import variant_materials, variant_names
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.model import Geometry, Primitive
 from viewer.scene.report import ReportNotes
@@ -68,8 +69,14 @@ class GeometryReader:
         accessors: Accessors,
         materials: Sequence[MaterialSource],
         notes: ReportNotes,
+        variant: int | None = None,
     ) -> None:
+        """`variant`: number of the material variant that is drawn; None: what primitives name themselves."""
         self._file = file
+        self._variant = variant
+        self._variants = len(variant_names(file))
+        self.all_materials: set[int] = set()
+        """Of the primitives read so far, under all variants."""
         self._buffers = buffers
         self._accessors = accessors
         self._materials = materials
@@ -141,12 +148,17 @@ class GeometryReader:
         material = len(self._materials) - 1
         if "material" in entry:
             material = file.index(entry["material"], len(self._materials) - 1, f"{where}.material")
+        by_variant = variant_materials(file, entry, self._variants, where)
+        every = {material, *by_variant.values()}
+        if self._variant is not None:
+            material = by_variant.get(self._variant, material)
         draco = self._draco(entry, where)
         base, vertex_count = self._vertices(attributes, draco, self._materials[material], where)
         first, index_count = self._triangles(entry, draco, mode, vertex_count, where)
         if index_count == 0:
             self._notes.note("primitives without a triangle were left out")
             return None
+        self.all_materials |= every
         return Primitive(name, first, index_count, base, vertex_count, material)
 
     def _note_unused(self, entry: dict[str, Any], attributes: dict[str, Any]) -> None:
