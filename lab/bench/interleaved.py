@@ -49,10 +49,8 @@ def time_interleaved(
     warm_up = warm_up_rounds(context)
     for number in range(warm_up + repeats):
         for candidate, own in zip(candidates, times, strict=True):
-            with timer.measure("candidate"):
+            with timer.measure("candidate", own.append if number >= warm_up else None):
                 candidate()
-            if number >= warm_up:
-                own.append(timer.last_ms)
         timer.take()
         context.reset.check()
         progress(number + 1, warm_up + repeats)

@@ -51,6 +51,7 @@ class FactsReader:
             block=self._block(),
             thumbnail=self.thumbnail if thumbnails is not None else None,
             frames_drawn=self._picture.frames_drawn,
+            blocking_calls=last.blocking_calls if last else 0,
             is_preview=self._is_preview,
             live=live,
             is_training=is_training,

@@ -54,8 +54,13 @@ POLL_SECONDS = 0.05
 class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
-    def __init__(self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False) -> None:
-        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn."""
+    def __init__(
+        self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False, waits: bool = True
+    ) -> None:
+        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn.
+
+        `waits`: whether frames wait for the GPU, and so are the same each time; else `presented` is called after each.
+        """
         session = context.session
         self._graphics, self._context, self.session = graphics, context, session
         emit = partial(apply_event, session)
@@ -64,8 +69,9 @@ class Frontend:
         self.interface = UserInterface()
         set_panel_titles(session, self.interface.panel_titles)
         set_unsupported(session, unsupported_precisions(graphics))
-        self._times = FrameTimes()
-        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
+        self._waits = waits
+        self._times = FrameTimes(waits)
+        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit, waits)
         self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._writer = PictureWriter(graphics, session, self.picture)
         self._first_view = FirstView(self.interface.background, emit)
@@ -106,6 +112,7 @@ class Frontend:
         self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
+        self.picture.times_wanted = self.interface.shows("Timings")
         if room is not None:
             self._draw_picture(room)
         self._prepare_ahead()
@@ -133,9 +140,15 @@ class Frontend:
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
         self._graphics.gl.enable_only(moderngl.NOTHING)
-        self._times.end()
+        if self._waits:
+            self._times.end()
         self._graphics.reset.check()
         self._writer.write_requested(framebuffer)
+
+    def presented(self) -> None:
+        """The frame has been handed to the window system."""
+        if not self._waits:
+            self._times.end()
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
         """Whether the picture or a panel is out of date, a message is about to end, or a request is open."""

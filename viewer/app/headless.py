@@ -92,6 +92,7 @@ class HeadlessApp(App):
             imgui.new_frame()
             draw_data = self.frontend.build(self._size)
             self.frontend.paint(self.framebuffer, draw_data)
+            self.frontend.presented()
 
     def close(self) -> None:
         """Free everything."""

@@ -58,6 +58,7 @@ class WindowApp(App):
 
     prepares_ahead = True
     keeps_runs = True
+    waits = False
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()
@@ -126,6 +127,7 @@ class WindowApp(App):
         screen.viewport = (0, 0, *size)
         self.frontend.paint(screen, draw_data)
         glfw.swap_buffers(self._handle)
+        self.frontend.presented()
 
     @property
     def size(self) -> tuple[int, int]:
@@ -214,7 +216,7 @@ class WindowApp(App):
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise context_lost_error(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead)
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead, self.waits)
         self._appearance = Appearance()
         self.frontend.interface.bring_to_front(earlier.interface.panels_in_front)
         notify(self.session, RECOVERED, details=str(lost))

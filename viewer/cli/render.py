@@ -132,6 +132,7 @@ def statistics(picture: Picture, view: ViewState, renderer_name: str) -> dict[st
         "lighting": asdict(view.lighting) if view.material_view == "lit" else None,
         "timer": picture.frame.timer,
         "timings_ms": picture.frame.timings_ms,
+        "blocking_calls": picture.frame.blocking_calls,
         "pixels": {"covered": int(picture.covered.sum()), "decoded": int(decoded.sum())},
         "divergence": {
             "score": divergence.score,

@@ -8,6 +8,7 @@ from typing import Any, Protocol, TypeVar
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.blocking import BlockingCalls
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
 """Environment variable: a limit in MB on all GPU memory, for trying what happens without memory."""
@@ -58,9 +59,12 @@ class GpuMemory:
     says for what there was no memory, and how much.
     """
 
-    def __init__(self, gl: moderngl.Context, limit_bytes: int | None = None) -> None:
-        """`limit_bytes`: never allocate more in all; None: as much as the driver has."""
-        self._gl = gl
+    def __init__(
+        self, gl: moderngl.Context, limit_bytes: int | None = None, blocking: BlockingCalls | None = None
+    ) -> None:
+        """`limit_bytes`: never allocate more in all; None: as much as the driver has. `blocking` counts what is read back."""
+        self.gl = gl
+        self.blocking = blocking or BlockingCalls()
         self._limit = limit_bytes
         self._given: list[tuple[Releasable, int]] = []
         self._open: list[list[Releasable]] = []
@@ -84,7 +88,7 @@ class GpuMemory:
         """OpenGL's errors since the last call."""
         errors: set[str] = set()
         for _ in range(MOST_ERRORS):
-            error = str(self._gl.error)
+            error = str(self.gl.error)
             if error == NO_ERROR:
                 break
             errors.add(error)
@@ -105,6 +109,7 @@ class GpuMemory:
             self._given.append((thing, size))
         if self._open:
             self._open[-1].append(thing)
+        self.blocking.watch(thing)
         return thing
 
     def check(self, what: str, size: int, thing: Releasable) -> None:
@@ -140,7 +145,7 @@ class GpuMemory:
     def buffer(self, what: str, data: Any = None, reserve: int = 0, dynamic: bool = False) -> moderngl.Buffer:
         """A buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below."""
         size = reserve if data is None else memoryview(data).nbytes
-        return self.made(what, size, lambda: self._gl.buffer(data, reserve=reserve, dynamic=dynamic))
+        return self.made(what, size, lambda: self.gl.buffer(data, reserve=reserve, dynamic=dynamic))
 
     def grown(self, what: str, old: moderngl.Buffer, size: int, dynamic: bool = False) -> moderngl.Buffer:
         """`old`, or where it is smaller than `size` bytes a new buffer without its content; `old` is freed then."""
@@ -152,7 +157,7 @@ class GpuMemory:
 
     def check_size(self, what: str, size: tuple[int, int]) -> None:
         """Raise GpuMemoryError where the driver has no textures of this (width, height)."""
-        most = int(self._gl.info["GL_MAX_TEXTURE_SIZE"])
+        most = int(self.gl.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > most:
             raise GpuMemoryError(
                 f"{what}: {size[0]} x {size[1]} is more than the {most} a side that the GPU's driver allows "
@@ -173,13 +178,13 @@ class GpuMemory:
         self.check_size(what, size)
         number = size[0] * size[1] * components * TEXEL_TYPES[dtype]
         return self.made(
-            what, number, lambda: self._gl.texture(size, components, data, alignment=alignment, dtype=dtype)
+            what, number, lambda: self.gl.texture(size, components, data, alignment=alignment, dtype=dtype)
         )
 
     def depth_texture(self, what: str, size: tuple[int, int]) -> moderngl.Texture:
         """A depth texture of `size` (width, height)."""
         self.check_size(what, size)
-        return self.made(what, size[0] * size[1] * 4, lambda: self._gl.depth_texture(size))
+        return self.made(what, size[0] * size[1] * 4, lambda: self.gl.depth_texture(size))
 
     def build_mipmaps(self, what: str, texture: moderngl.Texture) -> None:
         """Fill the mips of a texture, which is freed where that fails."""
@@ -191,4 +196,4 @@ class GpuMemory:
         self, what: str, colors: list[moderngl.Texture], depth: moderngl.Texture | None = None
     ) -> moderngl.Framebuffer:
         """A framebuffer of these textures."""
-        return self.made(what, 0, lambda: self._gl.framebuffer(colors, depth))
+        return self.made(what, 0, lambda: self.gl.framebuffer(colors, depth))

@@ -1,4 +1,4 @@
-"""OpenGL functions that moderngl lacks, called by their addresses: sRGB texture arrays, texture views, integer clears."""
+"""OpenGL functions that moderngl lacks, called by their addresses: texture arrays and views, integer clears, fences, timestamps."""
 
 import ctypes
 from collections.abc import Callable
@@ -23,6 +23,14 @@ GL_UNPACK_ALIGNMENT = 0x0CF5
 GL_TEXTURE0 = 0x84C0
 GL_TEXTURE_MAX_ANISOTROPY = 0x84FE
 GL_COLOR = 0x1800
+GL_COPY_WRITE_BUFFER = 0x8F37
+GL_STREAM_READ = 0x88E1
+GL_SYNC_GPU_COMMANDS_COMPLETE = 0x9117
+GL_SYNC_FLUSH_COMMANDS_BIT = 0x0001
+GL_TIMEOUT_EXPIRED = 0x911B
+GL_TIMESTAMP = 0x8E28
+GL_QUERY_RESULT = 0x8866
+GL_QUERY_RESULT_AVAILABLE = 0x8867
 
 _UINT, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[type, ...]] = {
@@ -39,19 +47,31 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glCopyImageSubData": (_UINT, _UINT, *[_INT] * 4, _UINT, _UINT, *[_INT] * 7),
     "glPixelStorei": (_UINT, _INT),
     "glClearBufferuiv": (_UINT, _INT, _POINTER),
+    "glBindBuffer": (_UINT, _UINT),
+    "glBufferData": (_UINT, ctypes.c_ssize_t, _POINTER, _UINT),
+    "glFlush": (),
+    "glFenceSync": (_UINT, _UINT),
+    "glClientWaitSync": (_POINTER, _UINT, ctypes.c_uint64),
+    "glDeleteSync": (_POINTER,),
+    "glGenQueries": (_INT, _POINTER),
+    "glQueryCounter": (_UINT, _UINT),
+    "glGetQueryObjectuiv": (_UINT, _UINT, _POINTER),
+    "glGetQueryObjectui64v": (_UINT, _UINT, _POINTER),
 }
+_RESULTS: dict[str, type] = {"glFenceSync": _POINTER, "glClientWaitSync": _UINT}
+"""Of those that give one."""
 
 
 class GlFunctions:
     """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one."""
 
     def __init__(self, load: FunctionLoader) -> None:
-        self._calls: dict[str, Callable[..., None]] = {}
+        self._calls: dict[str, Callable[..., Any]] = {}
         for name, arguments in _SIGNATURES.items():
             address = load(name)
             if not address:
                 raise RuntimeError(f"the OpenGL driver has no {name}")
-            self._calls[name] = ctypes.CFUNCTYPE(None, *arguments)(address)
+            self._calls[name] = ctypes.CFUNCTYPE(_RESULTS.get(name), *arguments)(address)
 
-    def __call__(self, name: str, *arguments: Any) -> None:
-        self._calls[name](*arguments)
+    def __call__(self, name: str, *arguments: Any) -> Any:
+        return self._calls[name](*arguments)

@@ -1,55 +1,172 @@
-"""Times of passes in ms: by timer queries on a GPU, by wall time around `finish()` on a software renderer."""
+"""Times of passes in ms: waited for, or read some frames later from timestamps that the GPU has noted, or not taken at all."""
 
+import ctypes
 import time
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
+from viewer.gl import functions as names
 from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import GlFunctions
 
-TimerKind = Literal["gpu timer query", "wall time around finish"]
+TimerKind = Literal["gpu timer query", "wall time around finish", "timestamps between passes", "not measured"]
+MOST_FRAMES = 8
+"""Frames whose times are waited for; of a driver that is later than that the oldest are given up."""
+
+
+class Stamps:
+    """Timestamps of the GPU in the order of its commands: nanoseconds in 64 bits."""
+
+    def __init__(self, functions: GlFunctions) -> None:
+        self._functions = functions
+        self._free: list[int] = []
+
+    def put(self) -> int:
+        """Have the GPU note the time once it has done all that came before; the query's name."""
+        if not self._free:
+            name = ctypes.c_uint()
+            self._functions("glGenQueries", 1, ctypes.addressof(name))
+            self._free.append(name.value)
+        query = self._free.pop()
+        self._functions("glQueryCounter", query, names.GL_TIMESTAMP)
+        return query
+
+    def is_there(self, query: int) -> bool:
+        """Whether reading would not wait."""
+        return bool(self._number("glGetQueryObjectuiv", query, names.GL_QUERY_RESULT_AVAILABLE, ctypes.c_uint()))
+
+    def read(self, query: int) -> int:
+        """The time; waited for where it is not there."""
+        return self._number("glGetQueryObjectui64v", query, names.GL_QUERY_RESULT, ctypes.c_uint64())
+
+    def _number(self, name: str, query: int, what: int, into: Any) -> int:
+        self._functions(name, query, what, ctypes.addressof(into))
+        return int(into.value)
+
+    def give_back(self, query: int) -> None:
+        """It is not read any more."""
+        self._free.append(query)
+
+
+@dataclass(frozen=True, eq=False)
+class _Measurement:
+    """One pass in one frame: its time, or the stamps that it lies between."""
+
+    name: str | None
+    """None where only `note` wants it."""
+    milliseconds: float
+    stamps: tuple[int, int] | None = None
+    owner: Hashable | None = None
+    note: Callable[[float], None] | None = None
+
+
+@dataclass(eq=False)
+class _Frame:
+    measurements: list[_Measurement] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    """In their order."""
 
 
 class PassTimer:
-    """Collects the times of the passes of one frame in ms."""
+    """Collects the times of passes, frame by frame.
 
-    def __init__(self, context: GraphicsContext) -> None:
-        self._gl = context.gl
-        self._by_wall = not context.features.timer_queries
-        self._query = None if self._by_wall else context.gl.query(time=True)
-        self._times: dict[str, float] = {}
+    A timer that `waits` knows a frame's times at its end. Another one does not hold the GPU up: it measures while `is_wanted`, and
+    tells the times of a frame two or three frames later.
+    """
+
+    def __init__(self, context: GraphicsContext, waits: bool = True) -> None:
+        self._gl, self._blocking = context.gl, context.memory.blocking
+        self._functions = context.functions
+        self._has_queries = context.features.timer_queries
+        self._stamps = Stamps(context.functions)
+        self.waits = waits
+        self.is_wanted = waits
+        """Whether anybody looks at the times of the frames to come."""
+        self._frame = _Frame()
+        self._under_way: deque[_Frame] = deque()
+        self._owned: dict[Hashable, float] = {}
         self._whole: str | None = None
         """What the passes that run now are parts of."""
-        self.last_ms = 0.0
-        """Time of the last measured pass."""
+        self._owner: Hashable | None = None
 
     @property
     def kind(self) -> TimerKind:
         """How times are measured, for reports."""
-        return "wall time around finish" if self._by_wall else "gpu timer query"
+        if self.waits:
+            return "gpu timer query" if self._has_queries else "wall time around finish"
+        if not self.is_wanted:
+            return "not measured"
+        return "gpu timer query" if self._has_queries else "timestamps between passes"
 
     @contextmanager
     def measure_cpu(self, name: str) -> Iterator[None]:
         """Add the wall time of the block, which makes no OpenGL calls, to the pass `name`."""
         start = time.perf_counter()
         yield
-        self._add(name, (time.perf_counter() - start) * 1e3)
+        if self.is_wanted:
+            self._add(name, None, 1e3 * (time.perf_counter() - start))
 
     @contextmanager
-    def measure(self, name: str) -> Iterator[None]:
-        """Add the time of the block to the pass `name`."""
-        if self._query is not None:
-            with self._query:
-                yield
-            elapsed = self._query.elapsed / 1e6
+    def measure(self, name: str, note: Callable[[float], None] | None = None) -> Iterator[None]:
+        """Add the time of the block to the pass `name`, and to what it is `owned_by`.
+
+        `note` is called with the time in ms when it is known, whether or not times are wanted.
+        """
+        if self.waits:
+            yield from self._waited(name, note)
+        elif self._has_queries and (self.is_wanted or note is not None):
+            first = self._put()
+            yield
+            self._add_late(name, note, (first, self._put()))
+        elif self.is_wanted:
+            yield from self._between(name, note)
         else:
-            self._gl.finish()
             start = time.perf_counter()
             yield
-            self._gl.finish()
+            if note is not None:
+                # A software renderer has run compute shaders when their call returns.
+                note(1e3 * (time.perf_counter() - start))
+
+    def _waited(self, name: str, note: Callable[[float], None] | None) -> Iterator[None]:
+        if self._has_queries:
+            first = self._stamps.put()
+            yield
+            last = self._stamps.put()
+            self._blocking.count += 1
+            elapsed = (self._stamps.read(last) - self._stamps.read(first)) / 1e6
+            self._stamps.give_back(first)
+            self._stamps.give_back(last)
+        else:
+            self._finish()
+            start = time.perf_counter()
+            yield
+            self._finish()
             elapsed = (time.perf_counter() - start) * 1e3
-        self.last_ms = elapsed
-        self._add(name, elapsed)
+        self._add(name, note, elapsed)
+
+    def _finish(self) -> None:
+        self._blocking.count += 1
+        self._gl.finish()
+
+    def _between(self, name: str, note: Callable[[float], None] | None) -> Iterator[None]:
+        """Times from the end of the pass before: rasterisers in tiles note what comes first in a batch of commands at its end, too."""
+        start = time.perf_counter()
+        first = self._frame.stamps[-1] if self._frame.stamps else self._put()
+        yield
+        if note is not None:
+            note(1e3 * (time.perf_counter() - start))
+        self._add_late(name, None, (first, self._put()))
+
+    def _put(self) -> int:
+        query = self._stamps.put()
+        self._frame.stamps.append(query)
+        if not self._has_queries:
+            # Each pass is a batch of its own.
+            self._functions("glFlush")
+        return query
 
     @contextmanager
     def counted_as(self, whole: str) -> Iterator[None]:
@@ -60,11 +177,86 @@ class PassTimer:
         finally:
             self._whole = None
 
-    def _add(self, name: str, milliseconds: float) -> None:
-        key = self._whole or name
-        self._times[key] = self._times.get(key, 0.0) + milliseconds
+    @contextmanager
+    def owned_by(self, owner: Hashable) -> Iterator[None]:
+        """Add the times of the passes of the block to `owner`, too (`take_owned`)."""
+        before, self._owner = self._owner, owner
+        try:
+            yield
+        finally:
+            self._owner = before
+
+    @contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Wait for the times of the block's passes."""
+        before, self.waits = self.waits, True
+        try:
+            yield
+        finally:
+            self.waits = before
+
+    def _add(self, name: str, note: Callable[[float], None] | None, milliseconds: float) -> None:
+        self._frame.measurements.append(_Measurement(self._whole or name, milliseconds))
+        if self._owner is not None and self._whole is None:
+            self._owned[self._owner] = self._owned.get(self._owner, 0.0) + milliseconds
+        if note is not None:
+            note(milliseconds)
+
+    def _add_late(self, name: str, note: Callable[[float], None] | None, stamps: tuple[int, int]) -> None:
+        shown = self._whole or name if self.is_wanted else None
+        owner = self._owner if shown is not None and self._whole is None else None
+        self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owner, note))
 
     def take(self) -> dict[str, float]:
-        """Times in ms since the last call, by pass, in order of their first measurement."""
-        times, self._times = self._times, {}
+        """End the frame. Times in ms by pass, in order of their first measurement.
+
+        They are those of this frame where the timer waits, else of a frame before whose times have arrived; {} where none have.
+        """
+        if self._frame.measurements:
+            self._under_way.append(self._frame)
+            self._frame = _Frame()
+        if self._under_way and self._under_way[-1].stamps:
+            # What is never sent to the GPU never arrives.
+            self._functions("glFlush")
+        found: dict[str, float] = {}
+        while self._under_way and self._is_there(self._under_way[0]):
+            found = self._times(self._under_way.popleft())
+            if found:
+                break
+        while len(self._under_way) > MOST_FRAMES:
+            self._give_back(self._under_way.popleft())
+        return found
+
+    def take_owned(self) -> Mapping[Hashable, float]:
+        """Times in ms that have arrived since the last call, by owner."""
+        owned, self._owned = self._owned, {}
+        return owned
+
+    def forget(self) -> None:
+        """What was measured since the last frame is no part of a frame."""
+        self._give_back(self._frame)
+        self._frame, self._owned = _Frame(), {}
+
+    def _is_there(self, frame: _Frame) -> bool:
+        return not frame.stamps or self._stamps.is_there(frame.stamps[-1])
+
+    def _give_back(self, frame: _Frame) -> None:
+        for query in frame.stamps:
+            self._stamps.give_back(query)
+
+    def _times(self, frame: _Frame) -> dict[str, float]:
+        at = {query: self._stamps.read(query) for query in frame.stamps}
+        self._give_back(frame)
+        times: dict[str, float] = {}
+        for own in frame.measurements:
+            elapsed = own.milliseconds
+            if own.stamps is not None:
+                first, last = own.stamps
+                elapsed = max(at[last] - at[first], 0) / 1e6
+                if own.note is not None:
+                    own.note(elapsed)
+            if own.name is not None:
+                times[own.name] = times.get(own.name, 0.0) + elapsed
+            if own.owner is not None:
+                self._owned[own.owner] = self._owned.get(own.owner, 0.0) + elapsed
         return times

@@ -34,7 +34,9 @@ class FrameResult:
     image: moderngl.Texture
     """RGBA8, sRGB-coded, row 0 at the bottom."""
     timings_ms: Mapping[str, float]
-    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up."""
+    """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up.
+
+    Of a renderer that does not wait: those of a frame before, if anybody wants them."""
     slot_ms: Mapping[Slot, float]
     """Time in ms that each shown slot took when it was last drawn at this size."""
     timer: str
@@ -57,6 +59,8 @@ class FrameResult:
     """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
 
     upload: UploadCounts = UploadCounts()
+    blocking_calls: int = 0
+    """Calls since the frame before for which the CPU waited until the GPU had caught up."""
 
     @property
     def is_short(self) -> bool:

@@ -61,12 +61,15 @@ class FrameHistory:
 class FrameTimes:
     """Measures each frame between `begin` and `end`."""
 
-    def __init__(self) -> None:
+    def __init__(self, waits: bool = True) -> None:
+        """`waits`: whether the renderer tells the times of each frame within it; else frames are timed by the wall clock."""
         self.history = FrameHistory()
+        self._waits = waits
         self.slot_ms: Mapping[Slot, float] = {}
         """Time that each slot took when it was last drawn whole, ms."""
         self.whole_frame_ms = 0.0
-        """Of the last picture that was not coarse: all of its passes."""
+        """Of the last pictures that were not coarse: all passes of the last one, or the wall time of the shorter of two."""
+        self._wall_ms: deque[float] = deque(maxlen=2)
         self.last_ms = 0.0
         """Of the last frame that drew a whole picture: all of it, by the wall clock."""
         self._passes: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
@@ -81,15 +84,25 @@ class FrameTimes:
     def note(self, frame: FrameResult) -> None:
         """A picture was drawn at full resolution; coarse ones are not to be passed here."""
         self._drawn, self.slot_ms = frame.timings_ms, frame.slot_ms
-        self.whole_frame_ms = sum(frame.timings_ms.values())
-        for name, milliseconds in frame.timings_ms.items():
+        if self._waits:
+            self.whole_frame_ms = sum(frame.timings_ms.values())
+        self.note_passes(frame.timings_ms)
+
+    def note_passes(self, passes_ms: Mapping[str, float]) -> None:
+        """Times of passes, in ms, have become known."""
+        for name, milliseconds in passes_ms.items():
             self._passes[name].append(milliseconds)
 
     def end(self) -> None:
-        """The frame is on its framebuffer."""
-        if self._drawn is not None:
-            self.last_ms = 1000.0 * (time.perf_counter() - self._started)
-            self.history.add(self._drawn, self.last_ms)
+        """The frame is on its framebuffer; without waiting: handed to the window system, which holds up what comes too fast."""
+        if self._drawn is None:
+            return
+        self.last_ms = 1000.0 * (time.perf_counter() - self._started)
+        self.history.add(self._drawn, self.last_ms)
+        self._wall_ms.append(self.last_ms)
+        if not self._waits and len(self._wall_ms) > 1:
+            # Of two: the first one compiles.
+            self.whole_frame_ms = min(self._wall_ms)
 
     def medians_ms(self) -> dict[str, float]:
         """Median time of each pass over the recent frames in which it ran, ms."""
@@ -98,4 +111,5 @@ class FrameTimes:
     def clear(self) -> None:
         """Another scene is drawn from now on."""
         self._passes.clear()
+        self._wall_ms.clear()
         self.history.clear()

@@ -148,7 +148,8 @@ class GpuPack:
         if inputs.plane not in self._needed_levels:
             count, reading = len(self.match.texture_index), self.reading(inputs.plane)
             self._needed_levels[inputs.plane] = NeededLevelsPass(self.context.graphics, self.programs, count, reading)
-        with self.context.timer.measure("latents"):
+        timer = self.context.timer
+        with timer.owned_by(None), timer.measure("latents"):
             self.buffers.need(self._needed_levels[inputs.plane].run(inputs, self.buffers))
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:

@@ -84,7 +84,7 @@ class PathChooser:
         times = self.times(slot)
         if times is None:
             times = time_paths(self._slot_ms, view, slot)
-            self._scheduler.timer.take()
+            self._scheduler.timer.forget()
             self._scheduler.take_skipped()
             if not times.milliseconds:
                 # None can be drawn: the error of one of them says why.
@@ -108,7 +108,10 @@ class PathChooser:
         try:
             inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)
             # With the stochastic filter a moving camera is shown one sample.
-            return pack.path(slot.path, slot.filter).draw(inputs, target, whole=slot.filter == "exact")
+            timer = self._scheduler.timer
+            with timer.waiting(), timer.owned_by(self):
+                pack.path(slot.path, slot.filter).draw(inputs, target, whole=slot.filter == "exact")
+            return timer.take_owned()[self]
         finally:
             visibility.release()
             target.release()

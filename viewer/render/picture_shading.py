@@ -49,15 +49,14 @@ class PictureShading:
         materials: ShownMaterials,
         output: ColorTarget,
         mixture: Mixture | None = None,
-    ) -> float:
-        """Draw the picture; the time in ms. Raises GpuMemoryError, ShaderError."""
+    ) -> None:
+        """Draw the picture. Raises GpuMemoryError, ShaderError."""
         light = self._lit_by(materials.lighting) if materials.view == "lit" else None
         other = None if mixture is None else _targets(mixture.planes)
         taken = frozenset[MapName](() if mixture is None else (mixture.map_name,))
         inputs = ShadeInputs(view, _targets(planes), materials.view, light, other, taken)
         with self._scheduler.timer.measure(self._pass.name):
             self._pass.run(inputs, output)
-        return self._scheduler.timer.last_ms
 
     def _lit_by(self, lighting: Lighting) -> SceneLight:
         """What lights a view. The sky stands in for an environment that cannot be read any more."""

@@ -1,6 +1,6 @@
 """Everything on the GPU that has the size of the picture, and what it was drawn from."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ntc.codec.maps import Plane
@@ -178,6 +178,14 @@ class PictureTargets:
             self.drawn.get(base_key(slot)) if self.materials.view == "base" else self.drawn_pictures.get(slot)
         )
         return drawn.number if drawn is not None else 0
+
+    def note_ms(self, owned: Mapping[Hashable, float]) -> None:
+        """Take over times in ms, by plane or by slot, that have become known."""
+        for owner, spent in owned.items():
+            if isinstance(owner, PlaneKey) and owner in self.planes:
+                self.plane_ms[owner] = spent
+            elif isinstance(owner, Slot) and owner in self.pictures:
+                self.picture_ms[owner] = spent
 
     def slot_ms(self) -> dict[Slot, float]:
         """Time that each slot took when it was last drawn: its planes of the last view, and the picture."""

@@ -42,8 +42,8 @@ class PlanePath(Protocol):
     def decode_ahead(self) -> bool:
         """Work for the next picture of the same view without drawing; False when it is time to draw."""
 
-    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
-        """Draw the plane; the time in ms. With `whole` nothing is left for later frames.
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
+        """Draw the plane. With `whole` nothing is left for later frames.
 
         With `same_view`, where `target` shows an older picture of this view, the path may draw some of its rows only.
         """
@@ -82,8 +82,8 @@ class DirectPath:
         """There is nothing to decode ahead."""
         return False
 
-    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
-        """Upload the latents that are missing, and decode the picture; the time of the pass in ms."""
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
+        """Upload the latents that are missing, and decode the picture."""
         del whole, same_view
         self._upload_latents(inputs)
         if self._pass is None:
@@ -91,7 +91,6 @@ class DirectPath:
             self._pass = self._make_pass()
         with self._timer.measure(f"decode_{self._name}"):
             self._pass.run(inputs, target)
-        return self._timer.last_ms
 
     def update(self, textures: Collection[int], regrouped: bool) -> None:
         """Make the pass anew for the next picture where it depends on what has changed: which decoders there are."""

@@ -56,8 +56,13 @@ class Renderer:
         latents: LatentBudget | None = None,
         emulate_half: bool = False,
         update_bytes: int = UPDATE_BYTES,
+        waits: bool = True,
     ) -> None:
-        """`update_bytes` is the upload budget of a frame for packs that replace others. Raises GpuMemoryError."""
+        """`update_bytes` is the upload budget of a frame for packs that replace others.
+
+        A renderer that `waits` for the GPU knows the times of a frame, and what its pixels need, within the frame.
+        Another one goes on, and takes both from a frame or two before. Raises GpuMemoryError.
+        """
         self._context, self._update_bytes = context, update_bytes
         self.scene, self.reset = scene, context.reset
         self.name = context.info.renderer
@@ -66,7 +71,8 @@ class Renderer:
         self._programs = ProgramFactory(context.gl, library)
         materials = material_records(scene)
         self.images = ImageSources(context, self._programs, scene, materials)
-        self._timer = PassTimer(context)
+        self._timer = PassTimer(context, waits)
+        self._blocked = context.memory.blocking.count
         self._scheduler = PassScheduler(self._timer)
         with context.memory.transaction():
             self._scene_buffers = SceneBuffers(context, scene, materials)
@@ -99,6 +105,10 @@ class Renderer:
         """The image of the last frame, which stays until another one is drawn whole."""
         self._view: ViewState | None = None
         """The last view; None where it could not be drawn."""
+
+    def want_times(self, are_wanted: bool) -> None:
+        """Whether anybody looks at times; a renderer that waits always takes them."""
+        self._timer.is_wanted = are_wanted or self._timer.waits
 
     @property
     def matches(self) -> Mapping[str, PackMatch]:
@@ -168,7 +178,7 @@ class Renderer:
 
     def _discard_frame(self) -> None:
         """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
-        self._timer.take()
+        self._timer.forget()
         self._scheduler.take_skipped()
         targets = self._targets
         if targets is None:
@@ -197,11 +207,13 @@ class Renderer:
             skipped["pack_bytes_kept"] = upload.kept
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
         blended = self._blend.counts(shown_slots(view), targets)
+        times = self.take_times()
         drawn_ms = targets.slot_ms()
+        before, self._blocked = self._blocked, self._context.memory.blocking.count
         slot_ms = drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms}
         return FrameResult(
             targets.composite.texture,
-            self._timer.take(),
+            times,
             slot_ms,
             self._timer.kind,
             self._scheduler.take_skipped(),
@@ -213,6 +225,7 @@ class Renderer:
             {slot: blended[own] for slot, own in chosen.items() if own in blended},
             short_latents,
             upload,
+            self._blocked - before,
         )
 
     def _upload_updates(self, whole: bool) -> UploadCounts:
@@ -246,6 +259,18 @@ class Renderer:
         if targets.composite is not self._picture:
             targets.composite.release()
 
+    def take_times(self) -> dict[str, float]:
+        """Times of passes, in ms, that have become known since the last frame."""
+        times = self._timer.take()
+        if self._targets is not None:
+            self._targets.note_ms(self._timer.take_owned())
+        return times
+
+    def _forget_times(self, targets: PictureTargets) -> None:
+        """What was drawn outside of a frame counts for its slot alone."""
+        targets.note_ms(self._timer.take_owned())
+        self._timer.forget()
+
     def prepare(self, slot: Slot) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
 
@@ -264,7 +289,7 @@ class Renderer:
             if not self._blend.is_complete(slot, targets):
                 self._slots.update(slot, targets, whole=False)
                 self._blend.update((slot,), targets, whole=False)
-                self._timer.take()
+                self._forget_times(targets)
                 self._scheduler.take_skipped()
                 return True
         return False
@@ -302,7 +327,7 @@ class Renderer:
         self._draw_visibility(self._view, self._targets)
         self._slots.update(slot, self._targets, whole=True)
         self._blend.update((slot,), self._targets, whole=True)
-        self._timer.take()
+        self._forget_times(self._targets)
         self._scheduler.take_skipped()
         return self._targets.picture(slot).read()
 
@@ -348,7 +373,7 @@ class Renderer:
             return target.texture_ids()
         finally:
             target.release()
-            self._timer.take()
+            self._timer.forget()
             self._scheduler.take_skipped()
 
     @property

@@ -52,30 +52,28 @@ class SampledPath:
         """There is nothing to decode ahead."""
         return False
 
-    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
-        """Draw the next sample, or with `whole` all that are missing; the time of the passes in ms."""
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
+        """Draw the next sample, or with `whole` all that are missing."""
         del same_view
         if inputs.blend_sample:
-            return self._draw_with_blend(inputs, target)
+            self._draw_with_blend(inputs, target)
+            return
         before = self.samples if self._drawn == (inputs, target) else 0
         # Until it is drawn the picture counts for nothing.
         self._drawn, self.samples = None, 0
         self._upload_latents(inputs)
         decode, accumulate = self._passes()
-        spent = 0.0
         for number in range(before, SAMPLES if whole else before + 1):
             into = target if number == 0 else accumulate.sample(target.size)
             with self._timer.measure(f"decode_{self._name}"):
                 decode.run(inputs.of_sample(number), into)
                 if number > 0:
                     accumulate.run(number, target)
-            spent += self._timer.last_ms
             before = number + 1
         self._drawn, self.samples = (inputs, target), before
-        return spent
 
-    def _draw_with_blend(self, inputs: VisibilityInputs, target: ColorTarget) -> float:
-        """Draw one sample for a further sample of BLEND surfaces, which are averaged elsewhere; the time in ms.
+    def _draw_with_blend(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Draw one sample for a further sample of BLEND surfaces, which are averaged elsewhere.
 
         The picture of the first one, and how far it has come, stay as they are.
         """
@@ -83,7 +81,6 @@ class SampledPath:
         decode, _ = self._passes()
         with self._timer.measure(f"decode_{self._name}"):
             decode.run(inputs.of_sample(inputs.blend_sample), target)
-        return self._timer.last_ms
 
     def _passes(self) -> tuple[DecodePass, AccumulatePass]:
         # Made outside of the measured time: compiling is no part of a frame.

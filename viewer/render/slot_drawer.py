@@ -128,7 +128,8 @@ class SlotDrawer:
             mixture = Mixture(slot.maps, planes)
             planes = {plane: targets.planes[PlaneKey(Slot(), plane)] for plane in planes}
         picture = targets.pictures[slot]
-        targets.picture_ms[slot] = self._shading.draw(picture_key.inputs, planes, targets.materials, picture, mixture)
+        with self._scheduler.timer.owned_by(slot):
+            self._shading.draw(picture_key.inputs, planes, targets.materials, picture, mixture)
         targets.drawn_pictures[slot] = DrawnPicture(picture_key, self.next_number())
 
     def _update_plane(self, key: PlaneKey, targets: PictureTargets, whole: bool) -> None:
@@ -152,18 +153,17 @@ class SlotDrawer:
                 images = self._images.of(slot.source, key.plane)
                 with timer.measure("upload"):
                     images.upload(inputs.visible_materials)
-                with timer.measure(images.name):
+                with timer.owned_by(key), timer.measure(images.name):
                     images.run(inputs, target)
-                spent = timer.last_ms
             else:
-                spent = path.draw(inputs, target, whole, same_view)
+                with timer.owned_by(key):
+                    path.draw(inputs, target, whole, same_view)
                 self.prepared.add(slot)
         if path is not None and path.is_partial:
             # The composite of the picture before is shown until all rows are drawn.
             if drawn is not None:
                 targets.drawn[key] = drawn
             return
-        targets.plane_ms[key] = spent
         targets.drawn[key] = DrawnPlane(inputs, self._version(slot), self.next_number())
 
     def next_number(self) -> int:
@@ -193,7 +193,7 @@ class SlotDrawer:
                 if path is not None:
                     path.draw(inputs.of_plane(key.plane), target, whole=False)
         finally:
-            self._scheduler.timer.take()
+            self._scheduler.timer.forget()
             visibility.release()
             target.release()
         return True

@@ -47,11 +47,20 @@ class Viewport:
     """The renderer of the session's scene, and what it has drawn. Sizes are (width, height) of the picture in pixels."""
 
     def __init__(
-        self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background, emit: EmitEvent
+        self,
+        context: GraphicsContext,
+        session: Session,
+        times: FrameTimes,
+        background: Background,
+        emit: EmitEvent,
+        waits: bool = True,
     ) -> None:
-        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
+        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn.
+
+        `waits` is the renderer's: a window goes on without waiting for the GPU.
+        """
         self._context, self._session, self._emit = context, session, emit
-        self._times, self._background = times, background
+        self._times, self._background, self._waits = times, background, waits
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._compressed: Mapping[BlockFormat, CompressedTextures] | None = None
@@ -70,6 +79,8 @@ class Viewport:
         """What the GPU had no memory for last: not tried again before something changes."""
         self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
         """What was open and shown when it was drawn last."""
+        self.times_wanted = False
+        """Whether times of passes are shown."""
         self.frames_drawn = 0
         """Frames in which the renderer had something to do."""
 
@@ -114,7 +125,9 @@ class Viewport:
         coarse = self.is_coarse()
         view = self._view(size)
         whole = self._session.requests.measure or bool(self._session.requests.pictures)
+        renderer.want_times(self.times_wanted)
         if view == self.last_view and not self.is_waiting:
+            self._times.note_passes(renderer.take_times())
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
         # Nothing can be asked about a view that could not be drawn.
@@ -194,7 +207,7 @@ class Viewport:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
-                    made = Renderer(self._context, session.scene, tile_cache=tiles)
+                    made = Renderer(self._context, session.scene, tile_cache=tiles, waits=self._waits)
             except InputError as error:
                 self._context.reset.check_after(error)
                 if self.renderer is None or self._drawable is None:

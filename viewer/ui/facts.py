@@ -73,6 +73,8 @@ class FrameFacts:
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Small picture of a texture by its id."""
     frames_drawn: int = 0
+    blocking_calls: int = 0
+    """Calls in the last frame for which the CPU waited until the GPU had caught up."""
     is_preview: bool = False
     """Whether the picture has fewer pixels than at rest, because the camera moves. `divergence` is that of the last whole one then."""
     paths: Mapping[Slot, PathChoice] = field(default_factory=dict)

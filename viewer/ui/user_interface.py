@@ -77,6 +77,10 @@ class UserInterface:
         """Titles of the panels that were visible when panels were drawn last."""
         return tuple(self._in_front)
 
+    def shows(self, panel: str) -> bool:
+        """Whether the content of the panel of this title was drawn last."""
+        return self._were_shown and panel in self._in_front and panel not in self._layout.folded
+
     def bring_to_front(self, panels: Sequence[str]) -> None:
         """Show these panels in front, as they were in an earlier user interface whose ImGui is gone."""
         if panels:

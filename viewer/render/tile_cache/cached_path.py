@@ -71,8 +71,8 @@ class CachedPath:
         self._decode(self._cache.tiles_ahead())
         return True
 
-    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> float:
-        """Request, decode and draw; the time in ms. With `whole` all missing tiles are decoded, however long it takes.
+    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
+        """Request, decode and draw. With `whole` all missing tiles are decoded, however long it takes.
 
         With `same_view`, where `target` shows an older picture of this view, only some rows may be drawn (`is_partial`).
         """
@@ -80,47 +80,48 @@ class CachedPath:
         undrawn = bool(self._frames_ahead or self._bands_left)
         in_bands = same_view and not whole and self._requested == inputs and undrawn
         if in_bands and self._bands_left:
-            return self._sample_band(inputs, target)
+            self._sample_band(inputs, target)
+            return
         self._bands_left = 0
-        spent = 0.0
         while True:
             if self._requested != inputs or self._cache.request_overflowed:
                 with self._timer.measure(NAME):
                     self._cache.request(inputs)
-                spent += self._timer.last_ms
                 self._requested = inputs
             wanted = 0 if self._frames_ahead and not whole else self._cache.tiles_now(whole)
             self._frames_ahead = 0
             if wanted:
-                spent += self._decode(wanted)
+                self._decode(wanted)
             if not (whole and wanted and self._cache.request_overflowed):
                 break
         if in_bands:
             self._bands_left = BANDS
-            return spent + self._sample_band(inputs, target)
+            self._sample_band(inputs, target)
+            return
         with self._timer.measure(NAME):
             self._cache.sample(inputs, target)
-        return spent + self._timer.last_ms
 
     def update(self, textures: Collection[int], regrouped: bool) -> None:
         """The pack's buffers hold another version of these scene textures: their tiles are decoded anew."""
         del regrouped
         self._cache.mark_stale(textures)
 
-    def _decode(self, count: int) -> float:
-        """Decode waiting tiles; the time in ms."""
-        with self._timer.measure(NAME):
-            done = self._cache.decode(count)
-        self._cache.note_time(done, self._timer.last_ms)
-        return self._timer.last_ms
+    def _decode(self, count: int) -> None:
+        """Decode waiting tiles. Where a frame has a limit of time, it asks for the time that they took."""
+        done = 0
 
-    def _sample_band(self, inputs: VisibilityInputs, target: ColorTarget) -> float:
-        """Draw the next rows; the time in ms."""
+        def note(milliseconds: float) -> None:
+            self._cache.note_time(done, milliseconds)
+
+        with self._timer.measure(NAME, note if self._budget.milliseconds is not None else None):
+            done = self._cache.decode(count)
+
+    def _sample_band(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Draw the next rows."""
         band = (BANDS - self._bands_left, BANDS)
         self._bands_left -= 1
         with self._timer.measure(NAME):
             self._cache.sample(inputs, target, band)
-        return self._timer.last_ms
 
     def release(self) -> None:
         """Free the tile cache."""

@@ -13,7 +13,7 @@ FIGURES: Final = {
     "score": "Mean over all blocks of the decoders that a block needs beyond its first: 0 is best.",
     "excess": "Sum over all blocks of the decoders that a block needs beyond its first: 0 is best.",
     "GPU MB": "Megabytes on the GPU for this slot: latents that have been needed, decoders and tables.",
-    "decode ms": "Milliseconds that this slot took when it was last drawn whole.",
+    "decode ms": "Milliseconds that this slot took when it was last drawn whole. Taken while the panel Timings is in front.",
     "shows": "What the slot shows.",
     "divergent blocks": "Blocks whose pixels need more than one decoder.",
     "decoders a block": "Mean number of decoders in a block that shows the scene.",

@@ -112,6 +112,7 @@ def timings_text(facts: FrameFacts) -> str:
     lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
+    lines.append(f"{facts.blocking_calls:>9,} calls that waited for the GPU, in the last frame")
     return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn"])
 
 
@@ -153,4 +154,5 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
         imgui.text_wrapped(f"{tiles.resident:>7,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
         if tiles.starved:
             imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
+    imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls that waited for the GPU, in the last frame")
     imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")

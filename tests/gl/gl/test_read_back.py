@@ -1,0 +1,94 @@
+"""Copies of what the GPU has computed: they arrive later, the newest counts, and nothing waits unless it is asked to."""
+
+import time
+from typing import Any
+
+import pytest
+
+from viewer.gl.allocation import is_released
+from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import Fence, ReadBack
+
+DOUBLE = """#version 430
+layout(local_size_x = 1) in;
+layout(std430, binding = 0) buffer Values { uint values[]; };
+uniform uint rounds;
+void main() { for (uint i = 0u; i < rounds; ++i) values[gl_GlobalInvocationID.x] += 1u; }
+"""
+
+
+def arrived(back: ReadBack[Any]) -> Any:
+    """What arrives within 20 s."""
+    end = time.monotonic() + 20.0
+    while time.monotonic() < end:
+        if (found := back.newest()) is not None:
+            return found
+    raise AssertionError("nothing arrived within 20 s")
+
+
+def test_a_copy_holds_what_the_shader_had_written_by_then(graphics: GraphicsContext) -> None:
+    gl, memory = graphics.gl, graphics.memory
+    values, before = memory.buffer("a test", bytes(16)), memory.blocking.count
+    program = gl.compute_shader(DOUBLE)
+    program["rounds"] = 1000
+    back = ReadBack[int](graphics, "a test")
+    for number in range(3):
+        values.bind_to_storage_buffer(0)
+        program.run(4)
+        gl.memory_barrier()
+        back.copy([(values, 4), (values, 8)], number)
+        if number == 0:
+            assert back.is_pending
+            content, tag = arrived(back)
+            assert (content, tag) == ((1000).to_bytes(4, "little") * 3, 0)
+            assert not back.is_pending
+            assert back.newest() is None
+    content, tag = back.wait() or (b"", -1)
+    assert (content, tag) == ((3000).to_bytes(4, "little") * 3, 2), "the newest counts"
+    assert back.wait() is None
+    # It may have been there already.
+    assert memory.blocking.count - before <= 1
+    back.copy([(values, 4)], 3)
+    back.release()
+    assert not back.is_pending
+    assert back.newest() is None
+    values.release()
+    program.release()
+
+
+def test_waiting_is_counted_and_an_arrived_copy_is_not(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values, memory = graphics.memory.buffer("a test", b"abcd"), graphics.memory
+    back, before = ReadBack[None](graphics, "a test"), memory.blocking.count
+    back.copy([(values, 4)], None)
+    assert arrived(back) == (b"abcd", None)
+    assert memory.blocking.count == before
+    reached = Fence._wait
+    monkeypatch.setattr(Fence, "_wait", lambda fence, nanoseconds: nanoseconds > 0 and reached(fence, nanoseconds))
+    back.copy([(values, 4)], None)
+    assert back.newest() is None
+    monkeypatch.undo()
+    monkeypatch.setattr(Fence, "is_reached", property(lambda fence: fence._sync is None))
+    assert back.wait() == (b"abcd", None)
+    assert memory.blocking.count == before + 1
+    back.release()
+    values.release()
+
+
+def test_buffers_are_used_again_and_freed(graphics: GraphicsContext) -> None:
+    values = graphics.memory.buffer("a test", bytes(1024))
+    texture = graphics.memory.texture("a test", (3, 2), 1, bytes(range(6)))
+    back = ReadBack[None](graphics, "a test")
+    for _ in range(4):
+        back.copy([(values, 1024)], None)
+        back.wait()
+    (kept,) = back._free
+    back.copy_texture(texture, 6, None)
+    assert back.wait() == (bytes(range(6)), None)
+    assert back._free == [kept], "large enough for less"
+    back.copy([(values, 1024), (values, 1024)], None)
+    assert is_released(kept)
+    back.release()
+    values.release()
+    texture.release()

@@ -1,0 +1,155 @@
+"""What the GPU computes and the CPU wants to know: copied to small buffers, and read a frame or two later without waiting."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import moderngl
+
+from viewer.gl import functions as names
+from viewer.gl.allocation import GpuMemory
+from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import GlFunctions
+
+Tag = TypeVar("Tag")
+FOREVER = 2**63
+"""Nanoseconds."""
+
+
+class Fence:
+    """A place in the stream of commands: has the GPU got so far?"""
+
+    def __init__(self, functions: GlFunctions) -> None:
+        """The place is here. What comes before is sent to the GPU."""
+        self._functions = functions
+        self._sync: int | None = functions("glFenceSync", names.GL_SYNC_GPU_COMMANDS_COMPLETE, 0)
+        functions("glFlush")
+
+    def _wait(self, nanoseconds: int) -> bool:
+        if self._sync is None:
+            return True
+        # A lost context answers GL_WAIT_FAILED: what is read then is void, and the loss is found at the end of the frame.
+        reached = bool(
+            self._functions("glClientWaitSync", self._sync, names.GL_SYNC_FLUSH_COMMANDS_BIT, nanoseconds)
+            != names.GL_TIMEOUT_EXPIRED
+        )
+        if reached:
+            self.release()
+        return reached
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the GPU has done all that came before; never waits."""
+        return self._wait(0)
+
+    def wait(self) -> None:
+        """Wait until it has."""
+        self._wait(FOREVER)
+
+    def release(self) -> None:
+        """Free it; a second time does nothing."""
+        if self._sync is not None:
+            self._functions("glDeleteSync", self._sync)
+            self._sync = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Copy(Generic[Tag]):
+    buffer: moderngl.Buffer
+    size: int
+    fence: Fence
+    tag: Tag
+
+
+class ReadBack(Generic[Tag]):
+    """Copies of parts of buffers on their way to the CPU. The newest that has arrived counts; older ones are dropped then."""
+
+    def __init__(self, context: GraphicsContext, what: str) -> None:
+        """`what` names the buffers in error messages."""
+        self._functions, self._memory, self._what = context.functions, context.memory, what
+        self._under_way: deque[_Copy[Tag]] = deque()
+        self._free: list[moderngl.Buffer] = []
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether a copy is under way."""
+        return bool(self._under_way)
+
+    def copy(self, parts: Sequence[tuple[moderngl.Buffer, int]], tag: Tag) -> None:
+        """Copy the first bytes of each of `parts` (buffer, bytes), one after the other. Raises GpuMemoryError.
+
+        Shaders' writes must have been made visible by a barrier. `tag` comes back with the bytes.
+        """
+        size = sum(count for _, count in parts)
+        buffer = self._buffer(size)
+        at = 0
+        for source, count in parts:
+            self._memory.gl.copy_buffer(buffer, source, count, 0, at)
+            at += count
+        self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
+
+    def copy_texture(self, texture: moderngl.Texture, size: int, tag: Tag) -> None:
+        """The same for all of a texture of `size` bytes, rows without padding."""
+        buffer = self._buffer(size)
+        # The class's own method: into a buffer nothing waits.
+        moderngl.Texture.read_into(texture, buffer, alignment=1)
+        self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
+
+    def _buffer(self, size: int) -> moderngl.Buffer:
+        if self._free and self._free[-1].size >= size:
+            return self._free.pop()
+        for buffer in self._free:
+            buffer.release()
+        self._free.clear()
+        return readable_buffer(self._memory, self._functions, self._what, size)
+
+    def newest(self) -> tuple[bytes, Tag] | None:
+        """The newest copy that has arrived since the last call; None where none has. Never waits."""
+        arrived = None
+        while self._under_way and self._under_way[0].fence.is_reached:
+            if arrived is not None:
+                self._free.append(arrived.buffer)
+            arrived = self._under_way.popleft()
+        return None if arrived is None else self._content(arrived)
+
+    def wait(self) -> tuple[bytes, Tag] | None:
+        """The newest copy, waited for; None where none is under way."""
+        if not self._under_way:
+            return None
+        self._memory.blocking.count += not self._under_way[-1].fence.is_reached
+        self._under_way[-1].fence.wait()
+        return self.newest()
+
+    def _content(self, copy: _Copy[Tag]) -> tuple[bytes, Tag]:
+        # The class's own `read`: the buffer's is counted as a call that waits.
+        content = moderngl.Buffer.read(copy.buffer, copy.size)
+        self._free.append(copy.buffer)
+        return content, copy.tag
+
+    def drop(self) -> None:
+        """Forget what is under way."""
+        while self._under_way:
+            copy = self._under_way.popleft()
+            copy.fence.release()
+            self._free.append(copy.buffer)
+
+    def release(self) -> None:
+        """Free everything."""
+        self.drop()
+        for buffer in self._free:
+            buffer.release()
+        self._free.clear()
+
+
+def readable_buffer(memory: GpuMemory, functions: GlFunctions, what: str, size: int) -> moderngl.Buffer:
+    """A buffer that the driver may keep where the CPU reads fast. Raises GpuMemoryError."""
+
+    def make() -> moderngl.Buffer:
+        buffer = memory.gl.buffer(reserve=size)
+        functions("glBindBuffer", names.GL_COPY_WRITE_BUFFER, buffer.glo)
+        functions("glBufferData", names.GL_COPY_WRITE_BUFFER, size, None, names.GL_STREAM_READ)
+        functions("glBindBuffer", names.GL_COPY_WRITE_BUFFER, 0)
+        return buffer
+
+    return memory.made(what, size, make)
