@@ -97,7 +97,10 @@ class GpuPacks:
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
-        return self._advance(self._open, budget_bytes)
+        if not self.is_updating:
+            return UploadCounts()
+        with self._context.timer.measure("upload"):
+            return self._advance(self._open, budget_bytes)
 
     def _advance(self, names: Collection[str], budget_bytes: int | None) -> UploadCounts:
         uploaded = kept = 0

@@ -51,6 +51,11 @@ class PassScheduler:
         """The content of `output` is not to be relied on: the next `run` runs."""
         self._inputs.pop(output, None)
 
+    def forget(self) -> None:
+        """What has run and what was skipped since the last frame is no part of a frame."""
+        self.timer.forget()
+        self.skipped.clear()
+
     def take_skipped(self) -> dict[str, int]:
         """What was skipped since the last call."""
         skipped, self.skipped = dict(self.skipped), Counter()

@@ -84,8 +84,7 @@ class PathChooser:
         times = self.times(slot)
         if times is None:
             times = time_paths(self._slot_ms, view, slot)
-            self._scheduler.timer.forget()
-            self._scheduler.take_skipped()
+            self._scheduler.forget()
             if not times.milliseconds:
                 # None can be drawn: the error of one of them says why.
                 return replace(slot, path="deferred")

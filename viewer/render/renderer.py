@@ -151,7 +151,7 @@ class Renderer:
         was made for nothing has been freed.
         """
         try:
-            upload = self._upload_updates(whole)
+            upload = self._packs.advance_updates(None if whole else self._update_bytes)
             asked = (view.slot_a, view.slot_b)
             view = replace(
                 view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view)
@@ -178,8 +178,7 @@ class Renderer:
 
     def _discard_frame(self) -> None:
         """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
-        self._timer.forget()
-        self._scheduler.take_skipped()
+        self._scheduler.forget()
         targets = self._targets
         if targets is None:
             return
@@ -228,12 +227,6 @@ class Renderer:
             self._blocked - before,
         )
 
-    def _upload_updates(self, whole: bool) -> UploadCounts:
-        if not self._packs.is_updating:
-            return UploadCounts()
-        with self._timer.measure("upload"):
-            return self._packs.advance_updates(None if whole else self._update_bytes)
-
     def _targets_for(self, view: ViewState) -> PictureTargets:
         content = surface_content(view, self._scene_buffers)
         targets = self._targets
@@ -266,10 +259,10 @@ class Renderer:
             self._targets.note_ms(self._timer.take_owned())
         return times
 
-    def _forget_times(self, targets: PictureTargets) -> None:
+    def _forget_frame(self, targets: PictureTargets) -> None:
         """What was drawn outside of a frame counts for its slot alone."""
         targets.note_ms(self._timer.take_owned())
-        self._timer.forget()
+        self._scheduler.forget()
 
     def prepare(self, slot: Slot) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
@@ -289,8 +282,7 @@ class Renderer:
             if not self._blend.is_complete(slot, targets):
                 self._slots.update(slot, targets, whole=False)
                 self._blend.update((slot,), targets, whole=False)
-                self._forget_times(targets)
-                self._scheduler.take_skipped()
+                self._forget_frame(targets)
                 return True
         return False
 
@@ -327,8 +319,7 @@ class Renderer:
         self._draw_visibility(self._view, self._targets)
         self._slots.update(slot, self._targets, whole=True)
         self._blend.update((slot,), self._targets, whole=True)
-        self._forget_times(self._targets)
-        self._scheduler.take_skipped()
+        self._forget_frame(self._targets)
         return self._targets.picture(slot).read()
 
     def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
@@ -366,15 +357,8 @@ class Renderer:
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; the last view stays."""
-        view = ViewState(camera=camera, size=size)
-        target = VisibilityTarget(self._context, size, surface_content(view, self._scene_buffers))
-        try:
-            self._drawer.draw(camera, target)
-            return target.texture_ids()
-        finally:
-            target.release()
-            self._timer.forget()
-            self._scheduler.take_skipped()
+        content = surface_content(ViewState(camera=camera, size=size), self._scene_buffers)
+        return self._drawer.texture_ids(camera, size, content)
 
     @property
     def visibility(self) -> VisibilityTarget:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES
 from viewer.gl.context import GraphicsContext
@@ -11,7 +12,7 @@ from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
 from viewer.render.resources.culling import Culling, DrawList
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
+from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import view_projection
 
@@ -27,7 +28,7 @@ class SceneDrawer:
         scene_buffers: SceneBuffers,
         scheduler: PassScheduler,
     ) -> None:
-        self._scene, self._buffers, self._scheduler = scene, scene_buffers, scheduler
+        self._context, self._scene, self._buffers, self._scheduler = context, scene, scene_buffers, scheduler
         self._culling = Culling(scene)
         self._pass = VisibilityPass(context, programs, scene_buffers)
         self._texture_of_material = {
@@ -80,6 +81,16 @@ class SceneDrawer:
         """Draw the last view into `target`, which may have another size: nothing is culled for it."""
         self._pass.run(self._last, target)
         return self._inputs(self._last, target)
+
+    def texture_ids(self, camera: Camera, size: tuple[int, int], content: SurfaceContent) -> NDArray[np.int32]:
+        """[H, W] int32, row 0 on top: texture ids that `camera` sees, drawn now and read back."""
+        target = VisibilityTarget(self._context, size, content)
+        try:
+            self.draw(camera, target)
+            return target.texture_ids()
+        finally:
+            target.release()
+            self._scheduler.forget()
 
     def _inputs(self, culled: CulledScene, target: VisibilityTarget) -> VisibilityInputs:
         materials = np.nonzero(culled.draw_list.materials)[0]
