@@ -9,7 +9,7 @@ import pytest
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TESTS = Path(__file__).parent
-DRAWING = ("gl", "golden", "ui")
+DRAWING = ("drivers", "gl", "golden", "ui")
 """Folders whose tests all draw with OpenGL."""
 
 

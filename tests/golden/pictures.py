@@ -86,6 +86,11 @@ class GoldenPicture:
             parts.append(f"anisotropy-{self.anisotropy}")
         return FOLDER / f"{self.camera}.{'-'.join(parts)}.png"
 
+    @property
+    def is_filtered_by_driver(self) -> bool:
+        """Whether OpenGL leaves open how it is filtered: images, anisotropically. Path `cached` filters by itself."""
+        return self.anisotropy > 1 and self.slot.source == REFERENCE
+
     def share_beyond(self, image: NDArray[np.uint8], tolerance: int) -> float:
         """Share of the pixels of `image` [H, W, 3] sRGB that differ from the accepted ones by more than `tolerance` of 255.
 

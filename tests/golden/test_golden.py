@@ -11,8 +11,8 @@ from tests.golden import pictures
 from tests.golden.pictures import FOLDER, HALF_PATHS, SLOTS, GoldenPicture, Studio
 from viewer.state.view_state import Precision, Slot
 
-TOLERANCE = 2
-"""Of 255, under another llvmpipe than the recorded one."""
+TOLERANCE = 1
+"""Of 255, under another llvmpipe than the recorded one, and zink on lavapipe."""
 ALLOWED_SHARE = 0.001
 """Of the pixels that may differ by more, there: at edges, where a triangle covers a pixel or not."""
 
@@ -68,7 +68,8 @@ def test_a_picture_that_differs_is_kept(studio: Studio, tmp_path: Path, monkeypa
 
 
 def compare(studio: Studio, golden: Sequence[GoldenPicture]) -> None:
-    """Draw and compare with what was accepted: exactly under the recorded renderer, within TOLERANCE under any other llvmpipe."""
+    """Draw and compare with what was accepted: exactly under the recorded renderer, within TOLERANCE under any other llvmpipe
+    and zink on lavapipe, but for what OpenGL leaves to the driver."""
     drawn = {picture: studio.draw(picture) for picture in golden}
     for picture, image in drawn.items():
         assert image.std() > 5.0, f"{picture.path.name}: nothing to see"
@@ -76,7 +77,8 @@ def compare(studio: Studio, golden: Sequence[GoldenPicture]) -> None:
     if recorded == here:
         assert_accepted(drawn, 0, 0.0)
     elif "llvmpipe" in here["renderer"]:
-        assert_accepted(drawn, TOLERANCE, ALLOWED_SHARE)
+        same = {picture: image for picture, image in drawn.items() if not picture.is_filtered_by_driver}
+        assert_accepted(same, TOLERANCE, ALLOWED_SHARE)
     else:
         pytest.skip(f"accepted pictures are from {recorded}, this is {here}")
 

@@ -10,6 +10,7 @@ import pytest
 from tests.support.every_program import AssembledProgram
 from viewer.locations import shaders_folder
 
+pytestmark = pytest.mark.once
 FILES_AT_ONCE = 200
 
 

@@ -1,0 +1,45 @@
+"""`python -m tests.drivers [PYTEST ARGUMENT ...]`: what draws is tested with every driver that there is besides the system's.
+
+Says which those are. Pictures are compared with those of the system's driver, drawn in the same run. README.md beside says more.
+"""
+
+import sys
+import tempfile
+
+from tests.drivers.drivers import SYSTEM, Driver, other_drivers
+from tests.drivers.test_pictures import FOLDER_VARIABLE
+
+TESTS = ("tests/gl", "tests/golden", "tests/drivers")
+OPTIONS = ("-n", "2", "--dist", "loadscope", "-m", "not timing and not once")
+
+
+def say(line: str) -> None:
+    """Write a line before what processes write next."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    """Fails where any driver fails; drivers that are not there are named with what would make them usable."""
+    say(f"driver: {SYSTEM.name}: {SYSTEM.description()}")
+    usable = list[Driver]()
+    for driver, text in other_drivers():
+        say(f"no driver: {text}" if driver is None else f"driver: {driver.name}: {text}")
+        usable += [] if driver is None else [driver]
+    if not usable:
+        return
+    failed = list[str]()
+    with tempfile.TemporaryDirectory() as pictures:
+        if SYSTEM.run("-m", "tests.drivers.pictures", pictures).returncode != 0:
+            sys.exit("the system's driver draws no pictures to compare with")
+        for driver in usable:
+            say(f"tests with {driver.name}")
+            arguments = ("-m", "pytest", *TESTS, *OPTIONS, *sys.argv[1:])
+            if driver.run(*arguments, variables={FOLDER_VARIABLE: pictures}).returncode != 0:
+                failed.append(driver.name)
+    if failed:
+        sys.exit(f"tests failed with {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Small pictures of the built-in scene by every decode path, for comparing drivers.
+
+`python -m tests.drivers.pictures FOLDER` draws them all with the driver at hand.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import linear_to_srgb8
+from tests.golden.pictures import GRID, SMALL_CAMERAS, SMALL_SIZE, Studio
+from viewer.scene.images import write_png
+from viewer.state.view_state import DecodePath, MaterialView, Slot, ViewState
+
+SLOTS = (
+    Slot(),
+    *(Slot(pack, path) for pack in ("clustered", GRID) for path in get_args(DecodePath)),
+    Slot("baseline", "binned"),
+    Slot(GRID, "deferred", "fp16"),
+    Slot(GRID, "deferred", filter="stochastic"),
+)
+VIEWS: tuple[MaterialView, ...] = ("base", "lit")
+
+
+@dataclass(frozen=True)
+class DriverPicture:
+    """One picture."""
+
+    camera: str
+    slot: Slot
+    view: MaterialView
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        slot = self.slot
+        return f"{self.camera}.{slot.source}-{slot.path}-{slot.precision}-{slot.filter}-{self.view}.png"
+
+    def draw(self, studio: Studio) -> NDArray[np.uint8]:
+        """[H, W, 3] sRGB, whole."""
+        camera = next(camera for camera in studio.scene.cameras if camera.name == self.camera)
+        studio.renderer.render(ViewState(camera, SMALL_SIZE, self.slot, material_view=self.view), whole=True)
+        return linear_to_srgb8(studio.renderer.picture(self.slot))
+
+
+PICTURES = tuple(DriverPicture(camera, slot, view) for slot in SLOTS for view in VIEWS for camera in SMALL_CAMERAS)
+
+
+def main() -> None:
+    """Draw all."""
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    studio = Studio()
+    for picture in PICTURES:
+        write_png(folder / picture.name, picture.draw(studio))
+    studio.release()
+
+
+if __name__ == "__main__":
+    main()
