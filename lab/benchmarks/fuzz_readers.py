@@ -28,6 +28,10 @@ from ntc.io import write_text
 LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
 LARGEST_INPUT = 1 << 14
 MEMORY = Path("/dev/shm")
+READERS = (
+    *("scene", "compressed scene", "archive", "pack", "image", "ktx2", "cameras", "settings"),
+    *("worker messages", "script", "view"),
+)
 MOST_FINDINGS = 20
 """Findings of one reader after which it is not fuzzed further."""
 
@@ -52,8 +56,11 @@ def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
     """The seeds of fuzzing `reader`."""
     made: dict[str, Iterable[bytes]] = {
         "scene": [*seeds.scenes(), *seeds.real(folder, (".gltf", ".glb"))],
+        "compressed scene": [*seeds.compressed_scenes()],
+        "archive": [*seeds.archives()],
         "pack": [*seeds.packs(), *seeds.real(folder, (".ntc",))],
         "image": [*seeds.images(), *seeds.real(folder, seeds.IMAGE_SUFFIXES)],
+        "ktx2": [*seeds.ktx2_images(), *seeds.real(folder, (".ktx2",))],
         "cameras": [*seeds.cameras()],
         "settings": [*seeds.settings()],
         "worker messages": [*seeds.messages()],
@@ -132,8 +139,7 @@ def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: 
 def main() -> None:
     """Run and report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    names = ["scene", "pack", "image", "cameras", "settings", "worker messages", "script", "view"]
-    parser.add_argument("--reader", action="append", choices=names, help="may be given again; default all")
+    parser.add_argument("--reader", action="append", choices=READERS, help="may be given again; default all")
     parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")
     parser.add_argument("--seeds", type=Path, help="folder of real files; the small ones are used too")
@@ -146,7 +152,7 @@ def main() -> None:
     options.findings.mkdir(parents=True, exist_ok=True)
     earlier = json.loads(options.json.read_text())["readers"] if options.more else []
     tallies: list[dict[str, Any]] = list(earlier)
-    for reader in options.reader or names:
+    for reader in options.reader or READERS:
         tally = fuzz(reader, options.runs, options.seconds, options.seeds, options.findings)
         tallies.append(asdict(tally))
         print(

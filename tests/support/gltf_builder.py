@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 COMPONENT_CODES = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
+KTX2_HEADER_BYTES = 80
 KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
@@ -34,6 +35,24 @@ def png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 def noise(height: int = 4, width: int = 6, channels: int = 3, seed: int = 0) -> NDArray[np.uint8]:
     """Random pixels [height, width, channels], never constant."""
     return np.random.default_rng(seed).integers(0, 256, (height, width, channels), np.uint8)
+
+
+def ktx2(
+    level: bytes,
+    size: tuple[int, int],
+    vk_format: int,
+    *,
+    scheme: int = 0,
+    depth: int = 0,
+    layers: int = 0,
+    faces: int = 1,
+    level_length: int | None = None,
+) -> bytes:
+    """A KTX2 file with one mip, written without the code under test; without a data format descriptor."""
+    fields = (vk_format, 1, *size, depth, layers, faces, 1, scheme)
+    header = struct.pack("<12s9I4I2Q", b"\xabKTX 20\xbb\r\n\x1a\n", *fields, 0, 0, 0, 0, 0, 0)
+    length = len(level) if level_length is None else level_length
+    return header + struct.pack("<3Q", KTX2_HEADER_BYTES + 24, length, len(level)) + level
 
 
 class GltfBuilder:

@@ -2,7 +2,6 @@
 
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -26,18 +25,30 @@ def unpacked_scene(archive: Path) -> Iterator[Path]:
     its size, names files outside of itself, or cannot be written.
     """
     try:
-        with tempfile.TemporaryDirectory(prefix="ntc-viewer-") as folder, zipfile.ZipFile(archive) as content:
+        folder = tempfile.TemporaryDirectory(prefix="ntc-viewer-")
+    except OSError as error:
+        raise InputError(f"{archive}: cannot be unpacked ({error.strerror or error}); set TMPDIR") from error
+    with folder as name:
+        yield _unpack_all(archive, Path(name))
+
+
+def _unpack_all(archive: Path, folder: Path) -> Path:
+    """Path of the one scene, unpacked into `folder`. Raises InputError."""
+    try:
+        with zipfile.ZipFile(archive) as content:
             files = _checked_files(content, archive)
             inner = one_scene([Path(name) for name in files if _is_scene(name)], archive, "archive")
             for name, file in files.items():
-                _unpack(content, file, Path(folder, name))
-            yield Path(folder, inner)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"{archive}: the archive cannot be unpacked ({error}); unpack it yourself") from error
+                _unpack(content, file, folder / name)
+            return folder / inner
     except OSError as error:
         raise InputError(
             f"{archive}: cannot be unpacked ({error.strerror or error}); check the path and TMPDIR"
         ) from error
+    except InputError:
+        raise
+    except Exception as error:  # zipfile lets many exceptions through on broken archives.
+        raise InputError(f"{archive}: the archive cannot be unpacked ({error}); unpack it yourself") from error
 
 
 def _is_scene(name: str) -> bool:
@@ -74,6 +85,6 @@ def _unpack(content: zipfile.ZipFile, file: zipfile.ZipInfo, target: Path) -> No
         while left > 0:
             part = source.read(min(_CHUNK, left))
             if not part:
-                raise EOFError(f"{file.filename} is truncated")
+                raise EOFError("a file in it is truncated")
             output.write(part)
             left -= len(part)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ntc.errors import InputError
+from viewer.scene.json_text import printable
 
 SCENE_SUFFIXES = (".gltf", ".glb")
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
@@ -57,7 +58,7 @@ def one_scene(found: Sequence[Path], path: Path, kind: str) -> Path:
         return found[0]
     if not found:
         raise InputError(f"{path}: the {kind} holds no scene; {OPENABLE}")
-    names = ", ".join(scene.name for scene in found[:SCENES_NAMED])
+    names = ", ".join(printable(scene.name) for scene in found[:SCENES_NAMED])
     more = f" and {len(found) - SCENES_NAMED} more" if len(found) > SCENES_NAMED else ""
     raise InputError(f"{path}: the {kind} holds {len(found)} scenes, name one of them: {names}{more}")
 

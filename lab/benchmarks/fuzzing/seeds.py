@@ -4,17 +4,20 @@ import io
 import json
 import math
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 import DracoPy
 import numpy as np
+import zstandard
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import CodecConfig
 from ntc.pack.file import write_pack
-from tests.support.gltf_builder import GltfBuilder, noise, png
+from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.meshopt_twins import meshopt_twin
 from viewer.state.settings import ViewerSettings
 
@@ -38,8 +41,36 @@ def scenes() -> Iterator[bytes]:
     for number in range(12):
         chain.add("nodes", mesh=mesh, children=[number + 1] if number < 11 else [], rotation=[0, math.sin(0.1), 0, 1])
     yield chain.glb()
+
+
+def compressed_scenes() -> Iterator[bytes]:
+    """glTF files compressed by Draco and by meshoptimizer."""
     yield from _draco_scenes()
     yield from _meshopt_scenes()
+
+
+def archives() -> Iterator[bytes]:
+    """Zip archives with a scene."""
+    plain = GltfBuilder()
+    glb = plain.drawn(plain.triangle()).glb()
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", method) as archive:
+            archive.writestr("model/scene.glb", glb)
+            archive.writestr("model/textures/a.png", png(noise()))
+        yield buffer.getvalue()
+
+
+def ktx2_images() -> Iterator[bytes]:
+    """KTX2 files of every kind that is read."""
+    import alktx2
+
+    for codec in ("etc1s", "uastc"):
+        yield alktx2.encode_bytes_to_ktx2(png(noise(12, 12)), mime="image/png", codec=codec, quality=50)
+    for vk_format, size in ((37, 64), (131, 8), (141, 16), (145, 16)):
+        yield ktx2(bytes(range(size)), (4, 4), vk_format)
+    yield ktx2(zstandard.ZstdCompressor().compress(bytes(range(64))), (4, 4), 37, scheme=2)
+    yield ktx2(zlib.compress(bytes(range(64))), (4, 4), 43, scheme=3)
 
 
 def _draco_scenes() -> Iterator[bytes]:

@@ -48,7 +48,7 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
     from viewer.scene.cameras_file import read_cameras
     from viewer.scene.gltf.container import parse_gltf
     from viewer.scene.images import decode_image
-    from viewer.scene.load import build_scene
+    from viewer.scene.load import build_scene, load_scene
     from viewer.scene.report import report_json, report_lines
     from viewer.state.settings import parse_settings
 
@@ -65,8 +65,11 @@ class Readers:
         self._folder = folder
         self.by_name: dict[str, tuple[Callable[[bytes], None], Mutator]] = {
             "scene": (self.scene, mutate_gltf),
+            "compressed scene": (self.scene, mutate_gltf),
+            "archive": (self.archive, mutate_image),
             "pack": (self.pack, mutate_pack),
             "image": (self.image, mutate_image),
+            "ktx2": (self.image, mutate_image),
             "cameras": (self.cameras, mutate_json),
             "settings": (self.settings, mutate_json),
             "worker messages": (self.messages, mutate_messages),
@@ -81,6 +84,12 @@ class Readers:
         scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
         report_json(scene)
         "\n".join(report_lines(scene)).encode()
+
+    def archive(self, data: bytes) -> None:
+        """Read `data` as a zip archive with a scene."""
+        path = self._folder / "fuzz.zip"
+        path.write_bytes(data)
+        load_scene(path)
 
     def pack(self, data: bytes) -> None:
         """Read `data` as a pack."""

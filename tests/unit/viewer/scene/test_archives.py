@@ -68,6 +68,9 @@ def test_meshes_in_an_archive_are_read_where_there_is_no_gltf(tmp_path: Path) ->
     assert len(load_scene(archive_of(tmp_path / "b.zip", {"a.obj": mesh, "b.glb": glb})).textures) == 2
 
 
+HOSTILE = ("no archive", "no scene", "several", "outside", "bomb", "broken", "encrypted", "nameless", "not utf-8")
+
+
 def hostile(folder: Path, kind: str) -> tuple[Path, str]:
     """(an archive, what the refusal says)."""
     path = folder / "bad.zip"
@@ -88,6 +91,12 @@ def hostile(folder: Path, kind: str) -> tuple[Path, str]:
     data = bytearray(archive_of(path, {"a.glb": glb}).read_bytes())
     if kind == "broken":
         data[60:90] = bytes(30)
+    if kind == "nameless":
+        data = data.replace(b"a.glb", b"\0.glb")
+    if kind == "not utf-8":
+        data = data.replace(b"a.glb", b"\xb0.glb")
+        for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+            struct.pack_into("<H", data, data.index(signature) + offset, 1 << 11)
     if kind == "encrypted":
         for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
             struct.pack_into("<H", data, data.index(signature) + offset, 1)
@@ -95,7 +104,7 @@ def hostile(folder: Path, kind: str) -> tuple[Path, str]:
     return path, "cannot be unpacked"
 
 
-@pytest.mark.parametrize("kind", ["no archive", "no scene", "several", "outside", "bomb", "broken", "encrypted"])
+@pytest.mark.parametrize("kind", HOSTILE)
 def test_hostile_archives_are_refused_in_one_line(tmp_path: Path, temporary: Path, kind: str) -> None:
     path, words = hostile(tmp_path, kind)
     with pytest.raises(InputError, match=words) as caught:

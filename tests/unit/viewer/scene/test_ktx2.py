@@ -1,7 +1,6 @@
 """KTX2 images: Basis Universal, blocks and plain bytes give the pixels that went in; hostile files are refused by one line."""
 
 import json
-import struct
 import tracemalloc
 import zlib
 from pathlib import Path
@@ -12,31 +11,11 @@ import zstandard
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from tests.support.gltf_builder import GltfBuilder, noise, png
+from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.images import decode_image, folder_textures, read_image
 from viewer.scene.ktx2 import SIGNATURE
 from viewer.scene.load import build_scene, load_scene
-
-FULL_HEADER = 80
-
-
-def ktx2(
-    level: bytes,
-    size: tuple[int, int],
-    vk_format: int,
-    *,
-    scheme: int = 0,
-    depth: int = 0,
-    layers: int = 0,
-    faces: int = 1,
-    level_length: int | None = None,
-) -> bytes:
-    """A KTX2 file with one mip, written without the code under test; without a data format descriptor."""
-    fields = (vk_format, 1, *size, depth, layers, faces, 1, scheme)
-    header = struct.pack("<12s9I4I2Q", SIGNATURE, *fields, 0, 0, 0, 0, 0, 0)
-    length = len(level) if level_length is None else level_length
-    return header + struct.pack("<3Q", FULL_HEADER + 24, length, len(level)) + level
 
 
 def ramp(height: int = 16, width: int = 24) -> NDArray[np.uint8]:
