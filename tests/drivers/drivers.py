@@ -77,6 +77,8 @@ def write_python(folder: Path) -> Path:
         "__EGL_VENDOR_LIBRARY_FILENAMES": folder / "usr/share/glvnd/egl_vendor.d/50_mesa.json",
         "LIBGL_DRIVERS_PATH": libraries / "dri",
         "GBM_BACKENDS_PATH": libraries / "gbm",
+        # Mesas of different age that share a cache may end one another (SIGBUS).
+        "MESA_SHADER_CACHE_DIR": folder / "shader-cache",
         "VK_DRIVER_FILES": next(folder.glob("usr/share/vulkan/icd.d/lvp_icd*.json")),
     }
     paths = f"{libraries}:/usr/lib/{libraries.name}"

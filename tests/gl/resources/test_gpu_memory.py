@@ -25,6 +25,7 @@ from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
 
+pytestmark = pytest.mark.once
 SIZE, LARGER = (40, 24), (56, 40)
 
 

@@ -57,6 +57,7 @@ def decoded(
     return pictures
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("codec", [PLAIN, ADAPTED], ids=["plain", "adapted"])
 @pytest.mark.parametrize("precision", ["fp32", "fp16"])
 def test_layouts_give_the_same_numbers(graphics: GraphicsContext, codec: CodecConfig, precision: Precision) -> None:
