@@ -1,18 +1,7 @@
-// The codecs (docs/codec.md): records, latents, and `decode_texture` of the codec that CODEC_BLOCK names (generated/codec.glsl).
-#include "generated/layout.glsl"
-// The plane of maps that is decoded (ntc/codec/maps.py).
-#ifndef PLANE
-#define PLANE PLANE_BASE
-#endif
-#include "generated/codec.glsl"
+// The codecs (docs/codec.md): latents, and `decode_texture` of the codec that CODEC_BLOCK names (generated/codec.glsl).
+#include "ntc/records.glsl"
 #include "ntc/position.glsl"
 
-layout(std430, binding = BINDING_TEXTURES) readonly buffer Textures {
-    TextureRecord textures[];
-};
-layout(std430, binding = BINDING_LEVELS) readonly buffer Levels {
-    LevelRecord levels[];
-};
 layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
     uint latent_words[];
 };

@@ -1,6 +1,6 @@
 // Decoding several pixels of one decoder in one invocation.
 #include "common/visibility.glsl"
-#include "ntc/plane.glsl"
+#include "ntc/decode_plane.glsl"
 #include "generated/shared_network.glsl"
 
 layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;

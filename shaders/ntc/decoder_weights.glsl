@@ -1,10 +1,10 @@
 // The weights of one decoder, bound as a range of the buffer of all decoders.
-// DECODER_IN_STORAGE 1: decoders are larger than the driver's limit of uniform buffers.
+// DECODER_IN_STORAGE 1: decoders are larger than the driver's limit of uniform buffers, and are read from all weights.
 #ifndef DECODER_IN_STORAGE
 #define DECODER_IN_STORAGE 0
 #endif
 
-#if WEIGHTS_IN_IMAGE
+#if WEIGHTS_IN_IMAGE || DECODER_IN_STORAGE
 layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
     ivec4 decoder_place;    // x: the decoder's first block among all weights
 };
@@ -23,15 +23,9 @@ vec4 decoder_weight(int block) {
 #define DECODER_ELEMENTS DECODER_BLOCKS
 #endif
 
-#if DECODER_IN_STORAGE
-layout(std430, binding = BINDING_DECODER) readonly buffer Decoder {
-    DECODER_ELEMENT decoder_elements[DECODER_ELEMENTS];
-};
-#else
 layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
     DECODER_ELEMENT decoder_elements[DECODER_ELEMENTS];
 };
-#endif
 
 vec4 decoder_weight(int block) {
 #if PRECISION_FP16

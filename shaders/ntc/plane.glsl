@@ -1,7 +1,7 @@
 // What a surface shows of one plane of its maps (ntc/codec/maps.py): the texel to decode for it, and what the decoded texel gives.
 #include "common/color.glsl"
 #include "common/planes.glsl"
-#include "ntc/lookup.glsl"
+#include "ntc/records.glsl"
 
 struct WantedTexel {
     int components;    // a bit for each component that is read; the others are neutral
@@ -74,15 +74,4 @@ vec4 linear_texel(int texture_id, vec4 decoded) {
 // What the plane's target holds where `decoded` was decoded.
 vec4 shown_plane(Surface surface, WantedTexel wanted, vec4 decoded) {
     return plane_content(surface, wanted.components, linear_texel(max(wanted.texture_id, 0), decoded));
-}
-
-vec4 decoded_plane(Surface surface, ivec2 pixel) {
-    WantedTexel wanted = wanted_texel(surface);
-    vec4 decoded = vec4(0.0);
-    if (wanted.texture_id >= 0) {
-        TextureRecord record = textures[wanted.texture_id];
-        Lookup lookup = lookup_of(record, wanted.uv, wanted.lod, wanted.wrap, pixel);
-        decoded = decode_at(record, lookup.at, lookup.lod, wanted.wrap, true);
-    }
-    return shown_plane(surface, wanted, decoded);
 }

@@ -1,5 +1,6 @@
 // Lookup of the decoded tiles that a surface reads.
 #include "common/visibility.glsl"
+#include "common/wrap.glsl"
 #include "ntc/plane.glsl"
 
 // For each material the first of its texture's TileLevelRecords under its wrap modes; -1 for none.

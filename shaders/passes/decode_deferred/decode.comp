@@ -2,7 +2,7 @@
 // Decodes every visible pixel once, over the visibility buffer.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
-#include "ntc/plane.glsl"
+#include "ntc/decode_plane.glsl"
 
 layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 

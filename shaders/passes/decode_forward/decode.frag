@@ -1,7 +1,7 @@
 #version 430
 // Decodes in the material's fragment shader, for fragments at the depth of the visible surface.
 #include "common/visibility.glsl"
-#include "ntc/plane.glsl"
+#include "ntc/decode_plane.glsl"
 
 in vec3 place;
 #if VERTEX_COLORS

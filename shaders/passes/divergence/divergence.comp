@@ -3,7 +3,7 @@
 #include "passes/divergence/count.glsl"
 
 layout(local_size_x = GROUP_SIDE, local_size_y = GROUP_SIDE) in;
-layout(std430, binding = BINDING_HISTOGRAM) buffer Histogram {
+layout(std430, binding = BINDING_RESULTS) buffer Histogram {
     uint blocks_with[];   // for each grouping BLOCK_WIDTH * BLOCK_HEIGHT + 1 counts
 };
 layout(r32ui, binding = IMAGE_DIVERGENCE) uniform writeonly uimage2D divergence;

@@ -14,7 +14,15 @@ from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource, set_uniforms
 from viewer.locations import shaders_folder
-from viewer.render.resources.layout import ImageUnit, StorageBinding, TextureUnit, UniformBinding, scene_layout_glsl
+from viewer.render.resources.layout import (
+    BinBinding,
+    ImageUnit,
+    StorageBinding,
+    TextureUnit,
+    TileBinding,
+    UniformBinding,
+    scene_layout_glsl,
+)
 from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent
 
@@ -184,7 +192,7 @@ def test_every_file_is_compiled_by_one_of_these_programs() -> None:
 
 def test_bindings_come_from_the_layout() -> None:
     known = (
-        {f"BINDING_{b.name}" for b in StorageBinding}
+        {f"BINDING_{b.name}" for b in (*StorageBinding, *BinBinding, *TileBinding)}
         | {f"UNIT_{u.name}" for u in TextureUnit}
         | {f"IMAGE_{i.name}" for i in ImageUnit}
         | {f"UNIFORM_{u.name}" for u in UniformBinding}

@@ -25,8 +25,8 @@ from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewSt
 
 SIZE = (120, 72)
 DIRECT: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
-COUNTER = StorageBinding.HISTOGRAM
-"""Nothing that decodes uses this binding."""
+COUNTER = 1 + max(StorageBinding)
+"""Nothing uses this binding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Work:
 
     def bind(self) -> None:
         """Before each frame: the divergence pass has the binding too."""
-        self.buffer.bind_to_storage_buffer(int(COUNTER))
+        self.buffer.bind_to_storage_buffer(COUNTER)
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     text, start = file.read_text(), "    lod = present_lod(record, lod);"
     assert text.count(start) == 1
     text = text.replace(start, "    atomicAdd(work_done, 1u);\n" + start)
-    declared = f"layout(std430, binding = {int(COUNTER)}) buffer Work {{ uint work_done; }};\n"
+    declared = f"layout(std430, binding = {COUNTER}) buffer Work {{ uint work_done; }};\n"
     file.write_text(text.replace("void decoder_input(", declared + "void decoder_input(", 1))
     monkeypatch.setattr("viewer.render.renderer.shaders_folder", lambda: folder)
     made = Work(graphics.gl.buffer(bytes(4)))

@@ -13,7 +13,7 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.passes.decode_pass import DecodePass, filter_defines
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
-from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, ImageUnit, StorageBinding
+from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, BinBinding, ImageUnit
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.state.view_state import TexelFilter
@@ -36,11 +36,11 @@ class DecodeBinnedPass(DecodePass):
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
-        defines = {**reading.defines(), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
-        self._count = programs.compute(f"{FOLDER}/count.comp", defines)
+        defines = {**buffers.defines, **filter_defines(texel_filter), "DECODER_IN_STORAGE": int(ranges.in_storage)}
+        self._count = programs.compute(f"{FOLDER}/count.comp", reading.defines())
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
-        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", defines)
-        self._decode = programs.compute(f"{FOLDER}/decode.comp", {**defines, **filter_defines(texel_filter)})
+        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", reading.defines())
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", {**reading.defines(), **defines})
         what = "path binned"
         with self._memory.transaction():
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
@@ -53,8 +53,8 @@ class DecodeBinnedPass(DecodePass):
         inputs.bind()
         self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
-        self._bins.bind_to_storage_buffer(int(StorageBinding.BINS))
-        self._pixels.bind_to_storage_buffer(int(StorageBinding.BIN_PIXELS))
+        self._bins.bind_to_storage_buffer(int(BinBinding.BINS))
+        self._pixels.bind_to_storage_buffer(int(BinBinding.BIN_PIXELS))
         blocks = tuple(-(-side // GROUP_SIDE) for side in target.size)
         self._count.run(*blocks)
         self._gl.memory_barrier()

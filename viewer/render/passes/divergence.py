@@ -41,7 +41,7 @@ class DivergencePass:
         target.counted_by = self._stage
         if self._stage == "compute":
             target.histogram.clear()
-            target.histogram.bind_to_storage_buffer(int(StorageBinding.HISTOGRAM))
+            target.histogram.bind_to_storage_buffer(int(StorageBinding.RESULTS))
             target.texture.bind_to_image(int(ImageUnit.DIVERGENCE), read=False, write=True)
             program = self._programs.compute("passes/divergence/divergence.comp", defines)
             set_uniforms(program, values)

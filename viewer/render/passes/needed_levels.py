@@ -30,7 +30,7 @@ class NeededLevelsPass:
     def run(self, inputs: VisibilityInputs, buffers: PackBuffers) -> dict[int, int]:
         """Finest mip by texture id; textures that are not visible are absent."""
         inputs.bind()
-        buffers.bind()
+        buffers.bind_records()
         self._levels.write(self._none)
         self._levels.bind_to_storage_buffer(int(StorageBinding.RESULTS))
         self._program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))

@@ -9,7 +9,7 @@ from ntc.accuracy.rescale import stored_pack
 from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.decoder_tables import decoder_tables
-from viewer.render.resources.layout import StorageBinding, UniformBinding
+from viewer.render.resources.layout import UniformBinding
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.state.view_state import Precision
 
@@ -18,7 +18,7 @@ LARGEST_ALIGNMENT = 256
 
 
 class DecoderRanges:
-    """All decoders of a pack, each at an aligned place: a uniform buffer, or storage where a decoder is too large for one."""
+    """All decoders of a pack, each at an aligned place of a uniform buffer: its weights, or where they begin elsewhere."""
 
     def __init__(
         self,
@@ -28,19 +28,21 @@ class DecoderRanges:
         network: NetworkConfig = DEFAULT_NETWORK,
         weights_in_image: bool | None = None,
     ) -> None:
-        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then, and for codec
-        `block`, a range holds only where the decoder begins among all weights."""
+        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then, for codec `block`,
+        and where decoders are too large for a uniform buffer, a range holds only where the decoder begins among all weights."""
         self.pixels = network.pixels
         self._memory = context.memory
         self._decoders = decoder_tables(pack, precision)
         blocks = self._decoders.blocks
         in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
-        self._places_only = in_image or pack.config.kind == "block"
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
+        elsewhere = in_image or pack.config.kind == "block"
+        self.in_storage = not elsewhere and stored > context.features.uniform_block_bytes
+        """Whether shaders read the decoder from the storage buffer of all weights."""
+        self._places_only = elsewhere or self.in_storage
         self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
-        self.in_storage = not self._places_only and self._size > context.features.uniform_block_bytes
         self._count = len(pack.decoders)
         self._buffer = self._make(stored_pack(pack, precision))
 
@@ -77,10 +79,7 @@ class DecoderRanges:
     def bind(self, decoder: int) -> None:
         """Let shaders read this decoder."""
         place = {"offset": decoder * self._stride, "size": self._size}
-        if self.in_storage:
-            self._buffer.bind_to_storage_buffer(int(StorageBinding.DECODER), **place)
-        else:
-            self._buffer.bind_to_uniform_block(int(UniformBinding.DECODER), **place)
+        self._buffer.bind_to_uniform_block(int(UniformBinding.DECODER), **place)
 
     def release(self) -> None:
         """Free the buffer."""

@@ -16,7 +16,7 @@ from viewer.scene.model import AlphaMode, Sampler
 
 
 class StorageBinding(IntEnum):
-    """Binding points of shader storage buffers."""
+    """Binding points of shader storage buffers. OpenGL guarantees 8, so what one program alone reads has numbers of its own below."""
 
     MATERIALS = 0
     TEXTURES = 1
@@ -26,14 +26,22 @@ class StorageBinding(IntEnum):
     REQUESTS = 5
     RESULTS = 6
     DECODERS = 7
-    HISTOGRAM = 8
-    BINS = 9
-    BIN_PIXELS = 10
-    DECODER = 11
-    MATERIAL_TILES = 12
-    TILE_LEVELS = 13
-    TILE_ENTRIES = 14
-    PAGE_USED = 15
+
+
+class BinBinding(IntEnum):
+    """Storage buffers of path `binned`, in place of others that its programs do not read."""
+
+    BINS = 5
+    BIN_PIXELS = 6
+
+
+class TileBinding(IntEnum):
+    """Storage buffers of path `cached`: what asks for tiles and shows them reads no latents, what decodes them none of the rest."""
+
+    MATERIAL_TILES = 3
+    TILE_LEVELS = 4
+    PAGE_USED = 5
+    TILE_ENTRIES = 7
 
 
 class UniformBinding(IntEnum):
@@ -310,6 +318,8 @@ def scene_layout_glsl() -> str:
     lines = ["// Generated from viewer/render/resources/layout.py."]
     for enumeration, prefix in (
         (StorageBinding, "BINDING_"),
+        (BinBinding, "BINDING_"),
+        (TileBinding, "BINDING_"),
         (UniformBinding, "UNIFORM_"),
         (TextureUnit, "UNIT_"),
         (ImageUnit, "IMAGE_"),

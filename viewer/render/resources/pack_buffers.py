@@ -197,10 +197,14 @@ class PackBuffers:
         self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
         self._tables[StorageBinding.LEVELS].write(self.latent_store.levels.tobytes())
 
-    def bind(self) -> None:
-        """Bind all buffers to their storage bindings."""
+    def bind_records(self) -> None:
+        """Bind what tells of textures and mips, for what decodes nothing (ntc/records.glsl)."""
         for binding, buffer in self._tables.items():
             buffer.bind_to_storage_buffer(int(binding))
+
+    def bind(self) -> None:
+        """Bind all buffers to their storage bindings."""
+        self.bind_records()
         self.latent_store.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
         if isinstance(self._weights, moderngl.Buffer):
             self._weights.bind_to_storage_buffer(int(StorageBinding.WEIGHTS))

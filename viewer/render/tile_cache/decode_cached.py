@@ -24,6 +24,7 @@ from viewer.render.resources.layout import (
     ImageUnit,
     StorageBinding,
     TextureUnit,
+    TileBinding,
 )
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
@@ -66,8 +67,8 @@ class DecodeCachedPass:
     ) -> None:
         self._gl = context.gl
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
-        defines = {**reading.defines(), **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
-        self._programs, self._defines = programs, defines
+        self._programs, self._defines = programs, reading.defines()
+        defines = {**self._defines, **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
@@ -89,11 +90,11 @@ class DecodeCachedPass:
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
         asked = min(MAX_TILE_REQUESTS, table.entries)
-        self._places: dict[StorageBinding, moderngl.Buffer] = {
-            StorageBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
-            StorageBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
-            StorageBinding.TILE_ENTRIES: memory.buffer(what, bytes(4 * table.entries)),
-            StorageBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
+        self._places: dict[StorageBinding | TileBinding, moderngl.Buffer] = {
+            TileBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
+            TileBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
+            TileBinding.TILE_ENTRIES: memory.buffer(what, bytes(4 * table.entries)),
+            TileBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
             StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
         }
         # Large enough for any call: recording what the GPU has requested must not fail for lack of memory.
@@ -118,8 +119,9 @@ class DecodeCachedPass:
         """Atlas and tables."""
         return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
 
-    def _bind(self) -> None:
-        self._buffers.bind()
+    def _bind_tables(self) -> None:
+        """For what reads tiles; the pack's latents and decoders are not bound then."""
+        self._buffers.bind_records()
         for binding, buffer in self._places.items():
             buffer.bind_to_storage_buffer(int(binding))
 
@@ -138,7 +140,7 @@ class DecodeCachedPass:
         self._frame += 1
         self._starved, self._kept = 0, self._pool.taken
         inputs.bind()
-        self._bind()
+        self._bind_tables()
         asked = self._places[StorageBinding.RESULTS]
         asked.write(bytes(4))
         set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy})
@@ -202,7 +204,7 @@ class DecodeCachedPass:
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
             self._out_of_memory = True
-        read = self._places[StorageBinding.PAGE_USED]
+        read = self._places[TileBinding.PAGE_USED]
         pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
         self._invalidate_entries(gone)
         self._evicted += len(gone)
@@ -246,7 +248,7 @@ class DecodeCachedPass:
         if not len(self._stale):
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
-        read = np.frombuffer(self._places[StorageBinding.PAGE_USED].read(), np.uint32)
+        read = np.frombuffer(self._places[TileBinding.PAGE_USED].read(), np.uint32)
         seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
         self._pool.drop(stale[~seen])
         self._invalidate_entries(stale[~seen])
@@ -259,7 +261,8 @@ class DecodeCachedPass:
             self._budget.note_tiles(milliseconds)
 
     def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
-        self._bind()
+        self._buffers.bind()
+        self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
         set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
@@ -285,7 +288,7 @@ class DecodeCachedPass:
     def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:
         if not len(entries):
             return
-        self._places[StorageBinding.TILE_ENTRIES].bind_to_storage_buffer(int(StorageBinding.TILE_ENTRIES))
+        self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(entries.astype(np.uint32).tobytes())
         set_uniforms(self._invalidate, {"count": len(entries)})
         self._invalidate.run(-(-len(entries) // TEXEL_GROUP))
@@ -298,7 +301,7 @@ class DecodeCachedPass:
         target.framebuffer.use()
         self._gl.enable_only(moderngl.NOTHING)
         inputs.bind()
-        self._bind()
+        self._bind_tables()
         self._atlas.use(int(TextureUnit.ATLAS))
         set_uniforms(triangle.program, {"depth": 0.0, "anisotropy": inputs.anisotropy})
         low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))

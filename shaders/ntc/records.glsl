@@ -1,0 +1,14 @@
+// What a pack says of its textures and their mips; latents and decoders are not declared here.
+#include "generated/layout.glsl"
+// The plane of maps that is decoded (ntc/codec/maps.py).
+#ifndef PLANE
+#define PLANE PLANE_BASE
+#endif
+#include "generated/codec.glsl"
+
+layout(std430, binding = BINDING_TEXTURES) readonly buffer Textures {
+    TextureRecord textures[];
+};
+layout(std430, binding = BINDING_LEVELS) readonly buffer Levels {
+    LevelRecord levels[];
+};
