@@ -59,7 +59,7 @@ class PackInScene:
         self._gpu = GpuPack(context, pack, match, "fp32", codec_programs(programs, pack), version=1)
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = ColorTarget(context.graphics, inputs.visibility.size)
-        self._gpu.upload_latents(inputs)
+        self._gpu.latents(inputs.plane).upload(inputs, whole=True)
         self._passes = {
             "deferred": deferred_pass(self._gpu, may_share=False),
             "deferred, stochastic": deferred_pass(self._gpu, "stochastic", may_share=False),

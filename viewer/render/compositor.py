@@ -41,15 +41,22 @@ class Compositor:
         """Results of the comparison of A and B, for overlays and the FLIP map."""
 
     def count_divergence(
-        self, view: ViewState, groupings: Mapping[str, CountedGrouping], targets: PictureTargets
+        self, view: ViewState, groupings: Mapping[str, CountedGrouping], targets: PictureTargets, waits: bool
     ) -> dict[str, DivergenceStatistics]:
-        """Count the decoders per block under the groupings of what is shown, by its source, where the overlay asks for it."""
+        """Count the decoders per block under the groupings of what is shown, by its source, where the overlay asks for it.
+
+        Unless it `waits` the statistics may be those of a frame before.
+        """
         if view.overlay.kind != "divergence":
             self._scheduler.skipped["divergence_passes"] += 1
             return {}
-        self._divergence.update(targets.visibility, view.camera, groupings, view.block)
+        self._divergence.update(targets.visibility, view.camera, groupings, view.block, waits)
         statistics = self._divergence.statistics
         return {source: statistics[source] for source in groupings if not is_image_source(source)}
+
+    def is_pending(self, view: ViewState) -> bool:
+        """Whether statistics of what the view shows are on their way."""
+        return view.overlay.kind == "divergence" and self._divergence.is_pending
 
     def draw(self, view: ViewState, targets: PictureTargets) -> None:
         """Draw the composite, unless it shows that already; the divergence of what is shown must have been counted."""

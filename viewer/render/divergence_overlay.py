@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
+from viewer.gl.read_back import ReadBack
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.composite import HeatmapOverlay
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
@@ -54,6 +56,7 @@ class DivergenceOverlay:
         self._groupings: dict[str, CountedGrouping] = {}
         """Of the tables, by source, in their order."""
         self._counts = 0
+        self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](context, "counts of the divergence maps")
         self.statistics: Mapping[str, DivergenceStatistics] = {}
         """Of each grouping, by the name of its source."""
 
@@ -63,10 +66,12 @@ class DivergenceOverlay:
         camera: Camera,
         groupings: Mapping[str, CountedGrouping],
         block: tuple[int, int],
+        waits: bool,
     ) -> None:
         """Count the maps of `groupings` in blocks of (width, height) pixels, unless they are known.
 
         What was counted last for the same picture is counted with it: slots that alternate are then counted once.
+        Unless it `waits`, statistics are those of a frame or two before, but for groupings that have none.
         """
         place = MapPlace(visibility, camera, block)
         known = self._groupings if place == self._place else {}
@@ -90,9 +95,24 @@ class DivergenceOverlay:
                 target.release()
             target = self._target = made
         if self._scheduler.run(self._pass, DivergenceInputs(visibility, camera, self._tables), target):
-            self.statistics = {source: target.statistics(row) for row, source in enumerate(wanted)}
+            try:
+                target.copy_counts(self._back, (target, tuple(wanted)))
+            except GpuMemoryError:
+                self._scheduler.invalidate(target)
+                raise
             self._counts += 1
+        has_all = all(source in self.statistics for source in wanted)
+        arrived = self._back.newest() if has_all and not waits else self._back.wait()
+        if arrived is not None:
+            content, (counted, sources) = arrived
+            found = dict(zip(sources, counted.statistics_in(content), strict=True))
+            self.statistics = {source: own for source, own in {**self.statistics, **found}.items() if source in wanted}
         self._place = place
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether newer statistics are on their way."""
+        return self._back.is_pending
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
         """The maps of two sources as an overlay; both must have been counted."""
@@ -113,7 +133,7 @@ class DivergenceOverlay:
 
     def release(self) -> None:
         """Free everything on the GPU."""
-        for part in (self._target, self._tables):
+        for part in (self._target, self._tables, self._back):
             if part is not None:
                 part.release()
         self._target, self._tables, self._place, self._groupings = None, None, None, {}

@@ -61,6 +61,8 @@ class FrameResult:
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
     """Calls since the frame before for which the CPU waited until the GPU had caught up."""
+    is_pending: bool = False
+    """Whether the same view drawn again shows more, or tells more: what has been asked of the GPU is on its way."""
 
     @property
     def is_short(self) -> bool:

@@ -19,14 +19,14 @@ from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
 from viewer.render.passes.decode_pass import DecodePass
-from viewer.render.passes.needed_levels import NeededLevelsPass
+from viewer.render.passes.needed_levels import NeededLevelsPass, VisibleLatents
 from viewer.render.plane_path import DirectPath, PlanePath
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
+from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.render.sampled_path import SampledPath
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
@@ -50,6 +50,8 @@ class RenderContext:
     """None: all latents of a pack are uploaded at once."""
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
+    waits: bool = True
+    """Whether frames wait for what they read back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,7 @@ class GpuPack:
         )
         self._precision = precision
         self._ranges: DecoderRanges | None = None
-        self._needed_levels: dict[Plane, NeededLevelsPass] = {}
+        self._latents: dict[Plane, VisibleLatents] = {}
         self._paths: dict[tuple[PathChoice, TexelFilter, Plane], PlanePath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
@@ -140,17 +142,13 @@ class GpuPack:
             self._paths[key] = DECODE_PATHS[name](self, texel_filter, plane)
         return self._paths[key]
 
-    def upload_latents(self, inputs: VisibilityInputs) -> None:
-        """Upload the mips that the pixels of this view read, where the textures in sight are not there whole."""
-        decoders = self.buffers.decoder_of_texture
-        if self.buffers.latent_store.has({texture: 0 for texture in inputs.textures if decoders[texture] >= 0}):
-            return
-        if inputs.plane not in self._needed_levels:
-            count, reading = len(self.match.texture_index), self.reading(inputs.plane)
-            self._needed_levels[inputs.plane] = NeededLevelsPass(self.context.graphics, self.programs, count, reading)
-        timer = self.context.timer
-        with timer.owned_by(None), timer.measure("latents"):
-            self.buffers.need(self._needed_levels[inputs.plane].run(inputs, self.buffers))
+    def latents(self, plane: Plane = "base") -> VisibleLatents:
+        """Uploads the mips that the pixels of a view read."""
+        if plane not in self._latents:
+            context, count = self.context, len(self.match.texture_index)
+            make = partial(NeededLevelsPass, context.graphics, self.programs, count, self.reading(plane))
+            self._latents[plane] = VisibleLatents(make, self.buffers, context.timer, context.waits)
+        return self._latents[plane]
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
         """What lies on the GPU, for those who draw with this path and filter."""
@@ -160,7 +158,7 @@ class GpuPack:
         others = [(path.memory_part, path.bytes_on_gpu) for path in used]
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
-        others += [("tables", levels.bytes_on_gpu) for levels in self._needed_levels.values()]
+        others += [("tables", levels.bytes_on_gpu) for levels in self._latents.values()]
         for part, size in others:
             parts[part] = parts.get(part, 0) + size
         return PackMemory(parts, idle, self.buffers.latent_store.bytes_by_texture)
@@ -235,7 +233,7 @@ class GpuPack:
         if self._update is not None:
             self._update[2].release()
         self._update = self._next = None
-        for part in (*self._paths.values(), self._ranges, *self._needed_levels.values(), self.buffers):
+        for part in (*self._paths.values(), self._ranges, *self._latents.values(), self.buffers):
             if part is not None:
                 part.release()
         self._paths.clear()
@@ -271,8 +269,8 @@ def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelF
     def make(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> PlanePath:
         context, own_pass = pack.context, partial(make_pass, pack, texel_filter, plane)
         if texel_filter == "exact":
-            return DirectPath(name, own_pass, pack.upload_latents, context.timer)
-        return SampledPath(name, own_pass, pack.upload_latents, context.timer, context.graphics, pack.programs)
+            return DirectPath(name, own_pass, pack.latents(plane), context.timer)
+        return SampledPath(name, own_pass, pack.latents(plane), context.timer, context.graphics, pack.programs)
 
     return make
 

@@ -5,10 +5,13 @@ from typing import Protocol
 
 from viewer.gl.timer import PassTimer
 from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.passes.needed_levels import VisibleLatents
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileCounts
 
+OUT_OF_DATE = -1
+"""No version of latents."""
 SAMPLES = 16
 """Of a picture at rest with the stochastic filter; then nothing is drawn any more."""
 
@@ -39,7 +42,7 @@ class PlanePath(Protocol):
     def is_partial(self) -> bool:
         """Whether the last `draw` left rows of the picture for the next ones."""
 
-    def decode_ahead(self) -> bool:
+    def decode_ahead(self, inputs: VisibilityInputs) -> bool:
         """Work for the next picture of the same view without drawing; False when it is time to draw."""
 
     def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
@@ -61,31 +64,40 @@ class DirectPath:
     memory_part = "tables"
     tiles = None
     samples = 0
-    is_waiting = is_partial = False
+    is_partial = False
 
     def __init__(
         self,
         name: str,
         make_pass: Callable[[], DecodePass],
-        upload_latents: Callable[[VisibilityInputs], None],
+        latents: VisibleLatents,
         timer: PassTimer,
     ) -> None:
-        self._name, self._make_pass, self._upload_latents, self._timer = name, make_pass, upload_latents, timer
+        self._name, self._make_pass, self._latents, self._timer = name, make_pass, latents, timer
         self._pass: DecodePass | None = None
+        self._drawn_with = 0
+        """Version of the latents in the last picture."""
 
     @property
     def bytes_on_gpu(self) -> int:
         """Buffers of the pass."""
         return self._pass.bytes_on_gpu if self._pass is not None else 0
 
-    def decode_ahead(self) -> bool:
-        """There is nothing to decode ahead."""
-        return False
+    @property
+    def is_waiting(self) -> bool:
+        """Whether finer latents are on their way, or have come since the picture was drawn."""
+        return self._latents.is_waiting or self._drawn_with != self._latents.version
+
+    def decode_ahead(self, inputs: VisibilityInputs) -> bool:
+        """Wait for finer latents."""
+        self._latents.poll(inputs)
+        return self._drawn_with == self._latents.version
 
     def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
         """Upload the latents that are missing, and decode the picture."""
-        del whole, same_view
-        self._upload_latents(inputs)
+        del same_view
+        self._latents.upload(inputs, whole)
+        self._drawn_with = self._latents.version
         if self._pass is None:
             # Made outside of the measured time: compiling is no part of a frame.
             self._pass = self._make_pass()
@@ -93,8 +105,9 @@ class DirectPath:
             self._pass.run(inputs, target)
 
     def update(self, textures: Collection[int], regrouped: bool) -> None:
-        """Make the pass anew for the next picture where it depends on what has changed: which decoders there are."""
+        """Draw anew, with a new pass where it depends on what has changed: which decoders there are."""
         del textures
+        self._drawn_with = OUT_OF_DATE
         if regrouped:
             self.release()
 

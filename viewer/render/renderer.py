@@ -90,6 +90,7 @@ class Renderer:
             self.tile_budget,
             latents or LatentBudget(),
             emulate_half,
+            waits,
         )
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
@@ -165,7 +166,7 @@ class Renderer:
             self._blend.update(slots, targets, whole)
             targets.release_unused(view)
             groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
-            divergence = self._compositor.count_divergence(view, groupings, targets)
+            divergence = self._compositor.count_divergence(view, groupings, targets, whole or self._timer.waits)
             self._compositor.draw(view, targets)
         except BaseException:
             self._view = None
@@ -225,6 +226,8 @@ class Renderer:
             short_latents,
             upload,
             self._blocked - before,
+            not all(self._slots.is_complete(slot, targets) for slot in shown_slots(view))
+            or self._compositor.is_pending(view),
         )
 
     def _targets_for(self, view: ViewState) -> PictureTargets:

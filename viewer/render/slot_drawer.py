@@ -140,7 +140,7 @@ class SlotDrawer:
         drawn = targets.drawn.get(key)
         same_view = drawn is not None and drawn.inputs == inputs and not whole
         path = self._path(key)
-        if path is not None and same_view and path.decode_ahead():
+        if path is not None and same_view and path.decode_ahead(inputs):
             self._scheduler.skipped["passes"] += 1
             return
         if key not in targets.planes:

@@ -86,8 +86,8 @@ class Viewport:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether tiles of the last picture are still to come."""
-        return self.last is not None and self.last.waiting > 0
+        """Whether some of the last picture is still to come."""
+        return self.last is not None and (self.last.waiting > 0 or self.last.is_pending)
 
     @property
     def is_open(self) -> bool:

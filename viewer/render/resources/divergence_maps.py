@@ -1,7 +1,7 @@
 """Divergence maps of one picture under several groupings, and the texture -> decoder tables they are counted from."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeVar
 
 import moderngl
 import numpy as np
@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import ReadBack
 from viewer.render.resources.layout import StorageBinding
 
+T = TypeVar("T")
 Stage = Literal["compute", "fragment"]
 """Which kind of shader counts: `fragment` is for drivers whose compute shaders are slow or missing."""
 
@@ -39,16 +41,31 @@ class DivergenceTarget:
 
     def read(self, grouping: int = 0) -> NDArray[np.uint16]:
         """[ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
+        return np.asarray(self._maps(self.texture.read(alignment=1))[grouping], np.uint16)
+
+    def _maps(self, content: bytes) -> NDArray[np.uint16]:
         columns, rows = self.size
-        words = np.frombuffer(self.texture.read(alignment=1), np.uint32).reshape(self.groupings, rows, columns)
-        return np.asarray(words[grouping], np.uint16)
+        words = np.frombuffer(content, np.uint32).reshape(self.groupings, rows, columns)
+        return np.asarray(words, np.uint16)
+
+    def copy_counts(self, back: ReadBack[T], tag: T) -> None:
+        """Have `back` bring what `statistics_in` reads: a few hundred bytes, or the maps where no histogram is counted."""
+        if self.counted_by == "fragment":
+            back.copy_texture(self.texture, 4 * self.size[0] * self.size[1] * self.groupings, tag)
+        else:
+            back.copy([(self.histogram, self.histogram.size)], tag)
+
+    def statistics_in(self, content: bytes) -> tuple[DivergenceStatistics, ...]:
+        """Statistics of each map."""
+        if self.counted_by == "fragment":
+            return tuple(DivergenceStatistics.of(counted) for counted in self._maps(content))
+        counts = np.frombuffer(content, np.uint32).reshape(self.groupings, self._counts)
+        return tuple(DivergenceStatistics(tuple(row.tolist())) for row in counts)
 
     def statistics(self, grouping: int = 0) -> DivergenceStatistics:
-        """Statistics of one map; a few hundred bytes are read back, not the map."""
-        if self.counted_by == "fragment":
-            return DivergenceStatistics.of(self.read(grouping))
-        counts = np.frombuffer(self.histogram.read(), np.uint32).reshape(self.groupings, self._counts)
-        return DivergenceStatistics(tuple(counts[grouping].tolist()))
+        """Statistics of one map, read back now."""
+        read = self.texture.read(alignment=1) if self.counted_by == "fragment" else self.histogram.read()
+        return self.statistics_in(read)[grouping]
 
     def release(self) -> None:
         """Free texture and buffer."""

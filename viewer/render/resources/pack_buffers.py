@@ -184,10 +184,12 @@ class PackBuffers:
         tables = sum(buffer.size for buffer in self._tables.values())
         return {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
 
-    def need(self, wanted: Mapping[int, int]) -> None:
-        """Upload what is missing of these mips, given as finest mip by texture. Raises GpuMemoryError."""
-        if self.latent_store.need(wanted):
+    def need(self, wanted: Mapping[int, int]) -> bool:
+        """Upload what is missing of these mips, given as finest mip by texture; whether anything was. Raises GpuMemoryError."""
+        changed = self.latent_store.need(wanted)
+        if changed:
             self.note_latents()
+        return changed
 
     def note_latents(self) -> None:
         """Tell shaders which mips are there, and where, after the store has changed."""

@@ -55,11 +55,12 @@ class CachedPath:
         """Whether the last `draw` left rows of the picture for the next ones."""
         return self._bands_left > 0
 
-    def decode_ahead(self) -> bool:
+    def decode_ahead(self, inputs: VisibilityInputs) -> bool:
         """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
 
         Drawing costs as much as decoding many tiles: the picture is drawn once for several frames that decode.
         """
+        del inputs
         if self._bands_left:
             return False
         most = FRAMES_AHEAD if self._cache.only_stale else 0

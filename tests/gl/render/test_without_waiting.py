@@ -1,0 +1,112 @@
+"""A renderer that does not wait for the GPU: nothing is read back in motion that is not there, and at rest it shows the same."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from tests.gl.small_scenes import FRONT, objects
+from tests.support.blocking_watch import watched_calls
+from viewer.gl.context import GraphicsContext
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.renderer import Renderer
+from viewer.state.navigation import turned
+from viewer.state.view_state import DecodePath, Overlay, Slot, TexelFilter, ViewState
+
+SIZE = (120, 72)
+SIDE = 256
+"""Of the pack's textures: larger than what is seen of them, so that not all of their latents are needed."""
+MOVES = 12
+
+
+def renderer_of(graphics: GraphicsContext, waits: bool) -> Renderer:
+    scene = objects()
+    made = Renderer(graphics, scene, waits=waits)
+    sizes, hashes = [(SIDE, SIDE)] * len(scene.textures), [texture.pixel_hash for texture in scene.textures]
+    made.set_packs({"p": random_pack(sizes, tuple(index % 2 for index in range(len(sizes))), hashes=hashes)})
+    return made
+
+
+def settled(renderer: Renderer, view: ViewState) -> FrameResult:
+    """The last frame of a view, once nothing is to come."""
+    for _ in range(1000):
+        frame = renderer.render(view)
+        if not (frame.waiting or frame.is_pending):
+            return frame
+    raise AssertionError("the view does not come to rest")
+
+
+@pytest.fixture
+def late(graphics: GraphicsContext) -> Iterator[Renderer]:
+    made = renderer_of(graphics, waits=False)
+    yield made
+    made.release()
+
+
+@pytest.fixture
+def exact(graphics: GraphicsContext) -> Iterator[Renderer]:
+    made = renderer_of(graphics, waits=True)
+    yield made
+    made.release()
+
+
+@pytest.mark.parametrize("path", get_args(DecodePath))
+@pytest.mark.parametrize("texel_filter", get_args(TexelFilter))
+def test_a_view_at_rest_is_the_same_picture(
+    late: Renderer, exact: Renderer, path: DecodePath, texel_filter: TexelFilter
+) -> None:
+    slot = Slot("p", path, filter=texel_filter)
+    for number in range(3):
+        view = ViewState(turned(FRONT, 20.0 * number), SIZE, slot, overlay=Overlay("divergence", opacity=0.3))
+        frame, expected = settled(late, view), settled(exact, view)
+        np.testing.assert_array_equal(read_picture(frame.image), read_picture(expected.image))
+        np.testing.assert_array_equal(late.picture(slot), exact.picture(slot))
+        assert frame.divergence == expected.divergence
+
+
+@pytest.mark.parametrize("path", get_args(DecodePath))
+def test_a_whole_picture_is_the_same_at_once(late: Renderer, exact: Renderer, path: DecodePath) -> None:
+    view = ViewState(FRONT, SIZE, Slot("p", path), overlay=Overlay("divergence"))
+    frame, expected = late.render(view, whole=True), exact.render(view, whole=True)
+    np.testing.assert_array_equal(read_picture(frame.image), read_picture(expected.image))
+    assert frame.divergence == expected.divergence
+    assert not frame.is_pending
+
+
+@pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
+@pytest.mark.parametrize("times_wanted", [False, True])
+def test_nothing_waits_while_the_camera_moves(graphics: GraphicsContext, path: DecodePath, times_wanted: bool) -> None:
+    with watched_calls() as calls:
+        renderer = renderer_of(graphics, waits=False)
+        renderer.want_times(times_wanted)
+        view = ViewState(FRONT, SIZE, Slot("p", path), overlay=Overlay("divergence"))
+        settled(renderer, view)
+        calls.clear()
+        frames = [renderer.render(replace(view, camera=turned(FRONT, 2.0 * (n + 1)))) for n in range(MOVES)]
+        assert calls == []
+        assert [frame.blocking_calls for frame in frames] == [0] * MOVES
+        if times_wanted:
+            known = [frame.timings_ms for frame in frames]
+            end = time.monotonic() + 20.0
+            while not any(known) and time.monotonic() < end:
+                known.append(renderer.take_times())
+            assert any(f"decode_{path}" in times for times in known)
+        else:
+            assert not any(frame.timings_ms for frame in frames)
+            assert {frame.timer for frame in frames} == {"not measured"}
+        renderer.release()
+
+
+def test_the_count_is_that_of_the_calls(graphics: GraphicsContext) -> None:
+    with watched_calls() as calls:
+        renderer = renderer_of(graphics, waits=True)
+        view = ViewState(FRONT, SIZE, Slot("p", "deferred"), overlay=Overlay("divergence"))
+        renderer.render(view)
+        calls.clear()
+        frame = renderer.render(replace(view, camera=turned(FRONT, 5.0)))
+        assert frame.blocking_calls >= len(calls) > 0
+        renderer.release()

@@ -1,0 +1,53 @@
+"""A second count of the calls that wait for the GPU, taken at moderngl itself: what the viewer's own count forgets is seen."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest import mock
+
+import moderngl
+
+WAITING = (
+    (moderngl.Buffer, ("read", "read_into", "read_chunks")),
+    (moderngl.Texture, ("read", "read_into")),
+    (moderngl.Framebuffer, ("read", "read_into")),
+    (moderngl.Context, ("finish",)),
+    (moderngl.Query, ("elapsed",)),
+)
+READ_BACK = "read_back.py"
+"""Reads what has arrived: that waits for nothing."""
+
+
+@contextmanager
+def watched_calls() -> Iterator[list[str]]:
+    """Names of the calls that wait, of objects that are made in the block."""
+    found: list[str] = []
+
+    def noted(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            caller = sys._getframe(1).f_code.co_filename
+            if not caller.endswith(READ_BACK):
+                found.append(f"{name} in {caller}")
+            return method(*arguments, **options)
+
+        return call
+
+    patches = [
+        mock.patch.object(
+            kind,
+            name,
+            property(noted(f"{kind.__name__}.{name}", method.fget))
+            if isinstance(method := getattr(kind, name), property)
+            else noted(f"{kind.__name__}.{name}", method),
+        )
+        for kind, names in WAITING
+        for name in names
+    ]
+    for patch in patches:
+        patch.start()
+    try:
+        yield found
+    finally:
+        for patch in patches:
+            patch.stop()
