@@ -33,17 +33,13 @@ def watched_calls() -> Iterator[list[str]]:
 
         return call
 
-    patches = [
-        mock.patch.object(
-            kind,
-            name,
-            property(noted(f"{kind.__name__}.{name}", method.fget))
-            if isinstance(method := getattr(kind, name), property)
-            else noted(f"{kind.__name__}.{name}", method),
-        )
-        for kind, names in WAITING
-        for name in names
-    ]
+    def watched(kind: type, name: str) -> Any:
+        method: Any = getattr(kind, name)
+        label = f"{kind.__name__}.{name}"
+        replaced = property(noted(label, method.fget)) if isinstance(method, property) else noted(label, method)
+        return mock.patch.object(kind, name, replaced)
+
+    patches = [watched(kind, name) for kind, names in WAITING for name in names]
     for patch in patches:
         patch.start()
     try:
