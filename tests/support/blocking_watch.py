@@ -36,8 +36,8 @@ def watched_calls() -> Iterator[list[str]]:
     def watched(kind: type, name: str) -> Any:
         method: Any = getattr(kind, name)
         label = f"{kind.__name__}.{name}"
-        replaced = property(noted(label, method.fget)) if isinstance(method, property) else noted(label, method)
-        return mock.patch.object(kind, name, replaced)
+        getter: Any = getattr(method, "fget", None)
+        return mock.patch.object(kind, name, noted(label, method) if getter is None else property(noted(label, getter)))
 
     patches = [watched(kind, name) for kind, names in WAITING for name in names]
     for patch in patches:
