@@ -21,6 +21,8 @@ ZINK: Final = {
     "LIBGL_KOPPER_DISABLE": "1",
 }
 """OpenGL by way of Vulkan, and that by lavapipe."""
+NATIVE_HALVES: Final = {"MESA_EXTENSION_OVERRIDE": "+GL_AMD_gpu_shader_half_float"}
+"""llvmpipe computes in halves of its own since Mesa 25, but does not tell."""
 SYSTEM_VULKAN: Final = Path("/usr/share/vulkan/icd.d")
 PROBE: Final = """
 import json
@@ -111,7 +113,7 @@ def other_drivers() -> Iterator[tuple[Driver | None, str]]:
         environment = {**ZINK, "VK_ICD_FILENAMES": str(vulkan)}
         candidates = [Driver("zink", SYSTEM.python, environment, "zink")]
     else:
-        candidates = [Driver("newer llvmpipe", newer, {}, "llvmpipe"), Driver("zink", newer, ZINK, "zink")]
+        candidates = [Driver("newer llvmpipe", newer, NATIVE_HALVES, "llvmpipe"), Driver("zink", newer, ZINK, "zink")]
     for driver in candidates:
         description = driver.description()
         if description is None:
