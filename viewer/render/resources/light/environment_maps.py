@@ -25,7 +25,9 @@ class EnvironmentMaps:
         table = np.ascontiguousarray(brdf_table(), np.float32)
         with memory.transaction():
             self.panorama = memory.texture(what, (panorama_width, panorama_width // 2), 3, dtype="f2", alignment=2)
-            self.maps = memory.texture(what, size.texture_size, 4, dtype="f4")
+            # Between maps are texels that nothing writes; what is kept on disk must not depend on what memory held before.
+            zeros = bytes(16 * math.prod(size.texture_size))
+            self.maps = memory.texture(what, size.texture_size, 4, zeros, dtype="f4")
             self.table = memory.texture(what, (table.shape[1], table.shape[0]), 2, table.tobytes(), dtype="f4")
         for texture in (self.panorama, self.maps, self.table):
             texture.filter = LINEAR
