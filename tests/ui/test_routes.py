@@ -14,7 +14,7 @@ from viewer.app import frontend, slow_commands
 from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import AnimationFacts, Camera, Scene
 from viewer.script import parse
 from viewer.script.inputs import press
 from viewer.script.parse import parse_script
@@ -39,7 +39,8 @@ def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFact
     )
     here = Camera("here", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
     made.session.navigation.bookmarks = {made.session.scene_key: {"here": here}}
-    made.session.scene = replace(scene, cameras=scene.cameras or tuple(made.session.bookmarks.values()))
+    cameras = scene.cameras or tuple(made.session.bookmarks.values())
+    made.session.scene = replace(scene, cameras=cameras, animations=(AnimationFacts("move", 2.0),))
     made.settle()
     yield made
     made.close()

@@ -7,7 +7,8 @@ from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.ui.facts import Work
 
-OPENING = ("file.open", "file.open-recent", "materials.variant")
+OPENING = ("file.open", "file.open-recent")
+READING_AGAIN = ("materials.variant", "animation.time", "animation.rest")
 """Reading a scene, and drawing it first, takes seconds."""
 
 
@@ -23,7 +24,7 @@ class SlowCommands:
     def emit(self, command_id: str, *values: Any) -> None:
         """Run a command, or have it wait; what keeps it from being carried out becomes a message."""
         # Without a file, a dialog is opened.
-        if command_id in OPENING and values:
+        if (command_id in OPENING and values) or command_id in READING_AGAIN:
             self._waiting.append((command_id, values))
         else:
             run_or_notify(self._context, command_id, *values)
@@ -47,4 +48,7 @@ class SlowCommands:
     @property
     def work(self) -> tuple[Work, ...]:
         """What is about to be done, for the status bar."""
-        return tuple(Work(f"opening {Path(str(values[0])).name}") for _, values in self._waiting)
+        return tuple(
+            Work(f"opening {Path(str(values[0])).name}" if command_id in OPENING else "reading the scene again")
+            for command_id, values in self._waiting
+        )

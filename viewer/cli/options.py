@@ -128,6 +128,10 @@ class RenderOptions:
     """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     variant: str = ""
     """Name of the material variant to draw (KHR_materials_variants). Empty: the materials that the scene's parts name themselves."""
+    time: float | None = None
+    """Seconds from an animation's beginning at which the scene stands. None: as its nodes say, without an animation."""
+    animation: str = ""
+    """--time: name of the animation. Empty: the first one of the file."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None

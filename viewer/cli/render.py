@@ -32,6 +32,7 @@ from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_png
+from viewer.scene.model import Pose
 from viewer.state.view_state import (
     BLOCKS,
     REFERENCE,
@@ -201,7 +202,8 @@ def render(options: RenderOptions) -> int:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
-    scene = open_scene(options.scene, options.variant)
+    pose = None if options.time is None else Pose(options.animation, options.time)
+    scene = open_scene(options.scene, options.variant, pose)
     if options.grouping is not None and is_image_source(options.grouping) and not options.pack:
         packs: dict[str, Pack] = {}
     else:

@@ -24,7 +24,7 @@ from viewer.render.resources.precision import EVERYWHERE, supported_precisions
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
 from viewer.state.view_state import REFERENCE, is_image_source
@@ -33,9 +33,9 @@ MISSING_SHOWN = 3
 """Missing things that are listed one by one; the others are only counted."""
 
 
-def open_scene(path: Path | None, variant: str = "") -> Scene:
+def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
     """Load the scene that `path` names, or the courtyard, and print notes about missing parts. Raises InputError."""
-    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path(), variant)
+    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path(), variant, pose)
     missing = scene.report.missing
     for line in missing[:MISSING_SHOWN]:
         sys.stderr.write(f"note: {line}\n")

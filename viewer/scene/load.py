@@ -17,38 +17,43 @@ from viewer.scene.gltf.geometry import GeometryReader
 from viewer.scene.gltf.lights import read_lights
 from viewer.scene.gltf.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
-from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
+from viewer.scene.gltf.motion.animations import Animation, NodeValues, read_animations
+from viewer.scene.gltf.nodes import walk_nodes
+from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
 from viewer.scene.gltf.variants import chosen_variant, variant_names
-from viewer.scene.model import Instances, Primitive, Scene
+from viewer.scene.model import Instances, Pose, Scene
 from viewer.scene.report import ReportNotes
 from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file
 
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
 """Instances that any file may have; more only in proportion to its bytes, one each."""
+MOST_NAMED = 6
+"""Animations that one message names."""
 
 
-def load_scene(path: Path, variant: str = "") -> Scene:
+def load_scene(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
     """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
 
     `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
-    themselves; the textures of all variants are read. Raises InputError where there is no such variant, or the file is missing, is
-    none of these, broken, requires an extension that is not supported, holds no triangles or does not fit into memory. Missing and
-    broken images are no error: the load report names them.
+    themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. Raises
+    InputError where there is no such variant or animation, or the file is missing, is none of these, broken, requires an extension
+    that is not supported, holds no triangles or does not fit into memory. Missing and broken images are no error: the load report
+    names them.
     """
     path = scene_file(Path(path))
     require_scene(path)
     try:
-        return _load(path, variant)
+        return _load(path, variant, pose)
     except MemoryError as error:
         raise InputError(f"{path}: takes more memory than there is; split the scene or reduce its textures") from error
 
 
-def _load(path: Path, variant: str) -> Scene:
+def _load(path: Path, variant: str, pose: Pose | None) -> Scene:
     if path.suffix.lower() == ARCHIVE_SUFFIX:
         with unpacked_scene(path) as unpacked:
-            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path, variant)
-    return build_scene(_container(path, str(path)), path.stem, path, variant)
+            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path, variant, pose)
+    return build_scene(_container(path, str(path)), path.stem, path, variant, pose)
 
 
 def _container(path: Path, name: str) -> GltfFile:
@@ -76,20 +81,22 @@ def mesh_to_glb(path: Path) -> bytes:
     return data
 
 
-def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "") -> Scene:
-    """The scene in the glTF container `file`, called `name`, in a material variant. Raises InputError."""
+def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
+    """The scene in the glTF container `file`, called `name`, in a material variant and a pose. Raises InputError."""
     check_required(file)
     notes = ReportNotes()
     buffers = Buffers(file)
     accessors = Accessors(file, buffers)
     sources = read_materials(file, notes)
-    placements = walk_nodes(file, accessors, notes)
+    animations = read_animations(file, accessors, notes)
+    placements = walk_nodes(file, accessors, notes, {} if pose is None else _posed(animations, pose, name))
     variants = variant_names(file)
     notes.honoured("KHR_materials_variants: variants", len(variants))
     chosen = chosen_variant(variants, variant, name)
     geometry_reader = GeometryReader(file, buffers, accessors, sources, notes, chosen)
-    primitives, ranges = _read_meshes(placements, geometry_reader)
-    instances = _place(file, placements, ranges, min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count))
+    shapes = placed_shapes(file, accessors, placements)
+    primitives, ranges = read_shapes(shapes, geometry_reader)
+    instances = place_shapes(file, shapes, ranges, min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count))
     if len(instances.primitive) == 0:
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
@@ -132,50 +139,26 @@ def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "")
         lights=lights,
         variants=variants,
         variant=variant,
+        animations=tuple(animation.facts for animation in animations),
+        pose=pose,
     )
 
 
-def _read_meshes(
-    placements: Sequence[NodePlacements], reader: GeometryReader
-) -> tuple[list[Primitive], dict[int, tuple[int, int]]]:
-    """(all primitives, (first, count) of each mesh that stands somewhere)."""
-    primitives: list[Primitive] = []
-    ranges: dict[int, tuple[int, int]] = {}
-    for placement in placements:
-        if placement.mesh is not None and placement.mesh not in ranges:
-            read = reader.read_mesh(placement.mesh)
-            ranges[placement.mesh] = (len(primitives), len(read))
-            primitives.extend(read)
-    return primitives, ranges
-
-
-def _place(
-    file: GltfFile, placements: Sequence[NodePlacements], ranges: dict[int, tuple[int, int]], most: int
-) -> Instances:
-    """Every primitive of every placed mesh, placement by placement; `most` in all, else InputError."""
-    placed = [placement for placement in placements if placement.mesh is not None]
-    of_mesh = np.array([ranges[p.mesh] for p in placed if p.mesh is not None], np.int64).reshape(-1, 2)
-    copies = np.array([len(p.mesh_worlds) for p in placed], np.int64)
-    rows = np.cumsum(of_mesh[:, 1] * copies)
-    if len(rows) and rows[-1] > most:
-        node = placed[int(np.searchsorted(rows, most, side="right"))].node
-        raise file.fail(f"nodes[{node}]", f"the scene has more than {most} instances; split it")
-    counts = np.repeat(of_mesh[:, 1], copies)
-    worlds = np.concatenate([np.zeros((0, 4, 4)), *(p.mesh_worlds for p in placed)]).astype(np.float32)
-    # Each placement lists its mesh's primitives one after another, starting anew.
-    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    return Instances(
-        primitive=(np.repeat(np.repeat(of_mesh[:, 0], copies), counts) + within).astype(np.int32),
-        transform=np.repeat(worlds, counts, axis=0),
-        node=np.repeat(np.repeat(np.array([p.node for p in placed], np.int32), copies), counts),
-    )
+def _posed(animations: Sequence[Animation], pose: Pose, scene: str) -> NodeValues:
+    """What the animation that `pose` names gives at its time. Raises InputError where there is none of that name."""
+    if not animations:
+        raise InputError(f"{scene}: has no animations")
+    found = next((animation for animation in animations if pose.animation in ("", animation.name)), None)
+    if found is None:
+        known = ", ".join(animation.name for animation in animations[:MOST_NAMED])
+        raise InputError(f"{scene}: no animation {pose.animation!r}; there are {known}")
+    return found.at(pose.seconds)
 
 
 def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -> None:
     for extension in ignored_extensions(file):
         notes.ignored(f"extension {extension}")
     notes.honoured("KHR_mesh_quantization", int("KHR_mesh_quantization" in names_of(file, "extensionsUsed")))
-    notes.ignored("animations", len(file.array(file.json, "animations", "file")))
     with np.errstate(over="ignore", invalid="ignore"):
         determinants = np.linalg.det(instances.transform[:, :3, :3].astype(np.float64))
     notes.honoured("mirrored placements (negative determinant)", int((determinants < 0).sum()))

@@ -146,6 +146,24 @@ class Light:
     """Radians from the axis of a spot: full light inside of the inner one, none outside of the outer one."""
 
 
+@dataclass(frozen=True)
+class AnimationFacts:
+    """An animation of the file."""
+
+    name: str
+    seconds: float
+    """Time of its last key frame."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A moment of an animation."""
+
+    animation: str = ""
+    """Its name; "": the first one of the file."""
+    seconds: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """All vertices and triangles of the scene in shared arrays."""
@@ -246,3 +264,6 @@ class Scene:
     """Names of the material variants that the file has."""
     variant: str = ""
     """The one that is drawn; "": the materials that primitives name themselves."""
+    animations: tuple[AnimationFacts, ...] = ()
+    pose: Pose | None = None
+    """The moment at which the scene stands; None: as its nodes say, without an animation."""

@@ -1,6 +1,7 @@
 """Mesh primitives gathered into shared vertex and index arrays."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
 from viewer.scene.gltf.materials import MaterialSource
+from viewer.scene.gltf.motion.deformation import Deformation
+from viewer.scene.gltf.motion.deformed_vertices import VertexFrames, deformed
 from viewer.scene.gltf.textures import UvTransform
 from viewer.scene.gltf.variants import variant_materials, variant_names
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
@@ -93,8 +96,8 @@ class GeometryReader:
         self._vertex_ranges: dict[_VertexKey, tuple[int, int]] = {}
         self._index_ranges: dict[_VertexKey, tuple[int, int, int]] = {}
 
-    def read_mesh(self, index: int) -> tuple[Primitive, ...]:
-        """The triangle primitives of mesh `index`. Raises InputError."""
+    def read_mesh(self, index: int, deformation: Deformation | None = None) -> tuple[Primitive, ...]:
+        """The triangle primitives of mesh `index`, moved as a node's `deformation` says. Raises InputError."""
         mesh = self._file.entries("meshes")[index]
         where = f"meshes[{index}]"
         name = self._file.label(mesh, f"mesh {index}")
@@ -103,7 +106,7 @@ class GeometryReader:
             field = f"{where}.primitives[{number}]"
             if not isinstance(entry, dict):
                 raise self._file.fail(field, "must be an object")
-            primitive = self._primitive(entry, field, f"{name}.{number}" if number else name)
+            primitive = self._primitive(entry, field, f"{name}.{number}" if number else name, deformation)
             if primitive is not None:
                 primitives.append(primitive)
         return tuple(primitives)
@@ -134,7 +137,9 @@ class GeometryReader:
             start += len(positions)
         return joined
 
-    def _primitive(self, entry: dict[str, Any], where: str, name: str) -> Primitive | None:
+    def _primitive(
+        self, entry: dict[str, Any], where: str, name: str, deformation: Deformation | None
+    ) -> Primitive | None:
         file = self._file
         mode = file.integer(entry, "mode", where, TRIANGLES, high=6)
         if mode in MODE_NAMES:
@@ -153,7 +158,8 @@ class GeometryReader:
         if self._variant is not None:
             material = by_variant.get(self._variant, material)
         draco = self._draco(entry, where)
-        base, vertex_count = self._vertices(attributes, draco, self._materials[material], where)
+        moved = None if deformation is None else (deformation, self._file.array(entry, "targets", where))
+        base, vertex_count = self._vertices(attributes, draco, self._materials[material], where, moved)
         first, index_count = self._triangles(entry, draco, mode, vertex_count, where)
         if index_count == 0:
             self._notes.note("primitives without a triangle were left out")
@@ -163,8 +169,8 @@ class GeometryReader:
 
     def _note_unused(self, entry: dict[str, Any], attributes: dict[str, Any]) -> None:
         notes = self._notes
-        notes.ignored("morph targets: primitives", int(bool(entry.get("targets"))))
-        notes.ignored("skin weights: primitives", int("JOINTS_0" in attributes))
+        notes.honoured("morph targets: primitives", int(bool(entry.get("targets"))))
+        notes.honoured("skin weights: primitives", int("JOINTS_0" in attributes))
         notes.ignored("second vertex colours: primitives", int("COLOR_1" in attributes))
         notes.honoured("vertex colours: primitives", int("COLOR_0" in attributes))
 
@@ -177,9 +183,14 @@ class GeometryReader:
         return mesh
 
     def _vertices(
-        self, attributes: dict[str, Any], draco: DracoMesh | None, source: MaterialSource, where: str
+        self,
+        attributes: dict[str, Any],
+        draco: DracoMesh | None,
+        source: MaterialSource,
+        where: str,
+        moved: tuple[Deformation, list[Any]] | None,
     ) -> tuple[int, int]:
-        """(base vertex, count) of the primitive's vertices, read once for equal attributes."""
+        """(base vertex, count) of the primitive's vertices, read once for equal attributes; `moved`: how, and its morph targets."""
         transform = source.uvs.transform
         uv_name = f"TEXCOORD_{source.uvs.uv_set}"
         second_name = None if source.second_uv_set is None else f"TEXCOORD_{source.second_uv_set}"
@@ -187,12 +198,11 @@ class GeometryReader:
         tangent_name = "TANGENT" if "normal" in source.maps else None
         read = ("POSITION", uv_name, "COLOR_0", "NORMAL", tangent_name, second_name)
         accessors = (None if name is None else _index_or_none(attributes.get(name)) for name in read)
-        key: _VertexKey = (*accessors, transform, tangent_name, second_name)
+        key: _VertexKey = (*accessors, transform, tangent_name, second_name, moved and (moved[0].node, where))
         if draco is None and key in self._vertex_ranges:
             return self._vertex_ranges[key]
         positions = self._attribute("POSITION", attributes, draco, where, ("VEC3",), 3)
         assert positions is not None
-        positions = self._finite(positions, "positions")
         count = len(positions)
         self._vertex_count += count
         self._check_total(self._vertex_count, "vertices", where)
@@ -206,11 +216,21 @@ class GeometryReader:
             if colors.shape[1] == 3:
                 colors = np.concatenate([colors, np.ones((count, 1), np.float32)], axis=1)
             colors = self._finite(colors, "vertex colours")
-        self._positions.append(positions)
+        frames = VertexFrames(
+            positions,
+            self._optional("NORMAL", attributes, draco, count, where, "the triangles' own are used"),
+            self._optional("TANGENT", attributes, draco, count, where, "they follow from the UVs")
+            if tangent_name
+            else None,
+        )
+        if moved is not None:
+            stored = partial(self._stored, attributes, draco, where)
+            frames = deformed(self._file, self._accessors, moved[1], stored, moved[0], where, frames)
+        self._positions.append(self._finite(frames.positions, "positions"))
         self._uvs.append(uvs)
         self._colors.append(colors)
-        self._normals.append(self._normal(attributes, draco, count, where))
-        self._tangents.append(self._tangent(attributes, draco, count, where) if tangent_name else None)
+        self._normals.append(self._normal(frames.normals))
+        self._tangents.append(self._tangent(frames.tangents))
         self._second_uvs.append(second)
         place = (self._vertex_count - count, count)
         if draco is None:
@@ -238,11 +258,18 @@ class GeometryReader:
                 uvs = transform.apply(uvs)
         return self._finite(uvs, "UVs")
 
-    def _normal(
-        self, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str
-    ) -> NDArray[np.float32] | None:
-        """[count, 3] unit normals, zero where the file's is none; None, and a remark, where they cannot be read."""
-        normals = self._optional("NORMAL", attributes, draco, count, where, "the triangles' own are used")
+    def _stored(
+        self, attributes: dict[str, Any], draco: DracoMesh | None, where: str, name: str
+    ) -> NDArray[Any] | None:
+        """[count, 4] of an attribute as it is stored; None when the primitive has no such attribute."""
+        if name not in attributes:
+            return None
+        if draco is not None and name in draco.attributes:
+            return draco.attributes[name]
+        return self._accessors.raw(attributes[name], f"{where}.attributes.{name}", ("VEC4",))
+
+    def _normal(self, normals: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+        """[count, 3] unit normals, zero where the file's is none."""
         if normals is None:
             return None
         self._notes.honoured("vertex normals: primitives")
@@ -251,11 +278,8 @@ class GeometryReader:
             self._notes.missing(f"normals without a direction in {broken} vertices; the triangle's own is used")
         return unit
 
-    def _tangent(
-        self, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str
-    ) -> NDArray[np.float32] | None:
-        """[count, 4] unit tangents and signs, zero where the file's is none; None, and a remark, where they cannot be read."""
-        tangents = self._optional("TANGENT", attributes, draco, count, where, "they follow from the UVs")
+    def _tangent(self, tangents: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+        """[count, 4] unit tangents and signs, zero where the file's is none."""
         if tangents is None:
             return None
         self._notes.honoured("vertex tangents: primitives")

@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.motion.animations import AnimatedPath, NodeValues
 from viewer.scene.report import ReportNotes
 
 VISIBILITY = "KHR_node_visibility"
+TRANSFORM_PATHS: tuple[AnimatedPath, ...] = ("translation", "rotation", "scale")
+NOTHING: NodeValues = {}
 MAX_DEPTH = 1 << 14
 """Deepest nesting of nodes; rigs have a few hundred."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -30,6 +33,8 @@ class NodePlacements:
     camera: int | None
     visible: bool = True
     """Whether its mesh and lights are there (KHR_node_visibility)."""
+    weights: tuple[float, ...] = ()
+    """Of the morph targets of its mesh."""
 
 
 def compose(
@@ -58,8 +63,8 @@ def compose(
     return matrices
 
 
-def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64]:
-    """[N, 4, 4] node-to-parent matrices of the nodes `indices`. Raises InputError."""
+def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues = NOTHING) -> NDArray[np.float64]:
+    """[N, 4, 4] node-to-parent matrices of the nodes `indices`; `animated` values stand for the nodes' own. Raises InputError."""
     nodes = file.entries("nodes")
     count = len(indices)
     translations, scales = np.zeros((count, 3)), np.ones((count, 3))
@@ -68,7 +73,7 @@ def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64
     matrices: list[tuple[float, ...]] = []
     for row, index in enumerate(indices):
         node = nodes[index]
-        if "matrix" in node:
+        if "matrix" in node and not any((index, path) in animated for path in TRANSFORM_PATHS):
             given.append(row)
             matrices.append(file.numbers(node, "matrix", f"nodes[{index}]", IDENTITY))
             continue
@@ -79,6 +84,10 @@ def local_matrices(file: GltfFile, indices: Sequence[int]) -> NDArray[np.float64
             rotations[row] = file.numbers(node, "rotation", f"nodes[{index}]", (0.0, 0.0, 0.0, 1.0))
         if "scale" in node:
             scales[row] = file.numbers(node, "scale", f"nodes[{index}]", (1.0, 1.0, 1.0))
+        if animated:
+            translations[row] = animated.get((index, "translation"), translations[row])
+            rotations[row] = animated.get((index, "rotation"), rotations[row])
+            scales[row] = animated.get((index, "scale"), scales[row])
     composed = compose(translations, rotations, scales)
     if given:
         # glTF stores columns one after another.
@@ -180,10 +189,10 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
 
 
 def _world_matrices(
-    file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int]
+    file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int], animated: NodeValues
 ) -> NDArray[np.float64]:
     """[N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
-    worlds = local_matrices(file, order)
+    worlds = local_matrices(file, order, animated)
     parent_rows, levels = np.array(parents, np.int64), np.array(depths, np.int64)
     by_level = np.argsort(levels, kind="stable")
     starts = np.searchsorted(levels[by_level], np.arange(int(levels.max(initial=0)) + 2))
@@ -198,15 +207,32 @@ def _world_matrices(
     return worlds
 
 
-def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[NodePlacements, ...]:
-    """All nodes of the default scene in depth-first order.
+def _weights(file: GltfFile, index: int, mesh: int | None, animated: NodeValues) -> tuple[float, ...]:
+    """Of the morph targets at a node: those that are animated, else the node's, else the mesh's. Raises InputError."""
+    if mesh is None:
+        return ()
+    if (index, "weights") in animated:
+        return tuple(animated[index, "weights"].tolist())
+    for owner, where in (
+        (file.entries("nodes")[index], f"nodes[{index}]"),
+        (file.entries("meshes")[mesh], f"meshes[{mesh}]"),
+    ):
+        if "weights" in owner:
+            return tuple(file.finite(weight, f"{where}.weights") for weight in file.array(owner, "weights", where))
+    return ()
+
+
+def walk_nodes(
+    file: GltfFile, accessors: Accessors, notes: ReportNotes, animated: NodeValues = NOTHING
+) -> tuple[NodePlacements, ...]:
+    """All nodes of the default scene in depth-first order; `animated` values stand for the nodes' own.
 
     Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
     """
     nodes = file.entries("nodes")
     mesh_count, camera_count = len(file.entries("meshes")), len(file.entries("cameras"))
     order, parents, depths = _tree(file, notes)
-    worlds = _world_matrices(file, order, parents, depths)
+    worlds = _world_matrices(file, order, parents, depths, animated)
     visible = _visible(file, order, parents, notes)
     placements: list[NodePlacements] = []
     for place, index in enumerate(order):
@@ -223,7 +249,6 @@ def walk_nodes(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tupl
             if not (np.abs(mesh_worlds) < 1e38).all():
                 raise file.fail(where, "has instance transforms that overflow; check their scales")
             notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
-        if "skin" in node:
-            notes.ignored("skins (meshes stand in their rest pose)")
-        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera, visible[place]))
+        weights = _weights(file, index, mesh, animated)
+        placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera, visible[place], weights))
     return tuple(placements)

@@ -1,0 +1,1 @@
+"""What moves nodes and vertices: animations, morph targets, skins."""

@@ -1,0 +1,155 @@
+"""Animations of nodes: key frames, and what they give at a time (glTF 2.0, 3.11 and appendix C)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.json_text import describe
+from viewer.scene.model import AnimationFacts
+from viewer.scene.report import ReportNotes
+
+AnimatedPath = Literal["translation", "rotation", "scale", "weights"]
+Interpolation = Literal["LINEAR", "STEP", "CUBICSPLINE"]
+NodeValues = Mapping[tuple[int, AnimatedPath], NDArray[np.float64]]
+"""By node and property, the values that animations give it: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
+COMPONENTS: dict[AnimatedPath, tuple[str, int]] = {
+    "translation": ("VEC3", 3),
+    "rotation": ("VEC4", 4),
+    "scale": ("VEC3", 3),
+    "weights": ("SCALAR", 1),
+}
+NEARLY_PARALLEL = 1.0 - 1e-9
+"""Cosine between quaternions from which on they are interpolated along the chord: the arc's formula divides by almost 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Key frames of one property of one node."""
+
+    node: int
+    path: AnimatedPath
+    interpolation: Interpolation
+    times: NDArray[np.float64]
+    """[K] seconds, ascending."""
+    values: NDArray[np.float64]
+    """[K, C], for CUBICSPLINE [K, 3, C]: tangent towards the key, value, tangent from it."""
+
+    def at(self, seconds: float) -> NDArray[np.float64]:
+        """[C] the value at a time; before the first key its value, after the last that one's. Rotations are of unit length."""
+        times = self.times
+        after = int(np.searchsorted(times, seconds, side="right"))
+        keys = self.values[:, 1] if self.interpolation == "CUBICSPLINE" else self.values
+        if after == 0 or after == len(times) or self.interpolation == "STEP":
+            found = keys[max(0, after - 1)]
+        else:
+            span = times[after] - times[after - 1]
+            share = (seconds - times[after - 1]) / span
+            if self.interpolation == "CUBICSPLINE":
+                found = _spline(self.values[after - 1], self.values[after], share, span)
+            elif self.path == "rotation":
+                found = _arc(keys[after - 1], keys[after], share)
+            else:
+                found = keys[after - 1] * (1.0 - share) + keys[after] * share
+        if self.path != "rotation":
+            return np.asarray(found)
+        length = float(np.linalg.norm(found))
+        return np.asarray(found / length) if length > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def _spline(before: NDArray[np.float64], after: NDArray[np.float64], share: float, span: float) -> NDArray[np.float64]:
+    squared, cubed = share**2, share**3
+    start = (2.0 * cubed - 3.0 * squared + 1.0) * before[1] + span * (cubed - 2.0 * squared + share) * before[2]
+    end = (3.0 * squared - 2.0 * cubed) * after[1] + span * (cubed - squared) * after[0]
+    return np.asarray(start + end)
+
+
+def _arc(before: NDArray[np.float64], after: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Along the shorter arc between two quaternions."""
+    cosine = float(before @ after)
+    after, cosine = (-after, -cosine) if cosine < 0.0 else (after, cosine)
+    if cosine > NEARLY_PARALLEL:
+        return before * (1.0 - share) + after * share
+    angle = np.arccos(cosine)
+    return np.asarray((np.sin((1.0 - share) * angle) * before + np.sin(share * angle) * after) / np.sin(angle))
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """Channels that run together."""
+
+    name: str
+    channels: tuple[Channel, ...]
+
+    @property
+    def facts(self) -> AnimationFacts:
+        """Name and length."""
+        return AnimationFacts(self.name, max((float(channel.times[-1]) for channel in self.channels), default=0.0))
+
+    def at(self, seconds: float) -> NodeValues:
+        """What the animation gives at a time."""
+        return {(channel.node, channel.path): channel.at(seconds) for channel in self.channels}
+
+
+def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[Animation, ...]:
+    """All animations of the file; channels without a node, or that move what is no property of a node, are left out.
+
+    Raises InputError for key frames that are out of range, not ascending, or too few.
+    """
+    found: list[Animation] = []
+    for number, entry in enumerate(file.array(file.json, "animations", "file")):
+        where = f"animations[{number}]"
+        if not isinstance(entry, dict):
+            raise file.fail(where, "must be an object")
+        samplers = file.array(entry, "samplers", where)
+        channels: list[Channel] = []
+        for place, channel in enumerate(file.array(entry, "channels", where)):
+            read = _channel(file, accessors, channel, samplers, f"{where}.channels[{place}]", where)
+            if read is None:
+                notes.ignored("animated properties that are none of a node's: channels")
+            else:
+                channels.append(read)
+        name = file.label(entry, f"animation {number}")
+        taken = {animation.name for animation in found}
+        found.append(Animation(name if name not in taken else f"{name} ({number})", tuple(channels)))
+    notes.honoured("animations", len(found))
+    return tuple(found)
+
+
+def _channel(
+    file: GltfFile, accessors: Accessors, channel: Any, samplers: Sequence[Any], where: str, owner: str
+) -> Channel | None:
+    if not isinstance(channel, dict):
+        raise file.fail(where, "must be an object")
+    target = file.object(channel, "target", where)
+    path: Any = target.get("path")
+    if "node" not in target or path not in COMPONENTS:
+        return None
+    node = file.index(target["node"], len(file.entries("nodes")), f"{where}.target.node")
+    number = file.index(channel.get("sampler"), len(samplers), f"{where}.sampler")
+    field, sampler = f"{owner}.samplers[{number}]", samplers[number]
+    if not isinstance(sampler, dict):
+        raise file.fail(field, "must be an object")
+    interpolation: Any = sampler.get("interpolation", "LINEAR")
+    if interpolation not in get_args(Interpolation):
+        raise file.fail(f"{field}.interpolation", f"{describe(interpolation)} is none of LINEAR, STEP and CUBICSPLINE")
+    times = accessors.floats(sampler.get("input"), f"{field}.input", ("SCALAR",))[:, 0].astype(np.float64)
+    kind, components = COMPONENTS[path]
+    raw = accessors.raw(sampler.get("output"), f"{field}.output", (kind,))
+    # Integers stand for fractions, whatever the accessor says.
+    values = normalize(raw).astype(np.float64)
+    if len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise file.fail(f"{field}.input", "must be ascending times in seconds, one at least")
+    if not np.isfinite(values).all():
+        raise file.fail(f"{field}.output", "holds NaN or infinity")
+    rows = len(times) * (3 if interpolation == "CUBICSPLINE" else 1)
+    if path == "weights":
+        components = len(values) // rows
+    if components == 0 or values.size != rows * components:
+        raise file.fail(f"{field}.output", f"has {len(values)} elements for {len(times)} key frames")
+    shape = (len(times), 3, components) if interpolation == "CUBICSPLINE" else (len(times), components)
+    return Channel(node, path, interpolation, times, values.reshape(shape))

@@ -1,0 +1,152 @@
+"""What moves a mesh's vertices at a node: morph targets, then the joints of a skin (glTF 2.0, 3.7.2.2 and 3.7.3)."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.container import GltfFile
+
+LARGEST_TERM = 1e30
+"""Terms of a joint's matrix above it do not fit into single precision with positions."""
+MOST_INFLUENCES = 16
+"""Joints that may move a vertex: four for each of JOINTS_0 to JOINTS_3."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deformation:
+    """How a node's mesh stands at one time."""
+
+    node: int
+    joints: NDArray[np.float64] | None
+    """[J, 4, 4] from the mesh's local space to the world, by joint; None without a skin."""
+    weights: tuple[float, ...]
+    """Of the morph targets."""
+
+
+def read_deformation(
+    file: GltfFile,
+    accessors: Accessors,
+    node: int,
+    weights: tuple[float, ...],
+    worlds: Mapping[int, NDArray[np.float64]],
+) -> Deformation | None:
+    """How the mesh at a node is deformed; None where it is not. `weights`: of its morph targets; `worlds`: the local-to-world
+    matrices of all nodes of the scene.
+
+    Raises InputError for a skin whose joints are not in the scene, or whose matrices are not as many, or overflow.
+    """
+    entry, where = file.entries("nodes")[node], f"nodes[{node}]"
+    joints = _joint_matrices(file, accessors, entry, where, worlds) if "skin" in entry else None
+    if joints is None and not any(weights):
+        return None
+    if joints is not None and not (np.abs(joints) < LARGEST_TERM).all():
+        raise file.fail(where, "has joints whose transforms overflow; check their scales")
+    return Deformation(node, joints, weights)
+
+
+def _joint_matrices(
+    file: GltfFile, accessors: Accessors, node: Mapping[str, Any], where: str, worlds: Mapping[int, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    skins = file.array(file.json, "skins", "file")
+    number = file.index(node["skin"], len(skins), f"{where}.skin")
+    field, skin = f"skins[{number}]", skins[number]
+    if not isinstance(skin, dict):
+        raise file.fail(field, "must be an object")
+    joints = [
+        file.index(joint, len(file.entries("nodes")), f"{field}.joints") for joint in file.array(skin, "joints", field)
+    ]
+    if not joints:
+        raise file.fail(f"{field}.joints", "must name a node at least")
+    missing = next((joint for joint in joints if joint not in worlds), None)
+    if missing is not None:
+        raise file.fail(f"{field}.joints", f"node {missing} is not in the scene that is drawn")
+    matrices = np.stack([worlds[joint] for joint in joints])
+    if "inverseBindMatrices" not in skin:
+        return matrices
+    inverse = accessors.floats(skin["inverseBindMatrices"], f"{field}.inverseBindMatrices", ("MAT4",))
+    if len(inverse) < len(joints):
+        raise file.fail(f"{field}.inverseBindMatrices", f"has {len(inverse)} matrices for {len(joints)} joints")
+    # Accessors store columns one after another.
+    return matrices @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Influences:
+    """Which joints move each vertex, and how much."""
+
+    joints: NDArray[np.int64]
+    """[V, I]."""
+    weights: NDArray[np.float64]
+    """[V, I], of sum 1."""
+
+
+ReadAttribute = Callable[[str], NDArray[Any] | None]
+"""[V, components] of an attribute by its name, as it is stored; None where there is none. Raises InputError."""
+
+
+def read_influences(file: GltfFile, read: ReadAttribute, joints: int, vertices: int, where: str) -> Influences | None:
+    """Influences of a primitive's vertices; None where it has none. Raises InputError."""
+    parts: list[NDArray[np.int64]] = []
+    weights: list[NDArray[np.float64]] = []
+    for number in range(MOST_INFLUENCES // 4):
+        found, share = read(f"JOINTS_{number}"), read(f"WEIGHTS_{number}")
+        if found is None:
+            continue
+        if found.dtype.kind != "u" or share is None or not found.shape == share.shape == (vertices, 4):
+            problem = f"must be four unsigned integers, with weights, for each of {vertices} vertices"
+            raise file.fail(f"{where}.attributes.JOINTS_{number}", problem)
+        parts.append(found.astype(np.int64))
+        weights.append(np.nan_to_num(normalize(share).astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0))
+    if not parts:
+        return None
+    used, share_of = np.concatenate(parts, axis=1), np.maximum(np.concatenate(weights, axis=1), 0.0)
+    if int(used[share_of > 0.0].max(initial=0)) >= joints:
+        raise file.fail(f"{where}.attributes.JOINTS_0", f"names joint {int(used[share_of > 0.0].max())} of {joints}")
+    total = share_of.sum(axis=1, keepdims=True)
+    # Vertices without weights follow the first joint.
+    share_of[:, :1] += total <= 0.0
+    return Influences(np.minimum(used, joints - 1), share_of / np.where(total > 0.0, total, 1.0))
+
+
+def morphed(
+    values: NDArray[np.float32], targets: Sequence[NDArray[np.float32] | None], weights: Sequence[float]
+) -> NDArray[np.float32]:
+    """[V, 3 or more] `values` with the first three components moved by each target [V, 3] times its weight."""
+    moved = values.astype(np.float64)
+    for target, weight in zip(targets, weights, strict=False):
+        if target is not None and weight:
+            moved[:, :3] += weight * target.astype(np.float64)
+    return moved.astype(np.float32)
+
+
+def blended_matrices(influences: Influences, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[V, 4, 4] for each vertex the mean of its joints' matrices, by their weights."""
+    blended = np.zeros((len(influences.joints), 4, 4))
+    for column in range(influences.joints.shape[1]):
+        share = influences.weights[:, column]
+        if share.any():
+            blended += share[:, None, None] * joints[influences.joints[:, column]]
+    return blended
+
+
+def moved_points(points: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
+    """[V, 3] `points` moved by `matrices` [V, 4, 4]."""
+    moved = np.einsum("nij,nj->ni", matrices[:, :3, :3], points.astype(np.float64)) + matrices[:, :3, 3]
+    return np.asarray(moved, np.float32)
+
+
+def moved_normals(normals: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
+    """[V, 3] `normals` turned by `matrices` [V, 4, 4], not of unit length: by their cofactors, which need no inverse."""
+    a, b, c = matrices[:, 0, :3], matrices[:, 1, :3], matrices[:, 2, :3]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    return np.asarray(np.einsum("nij,nj->ni", cofactors, normals.astype(np.float64)), np.float32)
+
+
+def moved_tangents(tangents: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
+    """[V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
+    turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], tangents[:, :3].astype(np.float64))
+    return np.concatenate([turned, tangents[:, 3:]], axis=1).astype(np.float32)
