@@ -76,6 +76,10 @@ class ReadBack(Generic[Tag]):
         """Whether a copy is under way."""
         return bool(self._under_way)
 
+    def reserve(self, size: int) -> None:
+        """Make sure that the next copy, of at most `size` bytes, does not fail for want of memory. Raises GpuMemoryError."""
+        self._free.append(self._buffer(size))
+
     def copy(self, parts: Sequence[tuple[moderngl.Buffer, int]], tag: Tag) -> None:
         """Copy the first bytes of each of `parts` (buffer, bytes), one after the other. Raises GpuMemoryError.
 
@@ -102,7 +106,8 @@ class ReadBack(Generic[Tag]):
         for buffer in self._free:
             buffer.release()
         self._free.clear()
-        return readable_buffer(self._memory, self._functions, self._what, size)
+        # Rounded up: what grows little by little is not allocated anew each time.
+        return readable_buffer(self._memory, self._functions, self._what, 1 << max(size - 1, 0).bit_length())
 
     def newest(self) -> tuple[bytes, Tag] | None:
         """The newest copy that has arrived since the last call; None where none has. Never waits."""

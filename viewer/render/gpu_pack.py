@@ -286,8 +286,9 @@ def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
         pack.reading(plane),
         context.tile_cache,
         context.tile_budget,
+        context.waits,
     )
-    return CachedPath(cache, context.timer, context.tile_budget)
+    return CachedPath(cache, context.timer, context.tile_budget, context.waits)
 
 
 DECODE_PATHS: Mapping[PathChoice, MakePath] = {

@@ -11,6 +11,7 @@ layout(std430, binding = BINDING_RESULTS) buffer Requests {
     uint requests[];   // indices into tile_entries
 };
 uniform uint frame;
+uniform uint most_requests;   // that the list has room for
 
 // Whether the tile is resident; else it is requested.
 bool request_tile(int entry) {
@@ -22,7 +23,7 @@ bool request_tile(int entry) {
     // Only the first pixel that needs a tile lists it.
     if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_REQUESTED) == 0u) {
         uint place = atomicAdd(request_count, 1u);
-        if (place < MAX_TILE_REQUESTS) requests[place] = uint(entry);
+        if (place < most_requests) requests[place] = uint(entry);
         else tile_entries[entry] = 0u;
     }
     return false;

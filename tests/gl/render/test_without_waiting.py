@@ -63,8 +63,10 @@ def test_a_view_at_rest_is_the_same_picture(
     for number in range(3):
         view = ViewState(turned(FRONT, 20.0 * number), SIZE, slot, overlay=Overlay("divergence", opacity=0.3))
         frame, expected = settled(late, view), settled(exact, view)
-        np.testing.assert_array_equal(read_picture(frame.image), read_picture(expected.image))
-        np.testing.assert_array_equal(late.picture(slot), exact.picture(slot))
+        # Tiles lie on other pages, and so at other places of the atlas, whose coordinates the hardware rounds.
+        step = int(path == "cached")
+        np.testing.assert_allclose(read_picture(frame.image), read_picture(expected.image), rtol=0, atol=step)
+        np.testing.assert_allclose(late.picture(slot), exact.picture(slot), rtol=0, atol=step / 256)
         assert frame.divergence == expected.divergence
 
 
@@ -77,7 +79,7 @@ def test_a_whole_picture_is_the_same_at_once(late: Renderer, exact: Renderer, pa
     assert not frame.is_pending
 
 
-@pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
+@pytest.mark.parametrize("path", get_args(DecodePath))
 @pytest.mark.parametrize("times_wanted", [False, True])
 def test_nothing_waits_while_the_camera_moves(graphics: GraphicsContext, path: DecodePath, times_wanted: bool) -> None:
     with watched_calls() as calls:

@@ -145,6 +145,8 @@ TILE_REQUESTED = 0xFFFFFFFF
 """Table entry of a missing tile that has been requested. 0: missing; other values: the tile's page + 1."""
 MAX_TILE_REQUESTS = 1 << 16
 """Most tiles that one frame can request; the others are requested again."""
+LATE_TILE_REQUESTS = 1 << 12
+"""The same where frames do not wait, for which a frame decodes few."""
 PALETTE_STEPS = 32
 """Entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
@@ -347,7 +349,6 @@ def scene_layout_glsl() -> str:
         f"#define PAGE_SIDE {PAGE_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",
         f"#define TILE_REQUESTED {TILE_REQUESTED}u",
-        f"#define MAX_TILE_REQUESTS {MAX_TILE_REQUESTS}u",
         f"#define PALETTE_STEPS {PALETTE_STEPS}",
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",

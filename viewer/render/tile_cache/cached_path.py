@@ -24,10 +24,13 @@ class CachedPath:
     memory_part = "tile cache"
     samples = 0
 
-    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
-        self._cache, self._timer, self._budget = cache, timer, budget
+    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget, waits: bool = True) -> None:
+        """`waits`: whether a frame waits for the list of tiles that it has requested."""
+        self._cache, self._timer, self._budget, self._waits = cache, timer, budget, waits
         self._requested: VisibilityInputs | None = None
         """The view whose tiles were requested last."""
+        self._is_unasked = False
+        """Whether the last view was not requested, because another request was under way."""
         self._frames_ahead = 0
         """Frames that decoded tiles since the last drawing."""
         self._bands_left = 0
@@ -40,9 +43,9 @@ class CachedPath:
 
     @property
     def tiles(self) -> TileCounts:
-        """The state of the tile cache; tiles that are decoded but not drawn count as waiting."""
+        """The state of the tile cache; what is decoded but not drawn, or not asked for yet, counts as waiting."""
         counts = self._cache.counts
-        undrawn = bool(self._frames_ahead or self._bands_left)
+        undrawn = bool(self._frames_ahead or self._bands_left or self._is_unasked)
         return replace(counts, waiting=max(counts.waiting, 1)) if undrawn else counts
 
     @property
@@ -63,11 +66,14 @@ class CachedPath:
         del inputs
         if self._bands_left:
             return False
+        if not self._waits:
+            self._cache.answer(waits=False)
         most = FRAMES_AHEAD if self._cache.only_stale else 0
         if self._cache.is_missing_tiles and self._budget.is_tight:
             most = FRAMES_AHEAD_OF_MISSING
         if self._frames_ahead >= most:
-            return False
+            # Until a request is answered there is nothing new to show.
+            return self._cache.is_pending and not (self._cache.has_work or self._frames_ahead)
         self._frames_ahead += 1
         self._decode(self._cache.tiles_ahead())
         return True
@@ -84,23 +90,49 @@ class CachedPath:
             self._sample_band(inputs, target)
             return
         self._bands_left = 0
-        while True:
-            if self._requested != inputs or self._cache.request_overflowed:
-                with self._timer.measure(NAME):
-                    self._cache.request(inputs)
-                self._requested = inputs
-            wanted = 0 if self._frames_ahead and not whole else self._cache.tiles_now(whole)
-            self._frames_ahead = 0
-            if wanted:
-                self._decode(wanted)
-            if not (whole and wanted and self._cache.request_overflowed):
-                break
+        if whole or self._waits:
+            self._decode_asked(inputs, whole)
+        else:
+            self._decode_known(inputs)
         if in_bands:
             self._bands_left = BANDS
             self._sample_band(inputs, target)
             return
         with self._timer.measure(NAME):
             self._cache.sample(inputs, target)
+
+    def _decode_asked(self, inputs: VisibilityInputs, whole: bool) -> None:
+        """Request the view's tiles, and decode those that are missing, or a frame's share of them."""
+        self._is_unasked = False
+        while True:
+            if self._requested != inputs or self._cache.request_overflowed:
+                with self._timer.measure(NAME):
+                    self._cache.request(inputs)
+                    self._cache.answer(waits=True)
+                self._requested = inputs
+            elif self._cache.is_pending:
+                self._cache.answer(waits=True)
+            wanted = 0 if self._frames_ahead and not whole else self._cache.tiles_now(whole)
+            self._frames_ahead = 0
+            if wanted:
+                self._decode(wanted)
+            if not (whole and wanted and self._cache.request_overflowed):
+                return
+
+    def _decode_known(self, inputs: VisibilityInputs) -> None:
+        """Decode a frame's share of the tiles that were missing when a request was answered last, and request this view's."""
+        self._cache.answer(waits=False)
+        wanted = 0 if self._frames_ahead else self._cache.tiles_now(whole=False)
+        self._frames_ahead = 0
+        if wanted:
+            self._decode(wanted)
+        with self._timer.measure(NAME):
+            self._cache.decode_first(inputs)
+            is_new = self._requested != inputs or self._cache.request_overflowed
+            self._is_unasked = is_new and self._cache.is_pending
+            if is_new and not self._is_unasked:
+                self._cache.request(inputs)
+                self._requested = inputs
 
     def update(self, textures: Collection[int], regrouped: bool) -> None:
         """The pack's buffers hold another version of these scene textures: their tiles are decoded anew."""

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import (
     BIN_GROUP,
     GROUP_SIDE,
+    LATE_TILE_REQUESTS,
     MAX_TILE_REQUESTS,
     PAGE_QUADS,
     PAGE_SIDE,
@@ -64,8 +66,10 @@ class DecodeCachedPass:
         reading: PlaneReading,
         config: TileCacheConfig,
         budget: TileBudget,
+        waits: bool = True,
     ) -> None:
-        self._gl = context.gl
+        """`waits`: whether every request is answered in the frame that makes it; else fewer tiles are listed."""
+        self._gl, self._most = context.gl, MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         self._programs, self._defines = programs, reading.defines()
         defines = {**self._defines, **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
@@ -78,7 +82,17 @@ class DecodeCachedPass:
             if not self._atlas.grow(1):
                 raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
             self._make_tables(context.memory)
-        self._frame = 0
+        self._back = ReadBack[int](context, "tiles that are asked for")
+        self._frame = self._heard = 0
+        """Numbers of the last request, and of the last that was answered."""
+        self._used = np.zeros(self._pool.pages, np.uint32)
+        """[pages] number of the request that read each page last, as of the last answer."""
+        self._tiles_of = np.zeros(len(table.levels), np.int64)
+        """[rows of the table] tiles in the cache of each texture, by its first row."""
+        self._is_outdated = False
+        """Whether tiles have been evicted since the last request was made, which may have counted on them."""
+        self._decoded_since: NDArray[np.int64] = np.zeros(0, np.int64)
+        """Stand-ins that were decoded while a request was under way, which may list them."""
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
         self._stand_ins = 0
         """Of the waiting tiles the first so many are the only ones of their mips."""
@@ -89,7 +103,7 @@ class DecodeCachedPass:
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
-        asked = min(MAX_TILE_REQUESTS, table.entries)
+        asked = min(self._most, table.entries)
         self._places: dict[StorageBinding | TileBinding, moderngl.Buffer] = {
             TileBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
             TileBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
@@ -105,7 +119,7 @@ class DecodeCachedPass:
         """State of the cache."""
         return TileCounts(
             self._pool.taken,
-            len(self._waiting) + len(self._stale) + self._unheard,
+            len(self._waiting) + len(self._stale) + self._unheard + (self.is_pending or self._is_outdated),
             self._starved,
             self._kept,
             self._decoded,
@@ -127,38 +141,73 @@ class DecodeCachedPass:
 
     @property
     def request_overflowed(self) -> bool:
-        """Whether the last view needs more tiles than one request can list, and all listed ones are decoded: request again."""
-        return self._unheard > 0 and not len(self._waiting)
+        """Whether the last view needs more tiles than its request has told, and all listed ones are decoded: request again."""
+        return (self._unheard > 0 or self._is_outdated) and not len(self._waiting)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether a request has not been answered yet; nothing waits to be decoded then."""
+        return self._back.is_pending
 
     def request(self, inputs: VisibilityInputs) -> None:
-        """Find out which tiles this view reads and which of them are missing. Reads back the list of missing tiles."""
+        """Find out which tiles this view reads and which of them are missing: `answer` tells. One request is under way at a time."""
+        if self.is_pending:
+            self.answer(waits=True)
+        asked, used = self._places[StorageBinding.RESULTS], self._places[TileBinding.PAGE_USED]
+        parts = [(asked, asked.size), (used, 4 * max(1, self._pool.reach(0)))]
+        # What the GPU has listed must be read: else it is never listed again.
+        self._back.reserve(sum(size for _, size in parts))
         visibility = inputs.visibility
         program = self._programs.compute(
             f"{FOLDER}/request.comp", {**self._defines, "GRADIENTS": int(visibility.content.gradients)}
         )
         self._invalidate_entries(self._waiting)
+        self._waiting, self._stand_ins, self._unheard = self._waiting[:0], 0, 0
+        self._decoded_since, self._is_outdated = self._decoded_since[:0], False
         self._frame += 1
-        self._starved, self._kept = 0, self._pool.taken
         inputs.bind()
         self._bind_tables()
-        asked = self._places[StorageBinding.RESULTS]
         asked.write(bytes(4))
-        set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy})
+        set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy, "most_requests": self._most})
         program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
         self._gl.memory_barrier()
+        self._back.copy(parts, self._frame)
+
+    def answer(self, waits: bool) -> bool:
+        """Take the list of missing tiles that was requested; False where it is not there. With `waits` it is waited for."""
+        found = self._back.wait() if waits else self._back.newest()
+        if found is None:
+            return False
+        content, self._heard = found
+        words = np.frombuffer(content, np.uint32)
+        listed = self._places[StorageBinding.RESULTS].size // 4
+        self._used[:] = 0
+        self._used[: len(words) - listed] = words[listed:]
+        self._starved, self._kept = 0, self._pool.taken
         self._drop_unseen_stale()
-        asked_count = int(np.frombuffer(asked.read(4), np.uint32)[0])
-        count = min(asked_count, MAX_TILE_REQUESTS)
-        self._unheard = asked_count - count
-        entries = (
-            np.frombuffer(asked.read(4 * count, offset=4), np.uint32).astype(np.int64) if count else self._waiting[:0]
-        )
+        count = min(int(words[0]), self._most, listed - 1)
+        self._unheard = int(words[0]) - count
+        entries = np.setdiff1d(words[1 : 1 + count].astype(np.int64), self._decoded_since)
         # In a fixed order: atomics hand out places by chance. Coarse tiles first, mips of a single one before all: they stand in
         # for finer ones.
-        tiles = self._table.tiles(np.sort(entries))
+        tiles = self._table.tiles(entries)
         single = self._table.are_single(tiles["entry"].astype(np.int64))
         self._waiting = tiles["entry"][np.lexsort((-tiles["level"], ~single))].astype(np.int64)
         self._stand_ins = int(single.sum())
+        return True
+
+    def decode_first(self, inputs: VisibilityInputs) -> None:
+        """Decode coarse tiles of each texture that may be visible and has none: it would be grey until one is asked for."""
+        firsts = np.unique(self._table.first_level_of_material[list(inputs.visible_materials)]).astype(np.int64)
+        missing = firsts[firsts >= 0]
+        entries = self._table.stand_ins(missing[self._tiles_of[missing] == 0])
+        if not len(entries):
+            return
+        waiting = ~np.isin(self._waiting, entries)
+        self._stand_ins = int(waiting[: self._stand_ins].sum())
+        self._waiting = self._waiting[waiting]
+        done = self._place(entries)
+        self._decoded_since = np.concatenate([self._decoded_since, entries[:done]])
 
     @property
     def only_stale(self) -> bool:
@@ -169,6 +218,11 @@ class DecodeCachedPass:
     def is_missing_tiles(self) -> bool:
         """Whether the last request listed tiles that are not decoded yet; coarser ones are shown in their place."""
         return bool(len(self._waiting))
+
+    @property
+    def has_work(self) -> bool:
+        """Whether there are tiles to decode now."""
+        return bool(len(self._waiting) or len(self._stale))
 
     def tiles_now(self, whole: bool) -> int:
         """Number of waiting tiles to decode in this frame; all where the picture must be `whole`.
@@ -198,27 +252,36 @@ class DecodeCachedPass:
         entries = self._waiting[:count]
         if not len(entries):
             return 0
+        done = self._place(entries)
+        if done < len(entries):
+            # Nothing can make room before the view changes.
+            self._starved = len(self._waiting) - done
+            self._invalidate_entries(self._waiting[done:])
+            self._waiting = self._waiting[:done]
+        self._waiting = self._waiting[done:]
+        self._stand_ins = max(0, self._stand_ins - done)
+        return done
+
+    def _place(self, entries: NDArray[np.int64]) -> int:
+        """Decode the first of these missing tiles into pages, as many as there is room for; their number."""
         # Whatever may fail for want of memory comes before tiles get their pages.
         self._need_latents(self._table.tiles(entries))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
             self._out_of_memory = True
-        read = self._places[TileBinding.PAGE_USED]
-        pages, gone = self._pool.place(entries, self._frame, lambda: np.frombuffer(read.read(), np.uint32))
+        pages, gone = self._pool.place(entries, self._heard, lambda: self._used)
+        self._count_tiles(gone, -1)
         self._invalidate_entries(gone)
         self._evicted += len(gone)
-        if len(pages) < len(entries):
-            # Nothing can make room before the view changes.
-            self._starved = len(self._waiting) - len(pages)
-            self._invalidate_entries(self._waiting[len(pages) :])
-            self._waiting = self._waiting[: len(pages)]
-        if not len(pages):
-            return 0
-        self._decode_into(entries[: len(pages)], pages)
-        self._waiting = self._waiting[len(pages) :]
-        self._stand_ins = max(0, self._stand_ins - len(pages))
+        self._is_outdated |= self.is_pending and len(gone) > 0
+        if len(pages):
+            self._count_tiles(entries[: len(pages)], 1)
+            self._decode_into(entries[: len(pages)], pages)
         return len(pages)
+
+    def _count_tiles(self, entries: NDArray[np.int64], change: int) -> None:
+        np.add.at(self._tiles_of, self._table.textures(entries), change)
 
     def _decode_stale(self, count: int) -> int:
         """Decode stale tiles into the pages that they have."""
@@ -248,9 +311,9 @@ class DecodeCachedPass:
         if not len(self._stale):
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
-        read = np.frombuffer(self._places[TileBinding.PAGE_USED].read(), np.uint32)
-        seen = self._pool.needed_in(self._pool.pages_of(stale), self._frame, read)
+        seen = self._pool.needed_in(self._pool.pages_of(stale), self._heard, self._used)
         self._pool.drop(stale[~seen])
+        self._count_tiles(stale[~seen], -1)
         self._invalidate_entries(stale[~seen])
         self._stale = stale[seen]
 
@@ -324,6 +387,7 @@ class DecodeCachedPass:
 
     def release(self) -> None:
         """Free atlas and tables."""
+        self._back.release()
         self._atlas.release()
         self._tiles.release()
         for buffer in self._places.values():

@@ -29,6 +29,8 @@ class TileTable:
     """[rows, 2] WRAP_ codes."""
     single_of_level: NDArray[np.bool_]
     """[rows] whether the mip is a single tile."""
+    first_of_level: NDArray[np.int32]
+    """[rows] row of the finest mip of the same texture under the same modes."""
     entries: int
     """Tiles of all levels."""
 
@@ -65,6 +67,7 @@ class TileTable:
             table[:, 3],
             table[:, 4:6],
             np.diff(table[:, 0], append=max(1, entries)) == 1,
+            np.maximum.accumulate(np.where(table[:, 3] == 0, np.arange(len(table)), 0)).astype(np.int32),
             max(1, entries),
         )
 
@@ -72,6 +75,26 @@ class TileTable:
         """[N] whether these entries are the only tile of their mip: what is shown first of a texture."""
         single: NDArray[np.bool_] = self.single_of_level[self._rows(entries)]
         return single
+
+    def stand_ins(self, firsts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Entries of tiles that stand in for others, of textures given by first rows [N].
+
+        They are those of the finest mip that is a single tile, and of the coarsest: a tile stands in for finer ones alone.
+        """
+        ends = np.append(np.nonzero(self.level_of_level == 0)[0], len(self.levels))
+        last = ends[np.searchsorted(ends, firsts, side="right")] - 1
+        singles = np.nonzero(self.single_of_level)[0]
+        found = (
+            singles[np.minimum(np.searchsorted(singles, firsts), max(len(singles) - 1, 0))] if len(singles) else last
+        )
+        rows = np.unique([np.where((found >= firsts) & (found <= last), found, last), last])
+        entries: NDArray[np.int64] = self.levels["first_entry"][rows].astype(np.int64)
+        return entries
+
+    def textures(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
+        """[N] first rows of the textures of these entries."""
+        firsts: NDArray[np.int64] = self.first_of_level[self._rows(entries)].astype(np.int64)
+        return firsts
 
     def _rows(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
         rows: NDArray[np.int64] = np.searchsorted(self.levels["first_entry"], entries, side="right") - 1

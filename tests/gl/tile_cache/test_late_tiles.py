@@ -1,0 +1,131 @@
+"""Path `cached` where frames do not wait for the list of missing tiles: it comes to the same picture, whatever is in its way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.codec.model import Pack
+from tests.gl.small_scenes import FRONT, objects
+from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import Fence
+from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.renderer import Renderer
+from viewer.render.tile_cache import decode_cached
+from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.tile_cache.decode_cached import PAGE_BYTES
+from viewer.state.navigation import turned
+from viewer.state.view_state import Slot, ViewState
+
+SIZE = (120, 72)
+SLOT = Slot("p", "cached")
+VIEW = ViewState(FRONT, SIZE, SLOT)
+ASIDE = replace(VIEW, camera=turned(FRONT, 25.0))
+MISSING = 0.2
+"""In linear light, of texels that no tile stands for."""
+
+
+def pack(seed: int = 0) -> Pack:
+    textures = objects().textures
+    groups = tuple(index % 2 for index in range(len(textures)))
+    return random_pack([(256, 256)] * len(textures), groups, hashes=[t.pixel_hash for t in textures], seed=seed)
+
+
+def renderer(graphics: GraphicsContext, tiles: TileCacheConfig | None = None, waits: bool = False) -> Renderer:
+    made = Renderer(graphics, objects(), tile_cache=tiles, waits=waits)
+    made.set_packs({"p": pack()})
+    return made
+
+
+def settled(made: Renderer, view: ViewState) -> FrameResult:
+    """The last frame of a view, once nothing is to come."""
+    for _ in range(2000):
+        made.tile_budget.note_frame(50.0)
+        frame = made.render(view)
+        if not (frame.waiting or frame.is_pending):
+            return frame
+    raise AssertionError("the view does not come to rest")
+
+
+def assert_same(made: Renderer, truth: Renderer, view: ViewState) -> FrameResult:
+    frame = settled(made, view)
+    expected = truth.render(view, whole=True)
+    # Tiles lie on other pages, whose coordinates the hardware rounds.
+    np.testing.assert_allclose(read_picture(frame.image), read_picture(expected.image), rtol=0, atol=1)
+    return frame
+
+
+def test_a_frame_with_little_time_and_a_list_with_little_room(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(decode_cached, "LATE_TILE_REQUESTS", 3)
+    made, truth = renderer(graphics, TileCacheConfig(milliseconds=1.0, least_tiles=1)), renderer(graphics, waits=True)
+    for view in (VIEW, ASIDE, VIEW):
+        assert_same(made, truth, view)
+    made.release()
+    truth.release()
+
+
+def test_tiles_that_were_evicted_come_back(graphics: GraphicsContext) -> None:
+    truth = renderer(graphics, waits=True)
+    near = [replace(VIEW, camera=replace(turned(FRONT, degrees), fov_degrees=10.0)) for degrees in (-8.0, 0.0, 8.0)]
+    needed = []
+    for view in near:
+        alone = renderer(graphics, waits=True)
+        needed.append(alone.render(view, whole=True).tiles[SLOT].resident)
+        alone.release()
+    made = renderer(graphics, TileCacheConfig((max(needed) + 2) * PAGE_BYTES, 1.0, 2))
+    for view in (*near, *near):
+        for _ in range(3):
+            made.render(view)
+    frame = assert_same(made, truth, near[1])
+    counts = frame.tiles[SLOT]
+    assert counts.evicted > 0
+    assert counts.starved == 0
+    made.release()
+    truth.release()
+
+
+def test_an_answer_that_is_late_holds_nothing_up(graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, truth = renderer(graphics), renderer(graphics, waits=True)
+    reached = Fence._wait
+    monkeypatch.setattr(Fence, "_wait", lambda fence, nanoseconds: nanoseconds > 0 and reached(fence, nanoseconds))
+    before = graphics.memory.blocking.count
+    for number in range(5):
+        frame = made.render(replace(VIEW, camera=turned(FRONT, 3.0 * number)))
+        assert frame.waiting > 0
+    assert graphics.memory.blocking.count == before
+    monkeypatch.undo()
+    assert_same(made, truth, ASIDE)
+    # A whole picture waits for the answer that is under way.
+    made.render(VIEW)
+    frame = made.render(replace(VIEW, camera=turned(FRONT, 9.0)), whole=True)
+    assert frame.waiting == 0
+    made.release()
+    truth.release()
+
+
+def test_nothing_is_grey_in_the_first_frame(graphics: GraphicsContext) -> None:
+    made = renderer(graphics)
+    frame = made.render(VIEW)
+    assert frame.waiting > 0, "finer tiles are to come"
+    targets = made._targets
+    assert targets is not None
+    shown = targets.picture(SLOT).read()
+    covered = made.covered()
+    assert not np.isclose(shown[covered], MISSING, atol=1e-6).all(axis=-1).any()
+    made.release()
+
+
+def test_a_pack_that_is_replaced_in_motion(graphics: GraphicsContext) -> None:
+    made, truth = renderer(graphics, TileCacheConfig(milliseconds=1.0, least_tiles=1)), renderer(graphics, waits=True)
+    settled(made, VIEW)
+    other = pack(seed=3)
+    made.render(ASIDE)
+    made.update_pack("p", other)
+    truth.update_pack("p", other)
+    made.render(VIEW)
+    assert_same(made, truth, VIEW)
+    made.release()
+    truth.release()
