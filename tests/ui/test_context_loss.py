@@ -172,7 +172,7 @@ from viewer.app import imgui_window
 glfw.NATIVE_CONTEXT_API = glfw.EGL_CONTEXT_API
 imgui_window.Window.init_mgl_context = imgui_window.Window.set_default_viewport = lambda self: None
 for robust in (True, False):
-    window = imgui_window._open((64, 64), robust)
+    window = imgui_window._open((64, 64), 430, robust)
     print(glfw.get_window_attrib(window._window, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
     window.destroy()
 """
@@ -189,7 +189,7 @@ def refuse(*arguments):
     print("robust" if wanted else "plain")
     return None if wanted else create(*arguments)
 glfw.window_hint, glfw.create_window = note, refuse
-window = imgui_window._open_robust_if_possible((64, 64))
+window = imgui_window._open_best((64, 64))
 print(glfw.get_window_size(window._window))
 """
 

@@ -15,39 +15,41 @@ import glfw
 from moderngl_window.context.glfw.window import Window
 
 from ntc.errors import InputError
-from viewer.gl.context import REQUIRED_VERSION, GraphicsContext, wrap_context
+from viewer.gl.context import GraphicsContext, wrap_context
 from viewer.gl.context_loss import SimulatedLosses
+from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION
 from viewer.gl.systems import SYSTEM
 
 TITLE = "ntc-viewer"
 
 
-def _open(size: tuple[int, int], robust: bool) -> Window:
+def _open(size: tuple[int, int], version: int, robust: bool) -> Window:
     """A window, with a context that reports its loss if `robust`. Raises what moderngl-window, moderngl and glfw raise."""
-    version = (REQUIRED_VERSION // 100, REQUIRED_VERSION // 10 % 10)
+    gl_version = (version // 100, version // 10 % 10)
     # moderngl-window neither resets hints nor gives one for this, and to initialise glfw twice changes nothing.
     if robust and glfw.init():
         glfw.window_hint(glfw.CONTEXT_ROBUSTNESS, glfw.LOSE_CONTEXT_ON_RESET)
     try:
-        return Window(title=TITLE, size=size, gl_version=version, resizable=True, vsync=True, aspect_ratio=None)
+        return Window(title=TITLE, size=size, gl_version=gl_version, resizable=True, vsync=True, aspect_ratio=None)
     except BaseException:
         # Hints and windows that were made so far go with it.
         glfw.terminate()
         raise
 
 
-def _open_robust_if_possible(size: tuple[int, int]) -> Window:
-    # glfw, moderngl and moderngl-window each raise what they like, plain Exception included.
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", glfw.GLFWError)
-            return _open(size, robust=True)
-    except Exception:  # noqa: BLE001
-        pass
-    try:
-        return _open(size, robust=False)
-    except Exception as error:
-        raise InputError(f"no window could be opened ({error}); {SYSTEM.window}, or use ntc-viewer render") from error
+def _open_best(size: tuple[int, int]) -> Window:
+    """A window with what its driver has: losses that are told rather than not, else an older version."""
+    problem: Exception | None = None
+    for version in (COMPUTE_VERSION, DRAWING_VERSION):
+        for robust in (True, False):
+            # glfw, moderngl and moderngl-window each raise what they like, plain Exception included.
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", glfw.GLFWError)
+                    return _open(size, version, robust)
+            except Exception as error:  # noqa: BLE001
+                problem = error
+    raise InputError(f"no window could be opened ({problem}); {SYSTEM.window}, or use ntc-viewer render") from problem
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class ImguiWindow:
 
         Raises InputError where no window can be opened.
         """
-        self._window = _open_robust_if_possible(placement.size)
+        self._window = _open_best(placement.size)
         self.handle: Any = self._window._window  # noqa: SLF001  moderngl-window offers no other way to the glfw handle.
         try:
             self.context: GraphicsContext = wrap_context(self._window.ctx, self._address, losses)

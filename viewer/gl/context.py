@@ -9,12 +9,13 @@ from ntc.errors import InputError
 from viewer.gl.allocation import GpuMemory, limit_from_environment
 from viewer.gl.context_loss import ResetStatus, SimulatedLosses
 from viewer.gl.devices import OLDEST_VERSION, device_number, is_software
-from viewer.gl.features import Features, find_features
+from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION, Features, find_features
 from viewer.gl.functions import GlFunctions
+from viewer.gl.older_glsl import IMAGE_UNITS
 from viewer.gl.systems import SYSTEM, FunctionLoader, GraphicsSystem, make_context
+from viewer.gl.texture_buffers import TextureBuffers
 
-REQUIRED_VERSION = 430
-VERSION = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION // 10 % 10}"
+LEAST = f"{DRAWING_VERSION // 100}.{DRAWING_VERSION // 10 % 10}"
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,22 @@ class GraphicsContext:
     """Tells whether the context is lost."""
     memory: GpuMemory
     """GPU allocator: all buffers, textures and framebuffers come from it."""
+    texture_buffers: TextureBuffers
+    """What stands in for storage buffers where `features` says that nothing computes."""
+
+    def bind_storage(self, buffer: moderngl.Buffer, binding: int, offset: int = 0, size: int = -1) -> None:
+        """Let shaders read a buffer, or a part of it, by this storage binding."""
+        if self.features.compute:
+            buffer.bind_to_storage_buffer(binding, offset=offset, size=size)
+        else:
+            self.texture_buffers.bind(buffer, binding)
+
+    def bind_read_image(self, texture: moderngl.Texture, unit: int) -> None:
+        """Let shaders read a texture by this image unit."""
+        if self.features.compute:
+            texture.bind_to_image(unit, read=True, write=False)
+        else:
+            texture.use(IMAGE_UNITS + unit)
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:
@@ -60,29 +77,36 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
     features = find_features(gl, information.is_software)
     memory = GpuMemory(gl, limit_from_environment())
-    return GraphicsContext(gl, information, load, functions, features, reset, memory)
+    return GraphicsContext(gl, information, load, functions, features, reset, memory, TextureBuffers(functions))
 
 
 def create_headless_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
     """A context without a window, on the GPU that `device` names (None: `viewer.gl.devices.device_number`).
 
-    Raises InputError where there is no such device, or no OpenGL 4.3 on it.
+    Raises InputError where there is no such device, or no OpenGL 4.1 on it.
     """
     number = device_number(device, system)
     try:
-        gl, load = make_context(REQUIRED_VERSION, number, system)
+        gl, load = _newest_context(number, system)
     except Exception as error:
         older = _older_context(number, system)
         if older is not None:
             raise InputError(
-                f"OpenGL {VERSION} is needed, and {older} is there; update the driver, or draw without the GPU: {system.software}"
+                f"OpenGL {LEAST} is needed, and {older} is there; update the driver, or draw without the GPU: {system.software}"
             ) from error
-        raise InputError(f"OpenGL {VERSION} without a window is not available ({error}); {system.driver}") from error
+        raise InputError(f"OpenGL {LEAST} without a window is not available ({error}); {system.driver}") from error
     return wrap_context(gl, load)
 
 
+def _newest_context(device: int, system: GraphicsSystem) -> tuple[moderngl.Context, FunctionLoader]:
+    # glcontext raises plain Exceptions.
+    with suppress(Exception):
+        return make_context(COMPUTE_VERSION, device, system)
+    return make_context(DRAWING_VERSION, device, system)
+
+
 def _older_context(device: int, system: GraphicsSystem) -> str | None:
-    """Version and renderer of the context that the device offers below REQUIRED_VERSION; None where it offers none."""
+    """Version and renderer of the context that the device offers below DRAWING_VERSION; None where it offers none."""
     # glcontext raises plain Exceptions.
     with suppress(Exception):
         gl, _ = make_context(OLDEST_VERSION, device, system)

@@ -9,9 +9,13 @@ import moderngl
 
 from ntc.errors import InputError
 
+COMPUTE_VERSION: Final = 430
+"""OpenGL 4.3: for all that is there."""
+DRAWING_VERSION: Final = 410
+"""OpenGL 4.1, where macOS ends: for what is drawn without computing."""
 WITHOUT_VARIABLE: Final = "NTC_VIEWER_WITHOUT"
 """Environment variable: names of NAMES, separated by commas, that are not used although the driver has them."""
-NAMES: Final = ("timer-queries", "uniform-decoders", "weights-in-image", "half-arithmetic", "anisotropy")
+NAMES: Final = ("compute", "timer-queries", "uniform-decoders", "weights-in-image", "half-arithmetic", "anisotropy")
 HALF_EXTENSIONS: Final = (
     "GL_NV_gpu_shader5",
     "GL_AMD_gpu_shader_half_float",
@@ -34,6 +38,8 @@ void main() {{
 class Features:
     """Optional features in use. Pictures do not depend on them, but for anisotropic filtering and half arithmetic."""
 
+    compute: bool
+    """OpenGL 4.3: shaders that compute, storage buffers, image stores. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
     timer_queries: bool
     """Times by the GPU's own clock, else wall time around `finish()`."""
     uniform_block_bytes: int
@@ -69,10 +75,12 @@ def find_features(gl: moderngl.Context, is_software: bool, environment: Mapping[
     """The features to use with this driver. Raises InputError where WITHOUT_VARIABLE names an unknown one."""
     without = features_without(environment.get(WITHOUT_VARIABLE, ""))
     # llvmpipe's timer queries return nonsense.
+    compute = "compute" not in without and gl.version_code >= COMPUTE_VERSION
     return Features(
+        compute=compute,
         timer_queries="timer-queries" not in without and not is_software,
         uniform_block_bytes=0 if "uniform-decoders" in without else int(gl.info["GL_MAX_UNIFORM_BLOCK_SIZE"]),
-        weights_in_image="weights-in-image" not in without and is_software,
-        half_arithmetic=None if "half-arithmetic" in without else half_arithmetic(gl),
+        weights_in_image=not compute or ("weights-in-image" not in without and is_software),
+        half_arithmetic=None if "half-arithmetic" in without or not compute else half_arithmetic(gl),
         anisotropy=1 if "anisotropy" in without else max(1, int(gl.max_anisotropy)),
     )

@@ -7,6 +7,16 @@ from typing import Any
 from viewer.gl.systems import FunctionLoader
 
 GL_TEXTURE_2D_ARRAY = 0x8C1A
+GL_TEXTURE_BUFFER = 0x8C2A
+GL_R32UI = 0x8236
+GL_TEXTURE_MAX_LEVEL = 0x813D
+GL_READ_FRAMEBUFFER = 0x8CA8
+GL_FRAMEBUFFER = 0x8D40
+GL_COLOR_ATTACHMENT0 = 0x8CE0
+GL_CONSTANT_ALPHA = 0x8003
+GL_ONE_MINUS_CONSTANT_ALPHA = 0x8004
+GL_TRIANGLES = 0x0004
+GL_UNSIGNED_INT = 0x1405
 GL_SRGB8_ALPHA8 = 0x8C43
 GL_RGBA8 = 0x8058
 GL_RGBA = 0x1908
@@ -39,6 +49,21 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glActiveTexture": (_UINT,),
     "glBindTexture": (_UINT, _UINT),
     "glTexStorage3D": (_UINT, _INT, _UINT, _INT, _INT, _INT),
+    "glBlendColor": (ctypes.c_float,) * 4,
+    "glTexImage3D": (_UINT, *[_INT] * 6, _UINT, _UINT, _POINTER),
+    "glTexBuffer": (_UINT, _UINT, _UINT),
+    "glCopyTexSubImage3D": (_UINT, *[_INT] * 8),
+    "glGenFramebuffers": (_INT, _POINTER),
+    "glDeleteFramebuffers": (_INT, _POINTER),
+    "glBindFramebuffer": (_UINT, _UINT),
+    "glFramebufferTextureLayer": (_UINT, _UINT, _UINT, _INT, _INT),
+    "glViewport": (_INT, _INT, _INT, _INT),
+    "glUseProgram": (_UINT,),
+    "glProgramUniform1i": (_UINT, _INT, _INT),
+    "glBindVertexArray": (_UINT,),
+    "glVertexAttrib4f": (_UINT, *[ctypes.c_float] * 4),
+    "glVertexAttribI4ui": (_UINT, *[_UINT] * 4),
+    "glDrawElementsBaseVertex": (_UINT, _INT, _UINT, _POINTER, _INT),
     "glTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _UINT, _POINTER),
     "glTexParameteri": (_UINT, _UINT, _INT),
     "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
@@ -60,15 +85,19 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
 }
 _RESULTS: dict[str, type] = {"glFenceSync": _POINTER, "glClientWaitSync": _UINT}
 """Of those that give one."""
+_BEYOND_DRAWING = ("glTexStorage3D", "glTextureView", "glBindImageTexture", "glCopyImageSubData")
+"""Those that OpenGL 4.1 lacks: nothing calls them where `Features.compute` is false."""
 
 
 class GlFunctions:
-    """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one."""
+    """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one of OpenGL 4.1."""
 
     def __init__(self, load: FunctionLoader) -> None:
         self._calls: dict[str, Callable[..., Any]] = {}
         for name, arguments in _SIGNATURES.items():
             address = load(name)
+            if not address and name in _BEYOND_DRAWING:
+                continue
             if not address:
                 raise RuntimeError(f"the OpenGL driver has no {name}")
             self._calls[name] = ctypes.CFUNCTYPE(_RESULTS.get(name), *arguments)(address)

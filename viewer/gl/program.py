@@ -2,10 +2,13 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 import moderngl
+
+from viewer.gl.functions import GlFunctions
+from viewer.gl.older_glsl import UnsuitableShader, older_source
 
 Defines = Mapping[str, int | float | str]
 EXTENSION = "extension"
@@ -29,6 +32,10 @@ class ShaderSource:
     text: str
     files: tuple[str, ...]
     """File of each source number that the text's `#line` directives use."""
+    units: Mapping[str, int] = field(default_factory=dict)
+    """Texture units of samplers whose declarations do not tell them."""
+    blocks: Mapping[str, int] = field(default_factory=dict)
+    """Bindings of uniform blocks, alike."""
 
     @property
     def uniforms(self) -> frozenset[str]:
@@ -48,13 +55,14 @@ class ShaderSource:
 class ShaderLibrary:
     """The GLSL files of a folder, and generated ones that exist only in memory."""
 
-    def __init__(self, folder: Path, generated: Mapping[str, str] | None = None) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, generated: Mapping[str, str] | None = None, older: bool = False) -> None:
+        """`older`: assemble GLSL 4.10 for what draws (`viewer.gl.older_glsl`)."""
+        self._folder, self._older = folder, older
         self._generated = dict(generated or {})
 
     def with_generated(self, generated: Mapping[str, str]) -> "ShaderLibrary":
         """This library with further generated files."""
-        return ShaderLibrary(self._folder, {**self._generated, **generated})
+        return ShaderLibrary(self._folder, {**self._generated, **generated}, self._older)
 
     def _read(self, name: str) -> str:
         if name in self._generated:
@@ -79,8 +87,17 @@ class ShaderLibrary:
                 lines += [f"#define {key} {value}" for key, value in given.items()]
                 # The line after #version is line 2 of file 0, whatever was inserted.
                 output[position + 1 : position + 1] = [*lines, "#line 2 0"]
-                return ShaderSource("\n".join(output) + "\n", tuple(files))
+                return self._source(name, "\n".join(output) + "\n", tuple(files))
         raise ShaderError(f"{name}: has no #version line")
+
+    def _source(self, name: str, text: str, files: tuple[str, ...]) -> ShaderSource:
+        if not self._older or name.endswith(".comp"):
+            return ShaderSource(text, files)
+        try:
+            older = older_source(text)
+        except UnsuitableShader as error:
+            raise ShaderError(f"{name}: {error}") from error
+        return ShaderSource(older.text, files, older.units, older.blocks)
 
     def _append(self, name: str, files: list[str], output: list[str]) -> None:
         number = len(files)
@@ -103,8 +120,9 @@ class ShaderLibrary:
 class ProgramFactory:
     """Compiles programs of a library, each distinct one once."""
 
-    def __init__(self, gl: moderngl.Context, library: ShaderLibrary) -> None:
-        self._gl = gl
+    def __init__(self, gl: moderngl.Context, library: ShaderLibrary, functions: GlFunctions | None = None) -> None:
+        """`functions` are needed where the library assembles GLSL 4.10."""
+        self._gl, self._functions = gl, functions
         self._library = library
         self._programs: dict[object, moderngl.Program | moderngl.ComputeShader] = {}
         self._variants: dict[object, ProgramFactory] = {}
@@ -114,7 +132,7 @@ class ProgramFactory:
         """The factory for the same library with further generated files: one for equal files, freed with this one."""
         key = tuple(sorted(generated.items()))
         if key not in self._variants:
-            self._variants[key] = ProgramFactory(self._gl, self._library.with_generated(generated))
+            self._variants[key] = ProgramFactory(self._gl, self._library.with_generated(generated), self._functions)
         return self._variants[key]
 
     def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
@@ -150,9 +168,23 @@ class ProgramFactory:
                 log = str(error)
                 source = sources[0] if "vertex_shader" in log else sources[-1]
                 raise ShaderError(f"{' + '.join(names)}: {source.explain(log)}") from error
+            for source in sources:
+                self._place(made, source)
             made.extra = frozenset().union(*(source.uniforms for source in sources))
             self._programs[key] = made
         return self._programs[key]
+
+    def _place(self, program: moderngl.Program | moderngl.ComputeShader, source: ShaderSource) -> None:
+        """Tell a program where the textures and uniform buffers are bound whose declarations do not say it."""
+        for name, unit in source.units.items():
+            sampler = program.get(name, None)
+            if isinstance(sampler, moderngl.Uniform) and self._functions is not None:
+                # moderngl does not know samplers of texture buffers.
+                self._functions("glProgramUniform1i", program.glo, sampler.location, unit)
+        for name, binding in source.blocks.items():
+            block = program.get(name, None)
+            if isinstance(block, moderngl.UniformBlock):
+                block.binding = binding
 
     def release(self) -> None:
         """Free all programs."""

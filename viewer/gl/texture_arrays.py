@@ -4,7 +4,8 @@ The first three channels are sRGB, which the hardware filters in linear light, o
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +13,27 @@ from numpy.typing import NDArray
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.functions import GlFunctions
 
 
 class _TextureArray:
     """A texture array of 8-bit channels with `levels` mips, uninitialised, and a view of it that shaders can write."""
 
-    def __init__(self, call: GlFunctions, size: tuple[int, int], layers: int, srgb: bool, levels: int = 1) -> None:
-        self._call, self.layers = call, layers
+    def __init__(
+        self, context: GraphicsContext, size: tuple[int, int], layers: int, srgb: bool, levels: int = 1
+    ) -> None:
+        self._call, self.layers = context.functions, layers
+        self._has_views = context.features.compute
         self.texture = self._new_name()
         self.view = 0
         self.use(0)
-        call(
-            "glTexStorage3D",
-            names.GL_TEXTURE_2D_ARRAY,
-            levels,
-            names.GL_SRGB8_ALPHA8 if srgb else names.GL_RGBA8,
-            *size,
-            layers,
-        )
+        call, target, kind = self._call, names.GL_TEXTURE_2D_ARRAY, names.GL_SRGB8_ALPHA8 if srgb else names.GL_RGBA8
+        if self._has_views:
+            call("glTexStorage3D", target, levels, kind, *size, layers)
+            return
+        call("glTexParameteri", target, names.GL_TEXTURE_MAX_LEVEL, levels - 1)
+        for level in range(levels):
+            extent = (max(1, size[0] >> level), max(1, size[1] >> level), layers, 0)
+            call("glTexImage3D", target, level, kind, *extent, names.GL_RGBA, names.GL_UNSIGNED_BYTE, None)
 
     def _new_name(self) -> int:
         name = ctypes.c_uint()
@@ -38,7 +41,7 @@ class _TextureArray:
         return name.value
 
     def make_view(self) -> None:
-        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units."""
+        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units where there are such."""
         target = names.GL_TEXTURE_2D_ARRAY
         for name, value in (
             (names.GL_TEXTURE_MIN_FILTER, names.GL_LINEAR),
@@ -47,6 +50,8 @@ class _TextureArray:
             (names.GL_TEXTURE_WRAP_T, names.GL_CLAMP_TO_EDGE),
         ):
             self._call("glTexParameteri", target, name, value)
+        if not self._has_views:
+            return
         self.view = self._new_name()
         self._call("glTextureView", self.view, target, self.texture, names.GL_RGBA8, 0, 1, 0, self.layers)
 
@@ -79,7 +84,7 @@ class ImageArray:
         self._bytes = 4 * layers * size[0] * size[1] * 4 // 3
         self._memory.check_size(self._what, size)
         self._array = self._memory.made(
-            self._what, self._bytes, lambda: _TextureArray(self._call, size, layers, srgb, self.levels)
+            self._what, self._bytes, lambda: _TextureArray(context, size, layers, srgb, self.levels)
         )
 
     @property
@@ -115,10 +120,10 @@ class ImageArray:
 
 class TileAtlas:
     """Layers of `side` x `side` texels. Shaders cannot store into sRGB formats: they write sRGB-coded numbers through a view of the
-    same memory as GL_RGBA8. Grows without losing its content."""
+    same memory as GL_RGBA8, or draw them, for which the format does not count. Grows without losing its content."""
 
     def __init__(self, context: GraphicsContext, side: int, srgb: bool = True) -> None:
-        self._memory, self._call, self._side = context.memory, context.functions, side
+        self._context, self._memory, self._call, self._side = context, context.memory, context.functions, side
         self._srgb = srgb
         self._array: _TextureArray | None = None
 
@@ -141,17 +146,48 @@ class TileAtlas:
             made = self._memory.made(
                 "decoded tiles",
                 layers * side * side * 4,
-                lambda: _TextureArray(self._call, (side, side), layers, self._srgb),
+                lambda: _TextureArray(self._context, (side, side), layers, self._srgb),
             )
         except GpuMemoryError:
             return False
         made.make_view()
         self._array = made
         if old is not None:
-            place = (names.GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0)
-            self._call("glCopyImageSubData", old.texture, *place, made.texture, *place, side, side, old.layers)
+            self._copy(old, made)
             old.release()
         return True
+
+    def _copy(self, old: _TextureArray, made: _TextureArray) -> None:
+        side, target = self._side, names.GL_TEXTURE_2D_ARRAY
+        if self._context.features.compute:
+            place = (target, 0, 0, 0, 0)
+            self._call("glCopyImageSubData", old.texture, *place, made.texture, *place, side, side, old.layers)
+            return
+        for layer in range(old.layers):
+            with self._attached(old, layer):
+                made.use(0)
+                self._call("glCopyTexSubImage3D", target, 0, 0, 0, layer, 0, 0, side, side)
+
+    @contextmanager
+    def _attached(self, array: _TextureArray, layer: int) -> Iterator[None]:
+        """A framebuffer of one layer is bound meanwhile."""
+        name = ctypes.c_uint()
+        self._call("glGenFramebuffers", 1, ctypes.addressof(name))
+        try:
+            self._call("glBindFramebuffer", names.GL_FRAMEBUFFER, name.value)
+            place = (names.GL_FRAMEBUFFER, names.GL_COLOR_ATTACHMENT0, array.texture, 0, layer)
+            self._call("glFramebufferTextureLayer", *place)
+            yield
+        finally:
+            self._call("glDeleteFramebuffers", 1, ctypes.addressof(name))
+
+    @contextmanager
+    def drawing(self, layer: int) -> Iterator[None]:
+        """Fragment shaders write sRGB-coded numbers into this layer within the block; whoever draws next binds a framebuffer anew."""
+        assert self._array is not None
+        with self._attached(self._array, layer):
+            self._call("glViewport", 0, 0, self._side, self._side)
+            yield
 
     def use(self, unit: int) -> None:
         """Bind to a texture unit: samplers see linear light."""

@@ -12,9 +12,8 @@ from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
-from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
-from viewer.locations import shaders_folder
 from viewer.render.blend.blend_samples import BlendSamples
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
@@ -29,7 +28,7 @@ from viewer.render.picture_shading import PictureShading
 from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
-from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.shader_files import drawing_library
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityTarget
@@ -63,12 +62,14 @@ class Renderer:
         A renderer that `waits` for the GPU knows the times of a frame, and what its pixels need, within the frame.
         Another one goes on, and takes both from a frame or two before. Raises GpuMemoryError.
         """
+        if not context.features.compute:
+            divergence_stage = "fragment"
         self._context, self._update_bytes = context, update_bytes
         self.scene, self.reset = scene, context.reset
         self.name = context.info.renderer
         """The driver's name of the GPU, or of the software renderer."""
-        library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-        self._programs = ProgramFactory(context.gl, library)
+        library = drawing_library(context)
+        self._programs = ProgramFactory(context.gl, library, context.functions)
         materials = material_records(scene)
         self.images = ImageSources(context, self._programs, scene, materials)
         self._timer = PassTimer(context, waits)

@@ -1,9 +1,12 @@
 """The mean of several samples of a plane or a picture, as the stochastic filter and BLEND surfaces give them."""
 
+import moderngl
+
 from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.layout import GROUP_SIDE, ImageUnit
+from viewer.render.resources.layout import TextureUnit
 
 PIXEL_BYTES = 16
 
@@ -15,7 +18,7 @@ class AccumulatePass:
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._context = context
-        self._program = programs.compute("passes/accumulate/accumulate.comp")
+        self._triangle = programs.fullscreen("passes/accumulate/accumulate.frag")
         self._sample: ColorTarget | None = None
 
     def sample(self, size: tuple[int, int]) -> ColorTarget:
@@ -27,11 +30,18 @@ class AccumulatePass:
 
     def run(self, samples_before: int, mean: ColorTarget) -> None:
         """Add the sample to `mean`, that of `samples_before` samples, in fp32."""
-        mean.texture.bind_to_image(int(ImageUnit.TARGET), read=True, write=True)
-        self.sample(mean.size).texture.bind_to_image(int(ImageUnit.SAMPLE), read=True, write=False)
-        set_uniforms(self._program, {"samples_before": samples_before})
-        self._program.run(*(-(-side // GROUP_SIDE) for side in mean.size))
-        self._context.gl.memory_barrier()
+        gl = self._context.gl
+        mean.framebuffer.use()
+        self.sample(mean.size).texture.use(int(TextureUnit.PICTURE_A))
+        gl.enable_only(moderngl.BLEND)
+        gl.blend_func = GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA
+        self._context.functions("glBlendColor", 0.0, 0.0, 0.0, 1.0 / (samples_before + 1))
+        set_uniforms(self._triangle.program, {"depth": 0.0})
+        try:
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        finally:
+            gl.enable_only(moderngl.NOTHING)
+            gl.blend_func = moderngl.DEFAULT_BLENDING
 
     @property
     def bytes_on_gpu(self) -> int:

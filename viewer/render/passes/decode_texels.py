@@ -12,10 +12,10 @@ from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
-from viewer.gl.program import ProgramFactory, ShaderLibrary, set_uniforms
-from viewer.locations import shaders_folder
-from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding, scene_layout_glsl
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.resources.shader_files import drawing_library
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.state.view_state import Precision
 
@@ -41,8 +41,8 @@ class GlTexelDecoder:
         self._memory = context.memory
         self._pack = pack
         if programs is None:
-            library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-            programs = codec_programs(ProgramFactory(context.gl, library), pack)
+            library = drawing_library(context)
+            programs = codec_programs(ProgramFactory(context.gl, library, context.functions), pack)
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
         self._programs = programs
 

@@ -1,6 +1,7 @@
 """Prefilters an environment for the shading pass."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import moderngl
@@ -11,7 +12,7 @@ from ntc.metrics.block_cache import SUFFIX, BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, irradiance_map, lobe_samples, source_samples
-from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, TextureUnit, UniformBinding
+from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 
 VERSION = 2
@@ -37,8 +38,8 @@ class PrefilterPass:
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: BlockCache | None = None) -> None:
         """`cache`: where prefiltered files are kept; None: nowhere."""
         self._context, self._cache = context, cache
-        self._source_program = programs.compute("passes/prefilter/source.comp")
-        self._program = programs.compute("passes/prefilter/convolve.comp")
+        self._mean = programs.fullscreen("passes/prefilter/source.frag")
+        self._convolution = programs.fullscreen("passes/prefilter/convolve.frag")
         self._source: moderngl.Texture | None = None
         self._samples: moderngl.Buffer | None = None
 
@@ -80,26 +81,40 @@ class PrefilterPass:
         output.maps.write(pixels.tobytes(), viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
 
     def _draw(self, output: EnvironmentMaps) -> None:
-        gl, size = self._context.gl, output.size
+        size = output.size
         source = self._source_of(size.source_side)
         output.panorama.use(int(TextureUnit.PANORAMA))
-        source.bind_to_image(int(ImageUnit.ENVIRONMENT), read=False, write=True)
-        set_uniforms(self._source_program, {"steps": source_samples(output.panorama_width, size.source_side)})
-        self._source_program.run(*[-(-size.source_side // GROUP_SIDE)] * 2)
-        gl.memory_barrier()
+        steps = source_samples(output.panorama_width, size.source_side)
+        self._fill(self._mean, source, {"steps": steps, "side": size.source_side})
         self._context.memory.build_mipmaps("an octahedral map", source)
         source.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         source.use(int(TextureUnit.ENVIRONMENT))
-        output.maps.bind_to_image(int(ImageUnit.ENVIRONMENT), read=False, write=True)
         if self._samples is None:
             self._samples = self._context.memory.buffer("directions of a lobe", reserve=MOST_SAMPLES * 16, dynamic=True)
         self._samples.bind_to_uniform_block(int(UniformBinding.SAMPLES))
         for level, (side, top) in enumerate(zip(size.sides, size.tops[:-1], strict=True)):
             lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.source_side)
             self._samples.write(lobe.astype("<f4").tobytes())
-            set_uniforms(self._program, {"top": top, "side": side, "samples": len(lobe)})
-            self._program.run(-(-6 * (side + 2) // GROUP_SIDE), -(-(side + 2) // GROUP_SIDE))
-        gl.memory_barrier()
+            part = (0, top, 6 * (side + 2), side + 2)
+            self._fill(self._convolution, output.maps, {"top": top, "side": side, "samples": len(lobe)}, part)
+
+    def _fill(
+        self,
+        triangle: moderngl.VertexArray,
+        texture: moderngl.Texture,
+        values: Mapping[str, object],
+        part: tuple[int, int, int, int] | None = None,
+    ) -> None:
+        """Draw every texel of a texture, or of a part of it (left, top, width, height)."""
+        framebuffer = self._context.memory.framebuffer("an environment", [texture])
+        try:
+            framebuffer.viewport = part or (0, 0, *texture.size)
+            framebuffer.use()
+            self._context.gl.enable_only(moderngl.NOTHING)
+            set_uniforms(triangle.program, {**values, "depth": 0.0})
+            triangle.render(moderngl.TRIANGLES, vertices=3)
+        finally:
+            framebuffer.release()
 
     def release(self) -> None:
         """Free what is used in between."""

@@ -81,11 +81,12 @@ class DecoderTables:
         # One entry more than there are textures: an empty buffer cannot be bound.
         self.textures = len(groupings[0]) + 1
         numbers = np.array([[*decoders, -1] for decoders in groupings], "<i4")
+        self._context = context
         self._buffer = context.memory.buffer("decoders of the textures", numbers.tobytes())
 
     def bind(self) -> None:
         """Bind to its storage binding."""
-        self._buffer.bind_to_storage_buffer(int(StorageBinding.DECODERS))
+        self._context.bind_storage(self._buffer, int(StorageBinding.DECODERS))
 
     def release(self) -> None:
         """Free the buffer."""

@@ -50,7 +50,7 @@ class PackBuffers:
 
         Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
         """
-        self._memory, self._rescale = context.memory, rescale
+        self._context, self._memory, self._rescale = context, context.memory, rescale
         self.precision = precision
         self.pack = self.stored(pack)
         """As it is stored in this precision."""
@@ -202,16 +202,16 @@ class PackBuffers:
     def bind_records(self) -> None:
         """Bind what tells of textures and mips, for what decodes nothing (ntc/records.glsl)."""
         for binding, buffer in self._tables.items():
-            buffer.bind_to_storage_buffer(int(binding))
+            self._context.bind_storage(buffer, int(binding))
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
         self.bind_records()
-        self.latent_store.buffer.bind_to_storage_buffer(int(StorageBinding.LATENTS))
+        self._context.bind_storage(self.latent_store.buffer, int(StorageBinding.LATENTS))
         if isinstance(self._weights, moderngl.Buffer):
-            self._weights.bind_to_storage_buffer(int(StorageBinding.WEIGHTS))
+            self._context.bind_storage(self._weights, int(StorageBinding.WEIGHTS))
         else:
-            self._weights.bind_to_image(int(ImageUnit.WEIGHTS), read=True, write=False)
+            self._context.bind_read_image(self._weights, int(ImageUnit.WEIGHTS))
 
     def release(self) -> None:
         """Free the buffers."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
+from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT
 from viewer.render.resources.culling import Bucket, DrawList
 from viewer.render.resources.layout import (
     LARGEST_ID,
@@ -20,6 +21,8 @@ from viewer.render.resources.samplers import SamplerCache
 from viewer.scene.model import Sampler, Scene
 
 INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
+FIRST_INSTANCE_LOCATION = 3
+"""Of the attributes that follow, in shaders/common/scene.vert."""
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
 
 
@@ -36,15 +39,16 @@ class SceneBuffers:
     def __init__(self, context: GraphicsContext, scene: Scene, materials: np.ndarray) -> None:
         if max(len(scene.textures), len(scene.materials)) > LARGEST_ID:
             raise InputError(f"{scene.name}: has more than {LARGEST_ID} textures or materials; split the scene")
-        self._gl, self._memory = context.gl, context.memory
+        self._context, self._gl, self._memory = context, context.gl, context.memory
         self._scene = scene
         geometry = scene.geometry
+        self._rows = self._instance_rows()
         vertices = np.concatenate([geometry.positions, geometry.uvs], axis=1).astype("<f4")
         with self._memory.transaction():
             self._vertices = self._buffer("vertices", vertices)
             self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors.astype("<f4"))
             self._indices = self._buffer("indices", geometry.indices.astype("<u4"))
-            self._instances = self._buffer("instances", self._instance_rows())
+            self._instances = self._buffer("instances", self._rows)
             self._materials = self._buffer("materials", materials)
         self._optional: dict[str, moderngl.Buffer] = {}
         """Vertex data that only some views read, by the attribute's name; uploaded when one does."""
@@ -104,7 +108,8 @@ class SceneBuffers:
             if self._colors is not None:
                 content.append((self._colors, "4f", "vertex_color"))
             content += self._optional_content(program)
-            content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
+            if self._context.features.compute:
+                content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
             # A program that reads less than all attributes (no material, say) leaves them out.
             self._arrays[program] = self._gl.vertex_array(program, content, self._indices, skip_errors=True)
         return self._arrays[program]
@@ -146,7 +151,7 @@ class SceneBuffers:
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""
-        self._materials.bind_to_storage_buffer(int(StorageBinding.MATERIALS))
+        self._context.bind_storage(self._materials, int(StorageBinding.MATERIALS))
 
     def write_materials(self, records: np.ndarray) -> None:
         """Replace the material records."""
@@ -165,11 +170,30 @@ class SceneBuffers:
             (gl.disable if bucket.double_sided else gl.enable)(moderngl.CULL_FACE)
             gl.front_face = "cw" if bucket.mirrored else "ccw"
             array = self._vertex_array(alpha_tested if needs_alpha else opaque)
-            array.render_indirect(self._commands, moderngl.TRIANGLES, count=count, first=first)
+            if self._context.features.compute:
+                array.render_indirect(self._commands, moderngl.TRIANGLES, count=count, first=first)
+            else:
+                self._draw_one_by_one(array, first, count)
             if needs_alpha:
                 self._samplers.get(bucket.alpha_sampler or Sampler()).clear(int(TextureUnit.ALPHA))
         gl.disable(moderngl.CULL_FACE)
         gl.front_face = "ccw"
+
+    def _draw_one_by_one(self, array: moderngl.VertexArray, first: int, count: int) -> None:
+        """Draw commands of the list without indirect draws: OpenGL 4.1 has none that begin at another instance than the first."""
+        assert self._draw_list is not None
+        call = self._context.functions
+        call("glUseProgram", array.program.glo)
+        call("glBindVertexArray", array.glo)
+        for command in self._draw_list.commands[first : first + count]:
+            row = self._rows[command["base_instance"]]
+            # Attributes without an array have one value for all vertices.
+            for number, values in enumerate(row["transform"].tolist()):
+                call("glVertexAttrib4f", FIRST_INSTANCE_LOCATION + number, *values)
+            call("glVertexAttribI4ui", FIRST_INSTANCE_LOCATION + 3, int(row["ids"]), 0, 0, 0)
+            call("glVertexAttrib4f", FIRST_INSTANCE_LOCATION + 4, float(row["aspect"]), 0.0, 0.0, 0.0)
+            indices, place = int(command["count"]), 4 * int(command["first_index"])
+            call("glDrawElementsBaseVertex", GL_TRIANGLES, indices, GL_UNSIGNED_INT, place, int(command["base_vertex"]))
 
     def release(self) -> None:
         """Free everything."""

@@ -26,11 +26,12 @@ class TextureMarks:
             marks[1:, 0] = np.where(np.isfinite(shares), np.clip(shares, 0.0, 1.0), NO_COLOR)
         marks[:, 1] = DIMMED if lit else 1.0
         marks[[texture + 1 for texture in lit], 1] = 1.0
+        self._context = context
         self._buffer = context.memory.buffer("marks of the textures", marks.tobytes())
 
     def bind(self) -> None:
         """Bind to its storage binding, which it shares with the decoder tables: every pass binds its own first."""
-        self._buffer.bind_to_storage_buffer(int(StorageBinding.DECODERS))
+        self._context.bind_storage(self._buffer, int(StorageBinding.DECODERS))
 
     def release(self) -> None:
         """Free the buffer."""

@@ -3,15 +3,13 @@
 #include "generated/layout.glsl"
 #include "lighting/sphere.glsl"
 
-layout(local_size_x = GROUP_SIDE, local_size_y = GROUP_SIDE) in;
 layout(binding = UNIT_PANORAMA) uniform sampler2D panorama;
-layout(binding = IMAGE_ENVIRONMENT, rgba32f) uniform writeonly image2D source;
+uniform int side;        // of the map
 uniform int steps;
+layout(location = 0) out vec4 mean;
 
 void main() {
-    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
-    int side = imageSize(source).x;
-    if (max(texel.x, texel.y) >= side) return;
+    ivec2 texel = ivec2(gl_FragCoord.xy);
     vec3 sum = vec3(0.0);
     for (int y = 0; y < steps; ++y) {
         for (int x = 0; x < steps; ++x) {
@@ -19,5 +17,5 @@ void main() {
             sum += textureLod(panorama, panorama_place(map_direction(place)), 0.0).rgb;
         }
     }
-    imageStore(source, texel, vec4(sum / float(steps * steps), 1.0));
+    mean = vec4(sum / float(steps * steps), 1.0);
 }

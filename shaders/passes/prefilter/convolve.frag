@@ -4,9 +4,7 @@
 #include "generated/layout.glsl"
 #include "lighting/sphere.glsl"
 
-layout(local_size_x = GROUP_SIDE, local_size_y = GROUP_SIDE) in;
 layout(binding = UNIT_ENVIRONMENT) uniform sampler2D source;
-layout(binding = IMAGE_ENVIRONMENT, rgba32f) uniform writeonly image2D environment_maps;
 // Direction around (0, 0, 1), whose z is its weight, and the source's level.
 layout(std140, binding = UNIFORM_SAMPLES) uniform Samples {
     vec4 lobe[MOST_SAMPLES];
@@ -14,10 +12,10 @@ layout(std140, binding = UNIFORM_SAMPLES) uniform Samples {
 uniform int top;        // first row of its border
 uniform int side;       // of a face, without
 uniform int samples;
+layout(location = 0) out vec4 mean;
 
 void main() {
-    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
-    if (texel.x >= 6 * (side + 2) || texel.y >= side + 2) return;
+    ivec2 texel = ivec2(gl_FragCoord.xy) - ivec2(0, top);
     int face = texel.x / (side + 2);
     vec3 axis = cube_direction(face, (vec2(texel.x - face * (side + 2), texel.y) - 0.5) / float(side));
     // Duff et al. 2017, "Building an Orthonormal Basis, Revisited".
@@ -33,5 +31,5 @@ void main() {
         sum += lobe[i].z * textureLod(source, map_place(direction), lobe[i].w).rgb;
         weights += lobe[i].z;
     }
-    imageStore(environment_maps, texel + ivec2(0, top), vec4(sum / weights, 1.0));
+    mean = vec4(sum / weights, 1.0);
 }
