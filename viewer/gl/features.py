@@ -39,7 +39,7 @@ class Features:
     """Optional features in use. Pictures do not depend on them, but for anisotropic filtering and half arithmetic."""
 
     compute: bool
-    """OpenGL 4.3: shaders that compute, storage buffers, image stores. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
+    """OpenGL 4.3: shaders that compute, storage buffers. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
     timer_queries: bool
     """Times by the GPU's own clock, else wall time around `finish()`."""
     uniform_block_bytes: int

@@ -36,7 +36,7 @@ _WORDS: Final = {"int": 1, "uint": 1, "float": 1, "vec2": 2, "vec4": 4, "uvec2":
 _WRITTEN: Final = {"int": "int({})", "uint": "{}", "float": "uintBitsToFloat({})"}
 
 
-class UnsuitableShader(Exception):
+class UnsuitableShaderError(Exception):
     """A shader that cannot be said in GLSL 4.10."""
 
 
@@ -70,7 +70,7 @@ class _Records:
         if kind in _WORDS:
             return _WORDS[kind]
         if kind not in self._fields:
-            raise UnsuitableShader(f"buffers of {kind} cannot be read")
+            raise UnsuitableShaderError(f"buffers of {kind} cannot be read")
         place = 0
         for own, _, count in self._fields[kind]:
             place = self._rounded(place, self._alignment(own)) + self.words(own) * max(count, 1)
@@ -112,7 +112,7 @@ def _called(text: str, name: str) -> str:
 
 
 def older_source(text: str) -> OlderSource:
-    """An assembled shader in GLSL 4.10. Raises UnsuitableShader."""
+    """An assembled shader in GLSL 4.10. Raises UnsuitableShaderError."""
     records = _Records(text)
     numbers = {name: int(value) for name, value in _DEFINE.findall(text)}
     units: dict[str, int] = {}
@@ -127,8 +127,8 @@ def older_source(text: str) -> OlderSource:
         words = f"{name}_words"
         units[words] = STORAGE_UNITS + number(binding)
         arrays.append(name)
-        read = records.read(kind, words, 0)
         size = records.words(kind)
+        read = records.read(kind, words, 0)
         lines = f"{kind} {name}_at(int index) {{ int at = index * {size}; return {read}; }}"
         blank = "\n" * (space.count("\n") + rest.count("\n"))
         return f"uniform usamplerBuffer {words}; {lines}{blank}"

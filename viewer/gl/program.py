@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 import moderngl
 
 from viewer.gl.functions import GlFunctions
-from viewer.gl.older_glsl import UnsuitableShader, older_source
+from viewer.gl.older_glsl import UnsuitableShaderError, older_source
 
 Defines = Mapping[str, int | float | str]
 EXTENSION = "extension"
@@ -57,12 +57,12 @@ class ShaderLibrary:
 
     def __init__(self, folder: Path, generated: Mapping[str, str] | None = None, older: bool = False) -> None:
         """`older`: assemble GLSL 4.10 for what draws (`viewer.gl.older_glsl`)."""
-        self._folder, self._older = folder, older
+        self._folder, self.is_older = folder, older
         self._generated = dict(generated or {})
 
     def with_generated(self, generated: Mapping[str, str]) -> "ShaderLibrary":
         """This library with further generated files."""
-        return ShaderLibrary(self._folder, {**self._generated, **generated}, self._older)
+        return ShaderLibrary(self._folder, {**self._generated, **generated}, self.is_older)
 
     def _read(self, name: str) -> str:
         if name in self._generated:
@@ -91,11 +91,11 @@ class ShaderLibrary:
         raise ShaderError(f"{name}: has no #version line")
 
     def _source(self, name: str, text: str, files: tuple[str, ...]) -> ShaderSource:
-        if not self._older or name.endswith(".comp"):
+        if not self.is_older or name.endswith(".comp"):
             return ShaderSource(text, files)
         try:
             older = older_source(text)
-        except UnsuitableShader as error:
+        except UnsuitableShaderError as error:
             raise ShaderError(f"{name}: {error}") from error
         return ShaderSource(older.text, files, older.units, older.blocks)
 
@@ -143,6 +143,8 @@ class ProgramFactory:
 
     def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
         """Compute program of a file. Raises ShaderError."""
+        if self._library.is_older:
+            raise ShaderError(f"{name}: computing needs OpenGL 4.3")
         found = self._find((name,), defines)
         assert isinstance(found, moderngl.ComputeShader)
         return found

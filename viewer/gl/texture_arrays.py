@@ -41,7 +41,7 @@ class _TextureArray:
         return name.value
 
     def make_view(self) -> None:
-        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units where there are such."""
+        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units, if any."""
         target = names.GL_TEXTURE_2D_ARRAY
         for name, value in (
             (names.GL_TEXTURE_MIN_FILTER, names.GL_LINEAR),

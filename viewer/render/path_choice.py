@@ -1,8 +1,8 @@
 """Decode path `auto`: all paths are timed on small pictures of the view at hand, and the fastest is taken."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import Final, get_args
 
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
@@ -13,13 +13,24 @@ from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.state.navigation import turned
-from viewer.state.view_state import REFERENCE, DecodePath, Precision, Slot, TexelFilter, ViewState, is_image_source
+from viewer.state.view_state import (
+    REFERENCE,
+    DecodePath,
+    PathChoice,
+    Precision,
+    Slot,
+    TexelFilter,
+    ViewState,
+    is_image_source,
+)
 
 SHARE = 4
 """Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
 `cached` is timed on whole ones, for the tiles that come into sight do not; what it decodes for that stays decoded."""
 DEGREES = 1.0
 """The camera turns by so much from picture to picture: what `cached` decoded before counts, but not a view that stands still."""
+COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned")
+"""Paths that need compute shaders; without them `forward` draws the same picture."""
 PICTURES = 3
 """Of each path; the first compiles and fills the cache, the least of the others counts."""
 
@@ -37,10 +48,15 @@ class PathTimes:
         return min(self.milliseconds, key=lambda path: self.milliseconds[path], default="deferred")
 
 
-def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slot) -> PathTimes:
-    """Times of all paths for `slot`; `slot_ms` draws slot A of a view whole and gives the time in ms."""
+def time_paths(
+    slot_ms: Callable[[ViewState], float],
+    view: ViewState,
+    slot: Slot,
+    paths: Sequence[DecodePath] = get_args(DecodePath),
+) -> PathTimes:
+    """Times of `paths` for `slot`; `slot_ms` draws slot A of a view whole and gives the time in ms."""
     times: dict[DecodePath, float] = {}
-    for path in get_args(DecodePath):
+    for path in paths:
         share = 1 if path == "cached" else SHARE
         size = (max(1, view.size[0] // share), max(1, view.size[1] // share))
         plain = replace(view, size=size, slot_a=replace(slot, path=path), compare="a")
@@ -54,9 +70,10 @@ def time_paths(slot_ms: Callable[[ViewState], float], view: ViewState, slot: Slo
     return PathTimes(times)
 
 
-def _with_effective_fields(slot: Slot) -> Slot:
-    """`slot` without the filter where its path has none: tiles are filtered by the hardware."""
-    return replace(slot, filter="exact") if slot.path == "cached" else slot
+def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
+    """The paths that this driver can run."""
+    paths: tuple[DecodePath, ...] = get_args(DecodePath)
+    return paths if context.features.compute else tuple(path for path in paths if path not in COMPUTING)
 
 
 class PathChooser:
@@ -80,25 +97,31 @@ class PathChooser:
         if is_image_source(slot.source):
             return Slot(slot.source, maps="all" if slot.source == REFERENCE else slot.maps)
         if slot.path != "auto":
-            return _with_effective_fields(slot)
+            return self._effective(slot)
         times = self.times(slot)
         if times is None:
-            times = time_paths(self._slot_ms, view, slot)
+            times = time_paths(self._slot_ms, view, slot, drawable_paths(self._context))
             self._scheduler.forget()
             if not times.milliseconds:
                 # None can be drawn: the error of one of them says why.
                 return replace(slot, path="deferred")
             self._times[slot.source, slot.precision, slot.filter] = times
-        return _with_effective_fields(replace(slot, path=times.fastest))
+        return self._effective(replace(slot, path=times.fastest))
 
     def known(self, slot: Slot) -> Slot:
         """The same for a slot of a pack whose paths have been timed, or that names one; nothing is timed."""
         times = self.times(slot) if slot.path == "auto" else None
-        return _with_effective_fields(slot if times is None else replace(slot, path=times.fastest))
+        return self._effective(slot if times is None else replace(slot, path=times.fastest))
+
+    def _effective(self, slot: Slot) -> Slot:
+        """`slot` with a path that this driver can run, and without the filter where its path has none: the hardware filters tiles."""
+        if slot.path in COMPUTING and not self._context.features.compute:
+            slot = replace(slot, path="forward")
+        return replace(slot, filter="exact") if slot.path == "cached" else slot
 
     def _slot_ms(self, view: ViewState) -> float:
         """Draw slot A of `view`; the time in ms."""
-        slot, context = _with_effective_fields(view.slot_a), self._context
+        slot, context = self._effective(view.slot_a), self._context
         pack = self._packs.on_gpu(slot)
         anisotropy = view.anisotropy if slot.path == "cached" else 1
         with context.memory.transaction():

@@ -28,9 +28,9 @@ from viewer.render.picture_shading import PictureShading
 from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
-from viewer.render.resources.shader_files import drawing_library
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.shader_files import drawing_library
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer

@@ -114,9 +114,6 @@ COMPUTED += [
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 0}),
     ("passes/decode_cached/request.comp", {"PRECISION_FP16": 0, "GRADIENTS": 1}),
     ("passes/needed_levels/needed_levels.comp", {"PRECISION_FP16": 0}),
-    ("passes/accumulate/accumulate.comp", {}),
-    ("passes/prefilter/source.comp", {}),
-    ("passes/prefilter/convolve.comp", {}),
 ]
 COMPUTED += [
     (f"passes/decode_{name}.comp", {"PRECISION_FP16": 0, "FILTER_STOCHASTIC": 1})

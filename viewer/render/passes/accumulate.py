@@ -41,7 +41,7 @@ class AccumulatePass:
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
         finally:
             gl.enable_only(moderngl.NOTHING)
-            gl.blend_func = moderngl.DEFAULT_BLENDING
+            gl.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
 
     @property
     def bytes_on_gpu(self) -> int:

@@ -87,8 +87,6 @@ class ImageUnit(IntEnum):
     DIVERGENCE = 1
     WEIGHTS = 2
     ATLAS = 3
-    SAMPLE = 4
-    ENVIRONMENT = 5
 
 
 class WrapCode(IntEnum):

@@ -1,0 +1,55 @@
+"""What OpenGL 4.1 draws, as macOS has it: the same pictures as 4.3."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final, get_args
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.every_program import CAMERA, packs, scenes
+from viewer.gl.context import GraphicsContext
+from viewer.render.frame_result import read_picture
+from viewer.render.renderer import Renderer
+from viewer.state.view_state import MaterialView, Slot, ViewState
+
+SIZE: Final = (60, 40)
+
+
+def without_compute(graphics: GraphicsContext) -> GraphicsContext:
+    """The same context, of which only what OpenGL 4.1 has is used."""
+    return replace(
+        graphics, features=replace(graphics.features, compute=False, weights_in_image=True, half_arithmetic=None)
+    )
+
+
+@pytest.fixture(scope="module")
+def renderers(graphics: GraphicsContext) -> Iterator[dict[str, tuple[Renderer, Renderer]]]:
+    """With and without compute shaders, by scene."""
+    made = {}
+    for name, scene in scenes().items():
+        pair = (Renderer(graphics, scene), Renderer(without_compute(graphics), scene))
+        for renderer in pair:
+            renderer.set_packs(packs())
+        made[name] = pair
+    yield made
+    for pair in made.values():
+        for renderer in pair:
+            renderer.release()
+
+
+def apart(pair: tuple[Renderer, Renderer], view: ViewState) -> NDArray[np.int64]:
+    """[H, W] greatest difference of a channel in 255ths."""
+    first, second = (read_picture(renderer.render(view, whole=True).image).astype(np.int64) for renderer in pair)
+    assert first.std() > 2.0, "nothing to see"
+    return np.asarray(np.abs(first - second).max(axis=-1))
+
+
+@pytest.mark.parametrize("scene", ["plain", "rich"])
+@pytest.mark.parametrize("shown", get_args(MaterialView))
+def test_original_images_look_the_same(
+    renderers: dict[str, tuple[Renderer, Renderer]], scene: str, shown: MaterialView
+) -> None:
+    view = ViewState(CAMERA, SIZE, Slot(), material_view=shown, anisotropy=8 if scene == "rich" else 1)
+    assert (apart(renderers[scene], view) <= 1).mean() >= 0.999
