@@ -72,7 +72,7 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
     reset = ResetStatus(load, SimulatedLosses.of_environment() if losses is None else losses)
     information = ContextInformation(gl.info["GL_RENDERER"], gl.info["GL_VENDOR"], gl.info["GL_VERSION"])
     try:
-        functions = GlFunctions(load)
+        functions = GlFunctions(load, gl.version_code >= COMPUTE_VERSION)
     except RuntimeError as error:
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
     features = find_features(gl, information.is_software)

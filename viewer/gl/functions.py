@@ -90,13 +90,16 @@ _BEYOND_DRAWING = ("glTexStorage3D", "glTextureView", "glBindImageTexture", "glC
 
 
 class GlFunctions:
-    """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one of OpenGL 4.1."""
+    """Calls by name: `functions("glBindTexture", target, texture)`. Raises RuntimeError where the driver lacks one.
 
-    def __init__(self, load: FunctionLoader) -> None:
+    `computes`: it must have those of OpenGL 4.3, else of 4.1.
+    """
+
+    def __init__(self, load: FunctionLoader, computes: bool = True) -> None:
         self._calls: dict[str, Callable[..., Any]] = {}
         for name, arguments in _SIGNATURES.items():
             address = load(name)
-            if not address and name in _BEYOND_DRAWING:
+            if not address and not computes and name in _BEYOND_DRAWING:
                 continue
             if not address:
                 raise RuntimeError(f"the OpenGL driver has no {name}")

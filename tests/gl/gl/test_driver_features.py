@@ -49,7 +49,7 @@ def expected(graphics: GraphicsContext) -> dict[str, Any]:
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("name", [*NAMES, "uniform-decoders,weights-in-image"])
+@pytest.mark.parametrize("name", [*NAMES[1:], "uniform-decoders,weights-in-image"])
 def test_each_optional_feature_can_be_missing(graphics: GraphicsContext, expected: dict[str, Any], name: str) -> None:
     without = find_features(graphics.gl, graphics.info.is_software, {WITHOUT_VARIABLE: name})
     reduced = replace(graphics, features=without)

@@ -89,6 +89,10 @@ FULL_SCREEN += [
     ("common/fullscreen.vert", "passes/shade/background.frag", {"TONE_MAP": tones, "SUN_DISK": tones % 2})
     for tones in range(3)
 ]
+FULL_SCREEN += [
+    ("common/fullscreen.vert", f"passes/{name}.frag", {})
+    for name in ("accumulate/accumulate", "prefilter/source", "prefilter/convolve")
+]
 DRAWN += [("common/scene.vert", "passes/shadow/shadow.frag", {"ALPHA_TEST": alpha}) for alpha in (0, 1)]
 COMPUTED = [
     (name, precision)

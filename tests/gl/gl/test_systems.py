@@ -73,7 +73,7 @@ def test_windows_draws_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("library", "parts"),
     [
-        (OtherLibrary(newest=420), ("OpenGL 4.3 is needed", "is there; update the driver", "opengl32.dll")),
+        (OtherLibrary(newest=400), ("OpenGL 4.1 is needed", "is there; update the driver", "opengl32.dll")),
         (OtherLibrary(newest=110), ("wglCreateContextAttribsARB failed", "install the driver of the GPU's maker")),
         (OtherLibrary(lacking=("glTextureView",)), ("has no glTextureView; update the driver",)),
     ],
