@@ -11,7 +11,6 @@ from viewer.gl.context_loss import ResetStatus, SimulatedLosses
 from viewer.gl.devices import OLDEST_VERSION, device_number, is_software
 from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION, Features, find_features
 from viewer.gl.functions import GlFunctions
-from viewer.gl.older_glsl import IMAGE_UNITS
 from viewer.gl.systems import SYSTEM, FunctionLoader, GraphicsSystem, make_context
 from viewer.gl.texture_buffers import TextureBuffers
 
@@ -61,7 +60,7 @@ class GraphicsContext:
         if self.features.compute:
             texture.bind_to_image(unit, read=True, write=False)
         else:
-            texture.use(IMAGE_UNITS + unit)
+            self.texture_buffers.bind_image(texture, unit)
 
 
 def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:

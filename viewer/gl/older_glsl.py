@@ -8,10 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-STORAGE_UNITS: Final = 32
-"""The storage binding b is texture unit STORAGE_UNITS + b."""
-IMAGE_UNITS: Final = 48
-"""The image unit i is texture unit IMAGE_UNITS + i. 80 texture units are guaranteed."""
+from viewer.gl.texture_buffers import IMAGE_UNITS, STORAGE_UNITS
+
 _LINES: Final = {
     # Early tests are the rule for shaders that neither discard nor write a depth.
     "layout(early_fragment_tests) in;": "",

@@ -12,7 +12,6 @@ from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
-from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
 from viewer.render.blend.blend_samples import BlendSamples
 from viewer.render.compositor import Compositor
@@ -29,8 +28,8 @@ from viewer.render.picture_targets import PictureTargets, shown_materials, surfa
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.material_records import material_records
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.shader_files import drawing_library
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
@@ -68,8 +67,7 @@ class Renderer:
         self.scene, self.reset = scene, context.reset
         self.name = context.info.renderer
         """The driver's name of the GPU, or of the software renderer."""
-        library = drawing_library(context)
-        self._programs = ProgramFactory(context.gl, library, context.functions)
+        self._programs = scene_programs(context)
         materials = material_records(scene)
         self.images = ImageSources(context, self._programs, scene, materials)
         self._timer = PassTimer(context, waits)

@@ -14,8 +14,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding
-from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.shader_files import drawing_library
+from viewer.render.resources.pack_buffers import PackBuffers, codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.state.view_state import Precision
 
@@ -41,8 +40,7 @@ class GlTexelDecoder:
         self._memory = context.memory
         self._pack = pack
         if programs is None:
-            library = drawing_library(context)
-            programs = codec_programs(ProgramFactory(context.gl, library, context.functions), pack)
+            programs = codec_programs(scene_programs(context), pack)
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
         self._programs = programs
 

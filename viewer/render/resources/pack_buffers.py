@@ -12,7 +12,8 @@ from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
+from viewer.gl.program import ProgramFactory, ShaderLibrary
+from viewer.locations import shaders_folder
 from viewer.render.resources.decoder_tables import DecoderTables, decoder_glsl, decoder_tables
 from viewer.render.resources.latent_store import LatentBudget, LatentStore
 from viewer.render.resources.layout import (
@@ -20,6 +21,7 @@ from viewer.render.resources.layout import (
     ImageUnit,
     StorageBinding,
     codec_layout_glsl,
+    scene_layout_glsl,
     texture_record,
 )
 from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
@@ -225,6 +227,13 @@ def weight_image(memory: GpuMemory, weights: bytes, tables: DecoderTables) -> mo
     rows = -(-len(weights) // row_bytes)
     padded = weights.ljust(rows * row_bytes, b"\0")
     return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=tables.kind)
+
+
+def scene_programs(context: GraphicsContext) -> ProgramFactory:
+    """Programs of all shaders but those that need the layout of a codec, in the GLSL of the driver at hand."""
+    generated = {"generated/layout.glsl": scene_layout_glsl()}
+    library = ShaderLibrary(shaders_folder(), generated, older=not context.features.compute)
+    return ProgramFactory(context.gl, library, context.functions)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:
