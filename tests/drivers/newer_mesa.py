@@ -77,8 +77,10 @@ def main() -> None:
         sys.exit("newer Mesa: needs apt-get and dpkg-deb, which Debian and Ubuntu have")
     try:
         unpack(given.folder.resolve(), given.suite)
-    except (OSError, subprocess.SubprocessError) as error:
+    except OSError as error:
         sys.exit(f"newer Mesa: {given.suite} cannot be unpacked: {error}")
+    except subprocess.SubprocessError:
+        sys.exit(f"newer Mesa: {given.suite} cannot be unpacked: apt-get or dpkg-deb failed, is there a network?")
 
 
 if __name__ == "__main__":
