@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from ntc.errors import InputError
+from viewer.scene.json_text import printable
 from viewer.scene.scene_files import MESH_SUFFIXES, SCENE_SUFFIXES, one_scene
 
 MOST_FILES = 1 << 16
@@ -48,7 +49,9 @@ def _unpack_all(archive: Path, folder: Path) -> Path:
     except InputError:
         raise
     except Exception as error:  # zipfile lets many exceptions through on broken archives.
-        raise InputError(f"{archive}: the archive cannot be unpacked ({error}); unpack it yourself") from error
+        raise InputError(
+            f"{archive}: the archive cannot be unpacked ({printable(str(error))}); unpack it yourself"
+        ) from error
 
 
 def _is_scene(name: str) -> bool:
