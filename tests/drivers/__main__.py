@@ -9,7 +9,6 @@ import tempfile
 from tests.drivers.drivers import SYSTEM, Driver, other_drivers
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
-TESTS = ("tests/gl", "tests/golden", "tests/drivers")
 OPTIONS = ("-n", "2", "--dist", "loadscope", "-m", "not timing and not once")
 
 
@@ -34,7 +33,7 @@ def main() -> None:
             sys.exit("the system's driver draws no pictures to compare with")
         for driver in usable:
             say(f"tests with {driver.name}")
-            arguments = ("-m", "pytest", *TESTS, *OPTIONS, *sys.argv[1:])
+            arguments = ("-m", "pytest", *driver.tests, *OPTIONS, *sys.argv[1:])
             if driver.run(*arguments, variables={FOLDER_VARIABLE: pictures}).returncode != 0:
                 failed.append(driver.name)
     if failed:

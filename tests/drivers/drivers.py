@@ -23,6 +23,8 @@ ZINK: Final = {
 """OpenGL by way of Vulkan, and that by lavapipe."""
 NATIVE_HALVES: Final = {"MESA_EXTENSION_OVERRIDE": "+GL_AMD_gpu_shader_half_float"}
 """llvmpipe computes in halves of its own since Mesa 25, but does not tell."""
+OLDER_VERSION: Final = {"MESA_GL_VERSION_OVERRIDE": "4.1"}
+"""Mesa offers no more than macOS does."""
 SYSTEM_VULKAN: Final = Path("/usr/share/vulkan/icd.d")
 PROBE: Final = """
 import json
@@ -39,8 +41,10 @@ class Driver:
     name: str
     python: Path
     environment: Mapping[str, str]
-    renderer: str
-    """Part of the name that it has for itself, by which it is known to be in use."""
+    sign: str
+    """Part of its description, in lower case, by which it is known to be in use."""
+    tests: tuple[str, ...] = ("tests/gl", "tests/golden", "tests/drivers")
+    """What is tested with it."""
 
     def run(
         self, *arguments: str, quiet: bool = False, variables: Mapping[str, str] | None = None
@@ -56,7 +60,8 @@ class Driver:
         if found.returncode != 0:
             return None
         renderer, version = json.loads(found.stdout.splitlines()[-1])
-        return f"{renderer}, OpenGL {version}" if self.renderer in renderer.lower() else None
+        text = f"{renderer}, OpenGL {version}"
+        return text if self.sign in text.lower() else None
 
 
 SYSTEM: Final = Driver("the system's", Path(sys.executable), {}, "")
@@ -104,6 +109,7 @@ def write_python(folder: Path) -> Path:
 
 def other_drivers() -> Iterator[tuple[Driver | None, str]]:
     """Drivers besides the system's: each with the description that it gives, or None with what would make it usable."""
+    older = Driver("OpenGL 4.1", SYSTEM.python, OLDER_VERSION, "opengl 4.1", ("tests/drivers",))
     folder = mesa_folder()
     try:
         newer = write_python(folder)
@@ -114,9 +120,11 @@ def other_drivers() -> Iterator[tuple[Driver | None, str]]:
         candidates = [Driver("zink", SYSTEM.python, environment, "zink")]
     else:
         candidates = [Driver("newer llvmpipe", newer, NATIVE_HALVES, "llvmpipe"), Driver("zink", newer, ZINK, "zink")]
-    for driver in candidates:
+    for driver in (*candidates, older):
         description = driver.description()
-        if description is None:
+        if description is None and driver is older:
+            yield None, f"{driver.name}: the system's driver is not Mesa's, or is older"
+        elif description is None:
             yield None, f"{driver.name}: apt-get install mesa-vulkan-drivers, or make a newer Mesa's folder"
         else:
             yield driver, description

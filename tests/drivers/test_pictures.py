@@ -9,6 +9,7 @@ import pytest
 
 from tests.drivers.pictures import PICTURES, SLOTS
 from tests.golden.pictures import Studio
+from viewer.gl.program import ShaderError
 from viewer.scene.images import read_image, write_png
 from viewer.state.view_state import Slot
 
@@ -42,7 +43,13 @@ def test_pictures_are_those_of_the_systems_driver(studio: Studio, accepted: Path
     for picture in PICTURES:
         if picture.slot != slot:
             continue
-        drawn, expected = picture.draw(studio), read_image(accepted / picture.name)[..., :3]
+        try:
+            drawn = picture.draw(studio)
+        except ShaderError as error:
+            if "computing needs OpenGL" not in str(error):
+                raise
+            pytest.skip(str(error))
+        expected = read_image(accepted / picture.name)[..., :3]
         assert drawn.std() > 5.0, f"{picture.name}: nothing to see"
         apart = np.abs(drawn.astype(int) - expected.astype(int)).max(axis=-1)
         beyond[picture.name] = float((apart > TOLERANCE).mean())

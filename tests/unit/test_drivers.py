@@ -41,10 +41,11 @@ def test_missing_drivers_say_what_brings_them(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "absent"))
     monkeypatch.setattr(Driver, "description", lambda _: None)
     found = list(other_drivers())
-    assert [driver for driver, _ in found] == [None, None]
+    assert [driver for driver, _ in found] == [None, None, None]
     texts = [text for _, text in found]
     assert texts[0] == f"newer llvmpipe: python3 -m tests.drivers.newer_mesa {tmp_path / 'absent'}"
     assert "apt-get install mesa-vulkan-drivers" in texts[1]
+    assert texts[2].startswith("OpenGL 4.1: ")
 
 
 def test_a_driver_that_does_not_start_is_none(tmp_path: Path) -> None:
