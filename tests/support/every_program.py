@@ -1,15 +1,13 @@
 """Every program that the renderer can assemble. None is compiled: for compilers other than the driver's, and for counts."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final, get_args
-from unittest.mock import patch
 
-import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_block_pack, random_pack
+from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
@@ -17,7 +15,6 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.gl.features import Features
-from viewer.gl.program import Defines, ProgramFactory
 from viewer.render.passes.composite import COMPARISONS
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
@@ -38,27 +35,11 @@ from viewer.state.view_state import (
 )
 from viewer.state.zoom import Zoom
 
-HALF_EXTENSION: Final = "GL_EXT_shader_explicit_arithmetic_types_float16"
-"""The one of `HALF_EXTENSIONS` that compilers other than drivers' know best."""
 SIZE: Final = (16, 16)
 CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
 SIDE: Final = 16
 """Texels along a side of each texture."""
 TEXTURES: Final = 3
-
-
-@dataclass(frozen=True)
-class AssembledProgram:
-    """One program as the driver would get it."""
-
-    files: tuple[str, ...]
-    """Files of its stages, below shaders/: one of a compute shader, else those of the vertex and the fragment shader."""
-    texts: tuple[str, ...]
-    """GLSL of each stage."""
-    defines: Mapping[str, int | float | str]
-    """What was defined; of equal texts those of the first."""
-    codec: str
-    """Name in `packs()` of the pack that it decodes or was first assembled for; empty for none."""
 
 
 def _grid(config: CodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
@@ -191,106 +172,12 @@ def _other_views(name: str) -> Iterator[ViewState]:
             yield replace(both, material_view="lit", lighting=lighting)
 
 
-class _NoProgram(moderngl.Program):
-    """Draws nothing."""
-
-    def __init__(self, uniforms: frozenset[str]) -> None:
-        self.extra = uniforms
-
-    def get(self, _key: str, default: Any) -> Any:
-        return default
-
-    def release(self) -> None:
-        """There is nothing to free."""
-
-
-class _NoComputeShader(moderngl.ComputeShader):
-    """Computes nothing."""
-
-    def __init__(self, uniforms: frozenset[str]) -> None:
-        self.extra = uniforms
-
-    def get(self, _key: str, default: Any) -> Any:
-        return default
-
-    def run(self, *_groups: int) -> None:
-        """Nothing is run."""
-
-    def run_indirect(self, *_place: object) -> None:
-        """Nothing is run."""
-
-    def release(self) -> None:
-        """There is nothing to free."""
-
-
-class _NoVertexArray(moderngl.VertexArray):
-    """Draws nothing."""
-
-    def __init__(self, program: moderngl.Program) -> None:
-        self._program = program
-
-    def render(self, *_: object, **__: object) -> None:
-        """Nothing is drawn."""
-
-    def render_indirect(self, *_: object, **__: object) -> None:
-        """Nothing is drawn."""
-
-    def release(self) -> None:
-        """There is nothing to free."""
-
-
-@dataclass
-class _Recorder:
-    """Takes what a ProgramFactory would compile, and gives it programs that do nothing."""
-
-    found: dict[tuple[str, ...], AssembledProgram]
-    uniforms: dict[tuple[str, ...], frozenset[str]]
-    codec: str = ""
-
-    def find(
-        self, factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
-    ) -> moderngl.Program | moderngl.ComputeShader:
-        """In place of `ProgramFactory._find`."""
-        key = (names, tuple(sorted((defines or {}).items())))
-        if key not in factory._programs:
-            sources = [factory._library.assemble(name, defines) for name in names]
-            texts = tuple(source.text for source in sources)
-            if texts not in self.found:
-                self.found[texts] = AssembledProgram(names, texts, dict(defines or {}), self.codec)
-                self.uniforms[texts] = frozenset[str]().union(*(source.uniforms for source in sources))
-            kind = _NoComputeShader if len(names) == 1 else _NoProgram
-            factory._programs[key] = kind(self.uniforms[texts])
-        return factory._programs[key]
-
-    @staticmethod
-    def vertex_array(
-        _gl: moderngl.Context, program: moderngl.Program, *_: object, **__: object
-    ) -> moderngl.VertexArray:
-        """In place of `moderngl.Context.vertex_array`."""
-        return _NoVertexArray(program)
-
-    @contextmanager
-    def recording(self) -> Iterator[None]:
-        """While it lasts nothing is compiled."""
-
-        def find(
-            factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
-        ) -> moderngl.Program | moderngl.ComputeShader:
-            return self.find(factory, names, defines)
-
-        with (
-            patch.object(ProgramFactory, "_find", find),
-            patch.object(moderngl.Context, "vertex_array", self.vertex_array),
-        ):
-            yield
-
-
 def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
     """All distinct programs of every decode path, codec, precision (halves native and emulated), filter, view and overlay.
 
     `context` holds what is uploaded meanwhile; whether its driver has half arithmetic does not matter.
     """
-    recorder = _Recorder({}, {})
+    recorder = ProgramRecorder()
     opened = packs()
     stages = get_args(Stage)
     with recorder.recording():

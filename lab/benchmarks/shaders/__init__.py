@@ -1,0 +1,1 @@
+"""What the compilers of GPUs make of the decoding shaders, without a GPU."""

@@ -1,0 +1,96 @@
+"""The programs that a GPU decodes with, by path, codec and precision."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final, get_args
+
+from lab.bench.random_pack import random_block_pack, random_pack
+from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.config import CodecConfig
+from ntc.codec.model import Pack
+from ntc.training.config import recipe_codec
+from viewer.gl.context import GraphicsContext
+from viewer.locations import builtin_scene_path
+from viewer.render.renderer import Renderer
+from viewer.render.resources.precision import LEVELS
+from viewer.scene.load import load_scene
+from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
+
+CODECS: Final[dict[str, CodecConfig | BlockCodecConfig]] = {
+    "paper": recipe_codec("paper", 3, None),
+    "adapters": CodecConfig(adapters=True),
+    "grid of best": recipe_codec("best", 3, None),
+    "block": BlockCodecConfig(),
+}
+"""By a short name: codec `grid` of both recipes, with adapters that leave the output layer shared, and codec `block`."""
+SIZE: Final = (16, 16)
+
+
+@dataclass(frozen=True)
+class DecodingProgram:
+    """A program, and what it is for."""
+
+    path: str
+    """`deferred, shared`: with one decoder for all."""
+    codec: str
+    """A key of CODECS."""
+    precision: Precision
+    program: AssembledProgram
+
+    @property
+    def config(self) -> CodecConfig | BlockCodecConfig:
+        """The codec's settings."""
+        return CODECS[self.codec]
+
+
+def gpu_of(context: GraphicsContext) -> GraphicsContext:
+    """`context` as if it drew on a GPU with half arithmetic, whatever draws."""
+    features = replace(
+        context.features, weights_in_image=False, half_arithmetic=HALF_EXTENSION, uniform_block_bytes=65536
+    )
+    return replace(context, features=features, info=replace(context.info, renderer="AMD Radeon", vendor="AMD"))
+
+
+def _pack(config: CodecConfig | BlockCodecConfig, groups: tuple[int, ...], hashes: list[str]) -> Pack:
+    sizes = [(32, 32)] * len(hashes)
+    if isinstance(config, CodecConfig):
+        return random_pack(sizes, groups, config, hashes)
+    return random_block_pack(sizes, groups, config, hashes)
+
+
+def _slots(name: str) -> Iterator[tuple[str, Slot]]:
+    """Each path, and each precision in which the codec `name` is decoded by another program."""
+    precisions: tuple[Precision, ...] = tuple(LEVELS) if isinstance(CODECS[name], CodecConfig) else ("fp32",)
+    for path in get_args(DecodePath):
+        for precision in precisions:
+            yield path, Slot(name, path, precision)
+            if path == "deferred":
+                yield f"{path}, shared", Slot(f"{name}, shared", path, precision)
+
+
+def decoding_programs(context: GraphicsContext, codecs: tuple[str, ...] = tuple(CODECS)) -> tuple[DecodingProgram, ...]:
+    """Those of a GPU for `codecs`, with exact filters. `context` holds what is uploaded meanwhile; nothing is drawn."""
+    scene = load_scene(builtin_scene_path())
+    hashes = [texture.pixel_hash for texture in scene.textures]
+    several = tuple(number % 3 for number in range(len(hashes)))
+    packs: dict[str, Pack] = {}
+    for name in codecs:
+        packs[name] = _pack(CODECS[name], several, hashes)
+        packs[f"{name}, shared"] = _pack(CODECS[name], (0,) * len(hashes), hashes)
+    recorder = ProgramRecorder()
+    found: list[DecodingProgram] = []
+    with recorder.recording():
+        renderer = Renderer(gpu_of(context), scene)
+        renderer.set_packs(packs)
+        for name in codecs:
+            for path, slot in _slots(name):
+                before = len(recorder.found)
+                renderer.render(ViewState(scene.cameras[0], SIZE, slot))
+                made = [
+                    own for own in list(recorder.found.values())[before:] if own.files[-1].startswith("passes/decode_")
+                ]
+                decoding = [own for own in made if own.files[-1].split("/")[-1].startswith("decode")]
+                found += [DecodingProgram(path, name, slot.precision, own) for own in decoding]
+        renderer.release()
+    return tuple(found)

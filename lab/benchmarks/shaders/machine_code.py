@@ -1,0 +1,97 @@
+"""Counts instructions of AMD's machine code, as RADV disassembles it, along the way that one invocation takes."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+_INSTRUCTION: Final = re.compile(r"^(?:\s+(\w+)|\(invalid instruction\)).*;((?: [0-9a-f]{8})+)\s*$")
+_REPEATED: Final = re.compile(r"^\s*\(then repeated (\d+) times\)")
+_LONG_VECTOR: Final = ("d5", "d6", "cc")
+"""How the first of two words of vector arithmetic begins, by which instructions are known that the disassembler does not know."""
+_BRANCH: Final = re.compile(r"s_c?branch\w*$")
+_MULTIPLY_ADD: Final = re.compile(r"v_(dual_)?(pk_)?(fma|mad|dot)")
+WORD: Final = 4
+"""Bytes. A branch names its target in words after it, as a signed number of 16 bits."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Instructions `first` to `last`, both by number, of which the last goes back to the first."""
+
+    first: int
+    last: int
+
+    def __contains__(self, number: int) -> bool:
+        return self.first <= number <= self.last
+
+
+@dataclass(frozen=True)
+class MachineCode:
+    """The instructions of one shader."""
+
+    names: tuple[str, ...]
+    loops: tuple[Loop, ...]
+    """In the order in which they begin."""
+
+    @classmethod
+    def parsed(cls, assembly: str) -> "MachineCode":
+        """From the disassembly, in which each instruction has its code behind it."""
+        names: list[str] = []
+        places: dict[int, int] = {}
+        branches: list[tuple[int, int]] = []
+        place, words = 0, list[str]()
+        for line in assembly.splitlines():
+            repeated, match = _REPEATED.match(line), _INSTRUCTION.match(line)
+            if repeated:
+                names += names[-1:] * int(repeated[1])
+                place += WORD * len(words) * int(repeated[1])
+            if match is None:
+                continue
+            words = match[2].split()
+            # Each word of an unknown instruction has a line of its own.
+            name = match[1] or ("v_unknown" if words[0].startswith(_LONG_VECTOR) else "s_unknown")
+            places[place] = len(names)
+            if _BRANCH.match(name):
+                jump = int(words[0], 16) & 0xFFFF
+                branches.append((len(names), place + WORD * (1 + jump - ((jump & 0x8000) << 1))))
+            names.append(name)
+            place += WORD * len(words)
+        ends: dict[int, int] = {}
+        for number, target in branches:
+            if target in places and places[target] <= number:
+                ends[places[target]] = max(number, ends.get(places[target], 0))
+        return cls(tuple(names), tuple(Loop(first, last) for first, last in sorted(ends.items())))
+
+    def _innermost(self, number: int) -> Loop | None:
+        around = [loop for loop in self.loops if number in loop]
+        return min(around, key=lambda loop: loop.last - loop.first, default=None)
+
+    def vector_instructions(self, lengths: Sequence[int] = (), pixels: int = 1) -> float:
+        """Vector instructions, of arithmetic and of memory, for one of the `pixels` that an invocation decodes.
+
+        The loops with the most multiply-adds are those over the network's layers: they run as often as `lengths` says, once for all
+        pixels, as does what is outside of loops. Other loops run once for each pixel. Of branches all sides count.
+        Raises ValueError where the loops of the network are not to be found.
+        """
+        own = [self._innermost(number) for number in range(len(self.names))]
+        products = {
+            loop: sum(
+                place == loop and bool(_MULTIPLY_ADD.match(name)) for place, name in zip(own, self.names, strict=True)
+            )
+            for loop in self.loops
+        }
+        largest = sorted(
+            sorted(products, key=lambda loop: -products[loop])[: len(lengths)], key=lambda loop: loop.first
+        )
+        if len(largest) < len(lengths):
+            raise ValueError(f"the code has {len(largest)} loops, and the network {len(lengths)}")
+        times: dict[Loop | None, float] = dict.fromkeys(self.loops, 1.0)
+        times |= {None: 1.0 / pixels}
+        times |= {loop: length / pixels for loop, length in zip(largest, lengths, strict=True)}
+        return sum(times[place] for place, name in zip(own, self.names, strict=True) if is_vector(name))
+
+
+def is_vector(name: str) -> bool:
+    """Whether an instruction is carried out for each invocation of a subgroup, with its own registers."""
+    return not name.startswith("s_")
