@@ -1,9 +1,10 @@
 // Wrapping of texture coordinates (docs/codec.md, steps 1 and 2).
 #include "generated/layout.glsl"
+#include "common/numbers.glsl"
 
 // Into [0, 1]; NaN and infinity count as 0.
 float wrap_coordinate(float coordinate, int mode) {
-    if (isnan(coordinate) || isinf(coordinate)) coordinate = 0.0;
+    if (!is_finite(coordinate)) coordinate = 0.0;
     float repeated = coordinate - floor(coordinate);
     // Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
     float mirrored = abs(coordinate - 2.0 * roundEven(coordinate * 0.5));

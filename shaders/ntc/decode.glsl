@@ -1,5 +1,6 @@
 // The codecs (docs/codec.md): latents, and `decode_texture` of the codec that CODEC_BLOCK names (generated/codec.glsl).
 #include "ntc/records.glsl"
+#include "common/numbers.glsl"
 #include "ntc/position.glsl"
 
 layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
@@ -45,13 +46,13 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
 
 // Clamped to the mips that are on the GPU; not finite counts as 0.
 float present_lod(TextureRecord record, float lod) {
-    if (isnan(lod) || isinf(lod)) lod = 0.0;
+    if (!is_finite(lod)) lod = 0.0;
     return clamp(lod, float(record.finest_level), float(record.levels - 1));
 }
 
 // A decoder's output limited to [0, 1], NaN as 0: sums that overflow can give NaN, for which clamp is undefined.
 vec4 limit_output(vec4 result) {
-    return mix(clamp(result, 0.0, 1.0), vec4(0.0), isnan(result));
+    return mix(clamp(result, 0.0, 1.0), vec4(0.0), are_nan(result));
 }
 
 // 1: of the texels of a trilinear footprint one is decoded, chosen at random (ntc/lookup.glsl).

@@ -17,7 +17,7 @@ float to_half(float value) {
     // Below 2^-14 halves lie 2^-24 apart.
     float rounded = bits < 0x38800000u ? roundEven(abs(value) * 16777216.0) / 16777216.0 : uintBitsToFloat(kept);
     rounded = kept > 0x477FE000u ? uintBitsToFloat(0x7F800000u) : rounded;
-    if (isnan(value)) return value;
+    if (bits > 0x7F800000u) return value;
     return value < 0.0 ? -rounded : rounded;
 }
 vec4 to_half(vec4 value) {

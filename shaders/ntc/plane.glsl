@@ -1,5 +1,6 @@
 // What a surface shows of one plane of its maps (ntc/codec/maps.py): the texel to decode for it, and what the decoded texel gives.
 #include "common/color.glsl"
+#include "common/numbers.glsl"
 #include "common/planes.glsl"
 #include "ntc/records.glsl"
 
@@ -12,13 +13,15 @@ struct WantedTexel {
 };
 
 // Changes `uv` and `lod` to those that a filter other than trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
-void apply_sampler(inout vec2 uv, inout float lod, int flags, vec2 size, int last_level) {
+void apply_sampler(inout vec2 uv, inout float lod, int flags, ivec2 size, int last_level) {
     if (flags == 0) return;
     bool magnified = lod <= 0.0;
     if ((flags & SAMPLER_MIPMAP_NONE) != 0) lod = 0.0;
     if ((flags & SAMPLER_MIPMAP_NEAREST) != 0) lod = clamp(ceil(lod + 0.5) - 1.0, 0.0, float(last_level));
     bool nearest = (flags & (magnified ? SAMPLER_MAGNIFY_NEAREST : SAMPLER_MINIFY_NEAREST)) != 0;
-    vec2 texels = max(floor(size * exp2(-floor(max(lod, 0.0)))), 1.0);
+    // By shifts: exp2 of a whole number need not be exact.
+    int level = is_finite(lod) ? int(clamp(floor(lod), 0.0, 31.0)) : 0;
+    vec2 texels = vec2(max(size >> level, 1));
     if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
 }
 
@@ -52,8 +55,8 @@ WantedTexel wanted_texel(Surface surface) {
     if (wanted.texture_id >= 0) {
         wanted.components = plane.components & (textures[wanted.texture_id].components >> (4 * PLANE));
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
-        vec2 size = vec2(finest.texel_width, finest.texel_height);
-        wanted.lod = footprint_lod(place.z, size.x);
+        ivec2 size = ivec2(finest.texel_width, finest.texel_height);
+        wanted.lod = footprint_lod(place.z, float(size.x));
         apply_sampler(wanted.uv, wanted.lod, plane.sampler_flags, size, textures[wanted.texture_id].levels - 1);
     }
     return wanted;

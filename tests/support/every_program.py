@@ -128,8 +128,8 @@ def _feature_sets(features: Features) -> Iterator[tuple[Features, bool]]:
     """Features, and whether halves are emulated: weights in an image, in buffers, and in buffers with none that is uniform."""
     halves = replace(features, half_arithmetic=HALF_EXTENSION, anisotropy=16)
     for emulated in (False, True):
-        yield replace(halves, weights_in_image=True), emulated
-        yield replace(halves, weights_in_image=False), emulated
+        yield replace(halves, weights_in_image=True, shared_sums=False), emulated
+        yield replace(halves, weights_in_image=False, shared_sums=True), emulated
         yield replace(halves, weights_in_image=False, uniform_block_bytes=0), emulated
 
 

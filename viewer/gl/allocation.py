@@ -9,6 +9,7 @@ import moderngl
 
 from ntc.errors import InputError
 from viewer.gl.blocking import BlockingCalls
+from viewer.gl.limits import Limits
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
 """Environment variable: a limit in MB on all GPU memory, for trying what happens without memory."""
@@ -65,6 +66,7 @@ class GpuMemory:
         """`limit_bytes`: never allocate more in all; None: as much as the driver has. `blocking` counts what is read back."""
         self.gl = gl
         self.blocking = blocking or BlockingCalls()
+        self.limits = Limits.of(gl.info)
         self._limit = limit_bytes
         self._given: list[tuple[Releasable, int]] = []
         self._open: list[list[Releasable]] = []
@@ -142,22 +144,35 @@ class GpuMemory:
         if self._open:
             self._open[-1].extend(made)
 
-    def buffer(self, what: str, data: Any = None, reserve: int = 0, dynamic: bool = False) -> moderngl.Buffer:
-        """A buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below."""
+    def buffer(
+        self, what: str, data: Any = None, reserve: int = 0, dynamic: bool = False, storage: bool = False
+    ) -> moderngl.Buffer:
+        """A buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below.
+
+        `storage`: shaders are to read it whole as a storage buffer, which drivers allow up to a size.
+        """
         size = reserve if data is None else memoryview(data).nbytes
+        most = self.limits.storage_block_bytes
+        if storage and size > most:
+            raise GpuMemoryError(
+                f"{what}: {size / 1e6:.0f} MB are more than the {most / 1e6:.0f} MB of a buffer that shaders can read here "
+                "(GL_MAX_SHADER_STORAGE_BLOCK_SIZE); make the picture smaller, or open fewer textures at once"
+            )
         return self.made(what, size, lambda: self.gl.buffer(data, reserve=reserve, dynamic=dynamic))
 
-    def grown(self, what: str, old: moderngl.Buffer, size: int, dynamic: bool = False) -> moderngl.Buffer:
+    def grown(
+        self, what: str, old: moderngl.Buffer, size: int, dynamic: bool = False, storage: bool = False
+    ) -> moderngl.Buffer:
         """`old`, or where it is smaller than `size` bytes a new buffer without its content; `old` is freed then."""
         if old.size >= size:
             return old
-        made = self.buffer(what, reserve=size, dynamic=dynamic)
+        made = self.buffer(what, reserve=size, dynamic=dynamic, storage=storage)
         old.release()
         return made
 
     def check_size(self, what: str, size: tuple[int, int]) -> None:
         """Raise GpuMemoryError where the driver has no textures of this (width, height)."""
-        most = int(self.gl.info["GL_MAX_TEXTURE_SIZE"])
+        most = self.limits.texture_side
         if max(size) > most:
             raise GpuMemoryError(
                 f"{what}: {size[0]} x {size[1]} is more than the {most} a side that the GPU's driver allows "

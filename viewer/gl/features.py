@@ -8,6 +8,9 @@ from typing import Final
 import moderngl
 
 from ntc.errors import InputError
+from viewer.gl.limits import Limits
+from viewer.gl.program import EXTENSION, ShaderLibrary
+from viewer.locations import shaders_folder
 
 COMPUTE_VERSION: Final = 430
 """OpenGL 4.3: for all that is there."""
@@ -15,23 +18,37 @@ DRAWING_VERSION: Final = 410
 """OpenGL 4.1, where macOS ends: for what is drawn without computing."""
 WITHOUT_VARIABLE: Final = "NTC_VIEWER_WITHOUT"
 """Environment variable: names of NAMES, separated by commas, that are not used although the driver has them."""
-NAMES: Final = ("compute", "timer-queries", "uniform-decoders", "weights-in-image", "half-arithmetic", "anisotropy")
-HALF_EXTENSIONS: Final = (
-    "GL_NV_gpu_shader5",
-    "GL_AMD_gpu_shader_half_float",
-    "GL_EXT_shader_explicit_arithmetic_types_float16",
+NAMES: Final = (
+    "compute",
+    "timer-queries",
+    "uniform-decoders",
+    "weights-in-image",
+    "half-arithmetic",
+    "anisotropy",
+    "shared-sums",
 )
-"""GLSL extensions with the types `float16_t` and `f16vec4`, the most common first."""
+HALF_EXTENSIONS: Final = (
+    "GL_EXT_shader_explicit_arithmetic_types_float16",
+    "GL_AMD_gpu_shader_half_float",
+    "GL_NV_gpu_shader5",
+)
+"""GLSL extensions with the types `float16_t` and `f16vec4`, the one that says most of them first."""
 _HALF_PROBE: Final = """#version 430
-#extension {extension} : require
 layout(local_size_x = 1) in;
-layout(std430, binding = 0) buffer Values {{ vec4 values[]; }};
-void main() {{
-    f16vec4 factors = f16vec4(values[0]);
-    float16_t sum = factors.x * factors.y + float16_t(0.5);
-    values[1] = vec4(max(factors, sum * factors));
-}}
+#include "ntc/half.glsl"
+layout(std430, binding = 0) buffer Values { vec4 values[]; };
+void main() {
+    ACC_T sum = ACC_T(values[0]);
+    ODD_ACCUMULATOR(odd)
+    ADD_PRODUCT(sum, MUL_T(values[1]), MUL_SCALAR(values[2].x));
+    ADD_ODD_PRODUCT(sum, odd, MUL_T(values[1]), MUL_SCALAR(to_half(values[2].y)));
+    JOIN_ACCUMULATORS(sum, odd)
+    sum = ADAPTED(sum, values[3], values[4]);
+    sum = LEAKY(sum, 0.01);
+    values[5] = vec4(AS_MUL_T(sum)) + PRODUCT_SUM(sum, values[6]);
+}
 """
+"""All that decoders do in halves (shaders/ntc/half.glsl)."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +67,8 @@ class Features:
     """GLSL extension for half-precision arithmetic; None: precisions that need it are refused."""
     anisotropy: int
     """Largest anisotropy of the driver's filter; 1: none."""
+    shared_sums: bool
+    """Add up what a work group counts in shared memory first: atomics of all groups meet on GPUs, barriers take long on CPUs."""
 
 
 def features_without(names: str) -> frozenset[str]:
@@ -60,11 +79,19 @@ def features_without(names: str) -> frozenset[str]:
     return given
 
 
+def half_probes(extension: str) -> tuple[str, ...]:
+    """GLSL of compute shaders that do what decoders do in halves: with products alone in halves, and with sums as well."""
+    library = ShaderLibrary(shaders_folder(), {"half_probe.comp": _HALF_PROBE})
+    levels = ({EXTENSION: extension, "HALF_ARITHMETIC": level} for level in (1, 2))
+    return tuple(library.assemble("half_probe.comp", defines).text for defines in levels)
+
+
 def half_arithmetic(gl: moderngl.Context) -> str | None:
-    """The first of HALF_EXTENSIONS with which the driver compiles a shader that computes in halves; None where there is none."""
+    """The first of HALF_EXTENSIONS with which the driver compiles what decoders do in halves; None where there is none."""
     for extension in HALF_EXTENSIONS:
         try:
-            gl.compute_shader(_HALF_PROBE.format(extension=extension)).release()
+            for probe in half_probes(extension):
+                gl.compute_shader(probe).release()
         except moderngl.Error:
             continue
         return extension
@@ -79,8 +106,9 @@ def find_features(gl: moderngl.Context, is_software: bool, environment: Mapping[
     return Features(
         compute=compute,
         timer_queries="timer-queries" not in without and not is_software,
-        uniform_block_bytes=0 if "uniform-decoders" in without else int(gl.info["GL_MAX_UNIFORM_BLOCK_SIZE"]),
+        uniform_block_bytes=0 if "uniform-decoders" in without else Limits.of(gl.info).uniform_block_bytes,
         weights_in_image=not compute or ("weights-in-image" not in without and is_software),
         half_arithmetic=None if "half-arithmetic" in without or not compute else half_arithmetic(gl),
         anisotropy=1 if "anisotropy" in without else max(1, int(gl.max_anisotropy)),
+        shared_sums="shared-sums" not in without and not is_software,
     )

@@ -138,9 +138,11 @@ class TileAtlas:
         return self.layers * self._side * self._side * 4
 
     def grow(self, layers: int) -> bool:
-        """Have at least this many layers; False, and all as before, where the driver has no memory for them."""
+        """Have at least this many layers; False, and all as before, where the driver has no memory for them, or allows fewer."""
         if layers <= self.layers:
             return True
+        if layers > self._memory.limits.array_layers:
+            return False
         side, old = self._side, self._array
         try:
             made = self._memory.made(

@@ -1,6 +1,7 @@
 #version 430
 // Prefix sum over the pixel counts: where each decoder's pixels begin in the list. One work group for all bins.
 #include "passes/decode_binned/bins.glsl"
+#include "common/work_groups.glsl"
 layout(local_size_x = SCAN_GROUP) in;
 
 uniform int bin_count;
@@ -21,8 +22,9 @@ void main() {
     for (int other = 0; other < lane; ++other) first += sums[other];
     for (int bin = begin; bin < end; ++bin) {
         uint count = bins[bin].counted;
-        bins[bin].groups_x = (count + uint(pixels_per_group) - 1u) / uint(pixels_per_group);
-        bins[bin].groups_y = 1u;
+        uvec2 groups = rows_of_work_groups((count + uint(pixels_per_group) - 1u) / uint(pixels_per_group));
+        bins[bin].groups_x = groups.x;
+        bins[bin].groups_y = groups.y;
         bins[bin].groups_z = 1u;
         bins[bin].pixels = count;
         bins[bin].first = first;

@@ -3,6 +3,7 @@
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "common/color.glsl"
+#include "common/work_groups.glsl"
 #include "ntc/decode.glsl"
 #include "generated/shared_network.glsl"
 
@@ -30,7 +31,7 @@ int wrapped_texel(int texel, int size, int mode) {
 // Texel number `p` of this invocation: its tile and its place on the page; `inside` says whether there is one.
 TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     int texels = tile_count * PAGE_TEXELS;
-    int number = int(gl_WorkGroupID.x) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x) + p * BIN_GROUP;
+    int number = int(work_group_number()) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x) + p * BIN_GROUP;
     inside = number < texels;
     number = min(number, texels - 1);
     int on_page = number % PAGE_TEXELS;

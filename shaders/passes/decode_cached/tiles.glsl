@@ -68,7 +68,7 @@ struct FilterLevels {
 
 FilterLevels filter_levels(int texture_id, float wanted_lod) {
     float last = float(textures[texture_id].levels - 1);
-    float lod = isnan(wanted_lod) || isinf(wanted_lod) ? 0.0 : clamp(wanted_lod, 0.0, last);
+    float lod = is_finite(wanted_lod) ? clamp(wanted_lod, 0.0, last) : 0.0;
     int lower = int(floor(lod));
     return FilterLevels(lower, min(lower + 1, int(last)), lod - float(lower));
 }

@@ -17,13 +17,13 @@ flat in uint ids;
 layout(location = 0) out vec4 target;
 
 void main() {
-#if SECOND_UVS
     // Before pixels are discarded: derivatives need all four of a quad.
+    float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
+#if SECOND_UVS
     vec3 second_uv = vec3(second_place, pixel_footprint(dFdx(second_place), dFdy(second_place)));
 #endif
     // Two surfaces may have the same depth, and alpha may have cut out parts of one: the visibility buffer decides.
     if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
-    float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
 #if VERTEX_COLORS
     // Rounded as in the visibility buffer, so that all paths give the same colour.
     vec3 rounded = unpack_color(pack_color(color.rgb));

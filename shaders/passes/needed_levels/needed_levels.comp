@@ -13,7 +13,7 @@ void main() {
     if (any(greaterThanEqual(pixel, textureSize(surface_words, 0)))) return;
     WantedTexel wanted = wanted_texel(read_surface(pixel));
     if (wanted.texture_id < 0) return;
-    float lod = isnan(wanted.lod) || isinf(wanted.lod) ? 0.0 : wanted.lod;
+    float lod = is_finite(wanted.lod) ? wanted.lod : 0.0;
     int level = int(clamp(lod, 0.0, float(textures[wanted.texture_id].levels - 1)));
     if (level < needed_levels[wanted.texture_id]) atomicMin(needed_levels[wanted.texture_id], level);
 }

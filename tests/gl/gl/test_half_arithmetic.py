@@ -1,8 +1,11 @@
 """Half arithmetic: its probe, its refusal, and its numerics, emulated and held against a twin in numpy that rounds alike."""
 
 import os
+import re
 from pathlib import Path
+from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -14,7 +17,8 @@ from ntc.codec.reference import decode_texels
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext
-from viewer.gl.features import HALF_EXTENSIONS, half_arithmetic
+from viewer.gl.features import HALF_EXTENSIONS, half_arithmetic, half_probes
+from viewer.locations import shaders_folder
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.precision import precision_defines
 from viewer.state.view_state import Precision
@@ -32,6 +36,43 @@ def test_the_probe_names_an_extension_or_none(graphics: GraphicsContext) -> None
     assert half_arithmetic(graphics.gl) in (None, *HALF_EXTENSIONS)
     if "llvmpipe" in graphics.info.renderer and "half" not in os.environ.get("MESA_EXTENSION_OVERRIDE", ""):
         assert half_arithmetic(graphics.gl) is None
+
+
+class _Driver:
+    """Compiles what `refuses` does not name, with all extensions."""
+
+    def __init__(self, *refuses: str) -> None:
+        self.refuses, self.compiled = refuses, list[str]()
+
+    def compute_shader(self, text: str) -> "_Driver":
+        """In place of `moderngl.Context.compute_shader`."""
+        self.compiled.append(text)
+        if any(part in text for part in self.refuses):
+            raise moderngl.Error("refused")
+        return self
+
+    def release(self) -> None:
+        """There is nothing to free."""
+
+
+def test_the_probe_compiles_what_decoders_compute() -> None:
+    """Each macro of half.glsl, at both levels: a driver that does not compile one of them has no half arithmetic."""
+    macros = set(re.findall(r"#define (\w+)\(", (shaders_folder() / "ntc" / "half.glsl").read_text()))
+    assert macros >= {"ADD_PRODUCT", "LEAKY", "ADAPTED", "PRODUCT_SUM"}
+    for level, text in enumerate(half_probes(HALF_EXTENSIONS[0]), start=1):
+        assert f"#define HALF_ARITHMETIC {level}\n" in text
+        main = text[text.index("void main()") :]
+        assert {name for name in macros if f"{name}(" not in main} <= {"MUL_SCALAR", "ACC_SCALAR"}
+    sums: Any = _Driver("#define HALF_ARITHMETIC 2")
+    assert half_arithmetic(sums) is None
+    assert len(sums.compiled) == 2 * len(HALF_EXTENSIONS)
+
+
+def test_the_extension_that_says_most_is_taken_first() -> None:
+    every: Any = _Driver()
+    older: Any = _Driver("GL_EXT_")
+    assert half_arithmetic(every) == "GL_EXT_shader_explicit_arithmetic_types_float16"
+    assert half_arithmetic(older) == "GL_AMD_gpu_shader_half_float"
 
 
 @pytest.mark.parametrize("precision", MODES)

@@ -1,6 +1,7 @@
 """The binned path: every pixel is put into the list once, at its decoder's place, and decoded as the deferred path decodes it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
+from viewer.gl.limits import GROUPS_ACROSS
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
@@ -53,11 +55,12 @@ def hostile(words: Words) -> Words:
 
 @pytest.mark.parametrize("change", [with_background, same_texture, hostile, np.zeros_like], ids=lambda f: f.__name__)
 @pytest.mark.parametrize(("decoders", "size"), [(1, (64, 64)), (3, (37, 23)), (64, (130, 9)), (700, (61, 40))])
-@pytest.mark.parametrize(("codec", "precision"), [(SMALL, "fp32"), (FULL, "fp16")])
+@pytest.mark.parametrize(("codec", "precision", "shared_sums"), [(SMALL, "fp32", True), (FULL, "fp16", False)])
 def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     graphics: GraphicsContext,
     codec: CodecConfig,
     precision: Precision,
+    shared_sums: bool,
     decoders: int,
     size: tuple[int, int],
     change: Callable[[Words], Words],
@@ -74,7 +77,8 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
         [ColorTarget(graphics, size) for _ in range(2)],
     )
     deferred = DecodeDeferredPass(graphics, programs, buffers, ranges, PlaneReading(), None)
-    binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
+    adding = replace(graphics, features=replace(graphics.features, shared_sums=shared_sums))
+    binned = DecodeBinnedPass(adding, programs, buffers, ranges, PlaneReading())
     inputs = VisibilityInputs(visibility, material, textures=tuple(range(decoders)))
     deferred.run(inputs, targets[0])
     texture = (words[..., 0] & 0xFFFF).astype(int) - 1
@@ -108,3 +112,32 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]
     for made in (target, material, binned, ranges, buffers, programs):
         made.release()
+
+
+def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsContext) -> None:
+    """As with 65535 of them and a picture of more than 16 million pixels."""
+    size, pack = (96, 61), square_pack(2, 2, 16, SMALL)
+    visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
+    visibility.write(same_texture(interleaved_words(size, 2)))
+    layout = scene_layout_glsl()
+    narrow = layout.replace(f"#define GROUPS_ACROSS {GROUPS_ACROSS}\n", "#define GROUPS_ACROSS 5\n")
+    assert narrow != layout
+    material, pictures = white_material(graphics), []
+    for text in (layout, narrow):
+        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": text}))
+        programs = codec_programs(factory, pack)
+        buffers, ranges = PackBuffers(graphics, pack, range(2), "fp32"), DecoderRanges(graphics, pack, "fp32")
+        binned, target = (
+            DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading()),
+            ColorTarget(graphics, size),
+        )
+        binned.run(VisibilityInputs(visibility, material, textures=(0, 1)), target)
+        pictures.append(target.read())
+        groups = np.frombuffer(binned.bins(), BIN_RECORD)[0]
+        assert groups["groups_x"] * groups["groups_y"] >= -(-size[0] * size[1] // (64 * ranges.pixels))
+        for made in (target, binned, ranges, buffers, programs):
+            made.release()
+    assert groups["groups_y"] > 1
+    assert groups["groups_x"] <= 5
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    material.release()

@@ -37,9 +37,10 @@ class DecodeBinnedPass(DecodePass):
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
         defines = {**buffers.defines, **filter_defines(texel_filter), "DECODER_IN_STORAGE": int(ranges.in_storage)}
-        self._count = programs.compute(f"{FOLDER}/count.comp", reading.defines())
+        sorting = {**reading.defines(), "SHARED_SUMS": int(context.features.shared_sums)}
+        self._count = programs.compute(f"{FOLDER}/count.comp", sorting)
         self._scan = programs.compute(f"{FOLDER}/scan.comp")
-        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", reading.defines())
+        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", sorting)
         self._decode = programs.compute(f"{FOLDER}/decode.comp", {**reading.defines(), **defines})
         what = "path binned"
         with self._memory.transaction():
@@ -49,7 +50,7 @@ class DecodeBinnedPass(DecodePass):
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode the whole picture."""
         needed = target.size[0] * target.size[1] * PIXEL_BYTES
-        self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed)
+        self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed, storage=True)
         inputs.bind()
         self._buffers.bind()
         target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)

@@ -49,4 +49,3 @@ class DecodeForwardPass(DecodePass):
             self._scene_buffers.draw(self._program, self._program)
         finally:
             gl.depth_func = "<"
-            framebuffer.release()

@@ -40,7 +40,8 @@ class DivergencePass:
         inputs.tables.bind()
         target.counted_by = self._stage
         if self._stage == "compute":
-            target.histogram.clear()
+            # Not clear(), which maps the buffer and waits.
+            target.histogram.write(bytes(target.histogram.size))
             target.histogram.bind_to_storage_buffer(int(StorageBinding.RESULTS))
             target.texture.bind_to_image(int(ImageUnit.DIVERGENCE), read=False, write=True)
             program = self._programs.compute("passes/divergence/divergence.comp", defines)

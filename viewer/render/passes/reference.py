@@ -179,8 +179,6 @@ class ReferencePass:
                 self._draw(array, anisotropy, visibility.content, {"FIRST": 0, "SORTS": 0})
         finally:
             gl.depth_func = "<"
-            if sorts:
-                framebuffer.release()
 
     def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
         """Draw the pixels of one texture array; -1 for none."""

@@ -133,7 +133,6 @@ class ShadePass:
             program.render(moderngl.TRIANGLES, vertices=3)
         finally:
             gl.depth_func = "<"
-            framebuffer.release()
 
     def _fullscreen(self, fragment: str, defines: dict[str, int]) -> moderngl.VertexArray:
         return self._programs.fullscreen(f"passes/shade/{fragment}", defines)

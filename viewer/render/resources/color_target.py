@@ -24,11 +24,20 @@ class ColorTarget:
         # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
         self.framebuffer.clear()
         self._context = context
+        self._with_depth: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
 
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
-        """A framebuffer of this target and a depth texture; the caller releases it."""
-        # Has no memory of its own, and is made for every frame: nothing to check.
-        return self._context.gl.framebuffer([self.texture], depth)
+        """The framebuffer of this target and a depth texture; made anew only for another texture than at the last call."""
+        if self._with_depth is None or self._with_depth[0] is not depth:
+            self._release_with_depth()
+            # Has no memory of its own: nothing to check.
+            self._with_depth = depth, self._context.gl.framebuffer([self.texture], depth)
+        return self._with_depth[1]
+
+    def _release_with_depth(self) -> None:
+        if self._with_depth is not None:
+            self._with_depth[1].release()
+            self._with_depth = None
 
     def copy_from(self, other: "ColorTarget") -> None:
         """Take over the pixels of a target of the same size, whose floats may be halves."""
@@ -64,5 +73,6 @@ class ColorTarget:
 
     def release(self) -> None:
         """Free the texture."""
+        self._release_with_depth()
         self.framebuffer.release()
         self.texture.release()

@@ -37,7 +37,7 @@ class LatentCounts:
     levels_without_room: int
     """Visible mips that do not fit into the budget: a coarser one is shown."""
     out_of_memory: bool = False
-    """Whether the GPU had less memory than the budget, which has been lowered."""
+    """Whether the GPU had less memory than the budget, which has been lowered, or lets shaders read less of it than was needed."""
 
 
 def stored_words(texture: EncodedTexture, config: AnyCodec, cells: slice) -> NDArray[np.uint32]:
@@ -65,7 +65,10 @@ class LatentStore:
         self.config, self._textures = config, list(textures)
         self.cell_bytes = 4 * cell_words(config)
         """Bytes of one cell on the GPU."""
-        self._budget_cells = max(1, budget.budget_bytes // self.cell_bytes)
+        # Shaders find all latents in one buffer, of which they read no more than the driver allows.
+        self._most_bytes = context.memory.limits.storage_block_bytes
+        self._is_limited = self._most_bytes < budget.budget_bytes
+        self._budget_cells = max(1, min(budget.budget_bytes, self._most_bytes) // self.cell_bytes)
         self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
             () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
         )
@@ -117,7 +120,19 @@ class LatentStore:
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
-        return LatentCounts(there, total - there, absent, self._without_room, self._out_of_memory)
+        short = self._out_of_memory or (self._is_limited and self._without_room > 0)
+        return LatentCounts(there, total - there, absent, self._without_room, short)
+
+    @property
+    def refusal(self) -> str:
+        """Why not all latents are there, and what helps."""
+        if self._out_of_memory:
+            return "latents: the GPU has no memory for all of them; close other programs"
+        total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
+        return (
+            f"latents: {total / 1e6:.0f} MB are more than the {self._most_bytes / 1e6:.0f} MB of a buffer that shaders can read here "
+            "(GL_MAX_SHADER_STORAGE_BLOCK_SIZE); take a pack of fewer or smaller textures"
+        )
 
     def all_levels(self) -> dict[int, int]:
         """Every mip of every texture, for `need`."""

@@ -10,6 +10,7 @@ from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
 from ntc.codec.maps import MAPS, PLANES, MapName, plane_channels
 from ntc.codec.model import AnyCodec
+from viewer.gl.limits import GROUPS_ACROSS
 from viewer.lighting.brdf import SMALLEST_COSINE, SMALLEST_ROUGHNESS
 from viewer.lighting.prefilter import ENVIRONMENT_LEVELS, MOST_SAMPLES
 from viewer.scene.model import AlphaMode, Sampler
@@ -341,6 +342,7 @@ def scene_layout_glsl() -> str:
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
         f"#define BIN_GROUP {BIN_GROUP}",
         f"#define SCAN_GROUP {SCAN_GROUP}",
+        f"#define GROUPS_ACROSS {GROUPS_ACROSS}",
         f"#define TILE_SIDE {TILE_SIDE}",
         f"#define TILE_BORDER {TILE_BORDER}",
         f"#define TILE_QUADS {TILE_QUADS}",

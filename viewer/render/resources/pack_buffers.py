@@ -80,7 +80,7 @@ class PackBuffers:
                 self.need(self.latent_store.all_levels())
                 if not self.latent_store.has(self.latent_store.all_levels()):
                     # Measurements need all of them: coarser mips in their place would give wrong numbers.
-                    raise GpuMemoryError("latents: the GPU has no memory for all of them; close other programs")
+                    raise GpuMemoryError(self.latent_store.refusal)
 
     def stored(self, pack: Pack) -> Pack:
         """`pack` as these buffers store it: rescaled where the precision needs that."""
@@ -116,7 +116,7 @@ class PackBuffers:
         if self.weights_in_image:
             made = weight_image(self._memory, weights, self._decoders)
         else:
-            made = self._memory.buffer("decoders", weights)
+            made = self._memory.buffer("decoders", weights, storage=True)
         self._weight_bytes = len(weights)
         return made
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
+from viewer.gl.limits import rows_of_work_groups
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
@@ -40,7 +41,7 @@ LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
 AHEAD_MILLISECONDS = 8.0
 """Decoding time of a frame, in ms, for tiles that are shown in an older version."""
 TILES_AT_ONCE = 8192
-"""Tiles of one dispatch: OpenGL allows at most 65535 work groups along each axis."""
+"""Tiles of one dispatch: for codec `block` the work groups along one axis, of which OpenGL guarantees 65535."""
 
 
 def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
@@ -342,7 +343,7 @@ class DecodeCachedPass:
         """Those that decode `tiles` tiles: an invocation decodes four texels of a block, or pixels of any tile."""
         if self._buffers.pack.config.kind == "block":
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
-        return -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)), 1
+        return rows_of_work_groups(-(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
 
     def _write_tiles(self, data: bytes) -> None:
         self._tiles.write(data)
