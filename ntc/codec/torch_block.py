@@ -84,7 +84,8 @@ class _Stored(NamedTuple):
 
 
 class TorchBlockCodec:
-    """Decodes the textures of one pack of codec `block` on one torch device."""
+    """Decodes the textures of one pack of codec `block` on one torch device. What a texture needs stays there once its texels were
+    decoded."""
 
     def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
         """`interruption` is called before each piece of an image; what it raises ends the decode."""
@@ -92,6 +93,7 @@ class TorchBlockCodec:
         self._interruption = interruption
         self._device = torch.device(device)
         self._decoders = [TorchBlockDecoder(each, self._config, self._device) for each in pack.block_decoders]
+        self._whole: dict[int, _Stored] = {}
 
     def _stored(self, texture: EncodedTexture, levels: slice = slice(None)) -> _Stored:
         found = block_texture(texture, self._config)
@@ -110,6 +112,33 @@ class TorchBlockCodec:
         return _Stored(*(torch.from_numpy(part).to(self._device) for part in parts))
 
     @torch.no_grad()
+    def texels(self, texture_index: int, at: Tensor, lod: Tensor, wrap: tuple[WrapMode, WrapMode]) -> Tensor:
+        """[N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
+
+        Positions may be float64: they are used as they are, all else is float32.
+        """
+        texture = self._pack.textures[texture_index]
+        levels = latent_levels(texture.width, texture.height, self._config)
+        if texture_index not in self._whole:
+            self._whole[texture_index] = self._stored(texture)
+        stored, decoder = self._whole[texture_index], self._decoders[texture.group]
+        sizes = [[(level.texel_width, level.texel_height) for level in levels]]
+        texels = PyramidTable.of(sizes, [(wrap[0] == "repeat", wrap[1] == "repeat")], self._device)
+        places, parts = texture.places(self._config), [torch.zeros((0, texture.channels), device=self._device)]
+        lod = lod.clamp(0.0, len(levels) - 1.0)
+        for uv, level in zip(torch.split(at, TEXELS_AT_ONCE), torch.split(lod, TEXELS_AT_ONCE), strict=True):
+            if not len(uv):
+                continue
+            self._interruption()
+            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
+            index, weights = trilinear_corners(texels, same, uv, level)
+            block, place = self._blocks_of(texels, texture, index)
+            used, row = torch.unique(block, return_inverse=True)
+            values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
+            blended = (values * weights[..., None].float()).sum(1)
+            parts.append(blended.clamp(0.0, 1.0)[:, places])
+        return torch.cat(parts)
+
     def decode_texels(
         self,
         texture_index: int,
@@ -118,25 +147,9 @@ class TorchBlockCodec:
         wrap: tuple[WrapMode, WrapMode] | None = None,
     ) -> NDArray[np.float32]:
         """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
-        texture = self._pack.textures[texture_index]
-        modes = texture.wrap if wrap is None else wrap
-        levels = latent_levels(texture.width, texture.height, self._config)
-        sizes = [[(level.texel_width, level.texel_height) for level in levels]]
-        texels = PyramidTable.of(sizes, [(modes[0] == "repeat", modes[1] == "repeat")], self._device)
-        stored, decoder = self._stored(texture), self._decoders[texture.group]
-        parts, places = [], texture.places(self._config)
-        for start in range(0, len(uv), TEXELS_AT_ONCE):
-            self._interruption()
-            part = slice(start, start + TEXELS_AT_ONCE)
-            wrapped, level = finite_places(uv[part], lod[part], modes, self._device)
-            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
-            index, weights = trilinear_corners(texels, same, wrapped, level.clamp(0.0, len(levels) - 1.0))
-            block, place = self._blocks_of(texels, texture, index)
-            used, row = torch.unique(block, return_inverse=True)
-            values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
-            blended = (values * weights[..., None]).sum(1)
-            parts.append(blended.clamp(0.0, 1.0)[:, places].cpu().numpy())
-        return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
+        modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
+        decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
+        return np.asarray(decoded.cpu().numpy(), np.float32)
 
     def _blocks_of(self, texels: PyramidTable, texture: EncodedTexture, index: Tensor) -> tuple[Tensor, Tensor]:
         """(block, texel of the block) of texels [N, 8], which `index` numbers through all levels."""
@@ -161,8 +174,9 @@ class TorchBlockCodec:
 
 
 def torch_codec(
-    pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None
+    pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None, half: bool = False
 ) -> TorchCodec | TorchBlockCodec:
-    """What decodes `pack`, of whichever codec."""
-    kind = TorchCodec if isinstance(pack.config, CodecConfig) else TorchBlockCodec
-    return kind(pack, device, interruption)
+    """What decodes `pack`, of whichever codec; `half` is for networks, which codec `block` has not."""
+    if isinstance(pack.config, CodecConfig):
+        return TorchCodec(pack, device, interruption, half)
+    return TorchBlockCodec(pack, device, interruption)

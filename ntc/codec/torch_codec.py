@@ -1,4 +1,4 @@
-"""Decoding a pack with torch, float32 (docs/codec.md)."""
+"""Decoding a pack with torch, in float32 or with the networks in halves (docs/codec.md)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,11 +46,18 @@ def codec_features(
 
 
 class TorchCodec:
-    """Decodes the textures of one pack on one torch device."""
+    """Decodes the textures of one pack on one torch device. What a texture needs stays there once it was decoded."""
 
-    def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
-        """`interruption` is called before each piece of an image; what it raises ends the decode."""
-        self._pack = pack
+    def __init__(
+        self,
+        pack: Pack,
+        device: str | torch.device,
+        interruption: Callable[[], None] = lambda: None,
+        half: bool = False,
+    ) -> None:
+        """`interruption` is called before each piece of an image; what it raises ends the decode. With `half` the layers are
+        products of halves, for which GPUs have units of their own; sums are rounded to halves."""
+        self._pack, self._half = pack, half
         self._interruption = interruption
         self._device = torch.device(device)
         self._decoders = DecoderStack(pack.grid_config, len(pack.decoders), torch.Generator().manual_seed(0))
@@ -59,6 +66,8 @@ class TorchCodec:
             self._decoders.clear_output()
         self._decoders.to(self._device)
         self._adapters = [self._adapter(texture) for texture in pack.textures]
+        self._tables: dict[tuple[int, tuple[bool, bool]], tuple[PyramidTable, PyramidTable]] = {}
+        self._latents: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
 
     def _adapter(self, texture: EncodedTexture) -> AdapterStack | None:
         if texture.adapter is None:
@@ -67,15 +76,57 @@ class TorchCodec:
         stack.load([texture.adapter])
         return stack.to(self._device)
 
-    def _tables(self, index: int, wrap: tuple[WrapMode, WrapMode]) -> tuple[PyramidTable, PyramidTable]:
-        texture = self._pack.textures[index]
-        levels = latent_levels(texture.width, texture.height, self._pack.config)
-        repeats = [(wrap[0] == "repeat", wrap[1] == "repeat")]
-        cells = PyramidTable.of([[(level.width, level.height) for level in levels]], repeats, self._device)
-        texels = PyramidTable.of([[(level.texel_width, level.texel_height) for level in levels]], repeats, self._device)
-        return cells, texels
+    def _tables_of(self, index: int, wrap: tuple[WrapMode, WrapMode]) -> tuple[PyramidTable, PyramidTable]:
+        """Where cells and texels of all levels of a texture are."""
+        repeats = (wrap[0] == "repeat", wrap[1] == "repeat")
+        if (index, repeats) not in self._tables:
+            texture = self._pack.textures[index]
+            levels = latent_levels(texture.width, texture.height, self._pack.config)
+            sizes = (
+                [(level.width, level.height) for level in levels],
+                [(level.texel_width, level.texel_height) for level in levels],
+            )
+            cells, texels = (PyramidTable.of([each], [repeats], self._device) for each in sizes)
+            self._tables[index, repeats] = cells, texels
+        return self._tables[index, repeats]
+
+    def _latents_of(self, index: int) -> tuple[Tensor, Tensor, Tensor]:
+        """[cells, channels] as stored, scale and offset [channels] of a texture."""
+        if index not in self._latents:
+            texture = self._pack.textures[index]
+            latents, scale, offset = (
+                torch.from_numpy(part.copy()).to(self._device)
+                for part in (texture.latents, texture.scale, texture.offset)
+            )
+            self._latents[index] = latents, scale, offset
+        return self._latents[index]
 
     @torch.no_grad()
+    def texels(self, texture_index: int, at: Tensor, lod: Tensor, wrap: tuple[WrapMode, WrapMode]) -> Tensor:
+        """[N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
+
+        Positions may be float64: they are used as they are, all else is float32.
+        """
+        texture, config = self._pack.textures[texture_index], self._pack.grid_config
+        cells, texels = self._tables_of(texture_index, wrap)
+        stored, scale, offset = self._latents_of(texture_index)
+        group = torch.tensor([texture.group], device=self._device)
+        parts = [torch.zeros((0, texture.channels), device=self._device)]
+        lod = lod.clamp(0.0, float(cells.levels[0] - 1))
+        for uv, level in zip(torch.split(at, TEXELS_AT_ONCE), torch.split(lod, TEXELS_AT_ONCE), strict=True):
+            if not len(uv):
+                continue
+            self._interruption()
+            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
+            index, weights = trilinear_corners(cells, same, uv, level)
+            latents = offset + scale * (stored[index] * weights[..., None].float()).sum(1)
+            waves = positional_encoding(texels, same, uv, level, config.positional_octaves).float()
+            inputs = torch.cat([latents, with_lod(waves, level.float(), config)], dim=-1)
+            with torch.autocast(self._device.type, torch.float16, enabled=self._half):
+                decoded = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
+            parts.append(decoded.float().clamp(0.0, 1.0)[:, texture.places(config)])
+        return torch.cat(parts)
+
     def decode_texels(
         self,
         texture_index: int,
@@ -84,25 +135,9 @@ class TorchCodec:
         wrap: tuple[WrapMode, WrapMode] | None = None,
     ) -> NDArray[np.float32]:
         """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
-        texture = self._pack.textures[texture_index]
-        modes = texture.wrap if wrap is None else wrap
-        cells, texels = self._tables(texture_index, modes)
-        scale, offset = torch.from_numpy(texture.scale.copy()), torch.from_numpy(texture.offset.copy())
-        latents = (offset + scale * torch.from_numpy(texture.latents.copy())).to(self._device)
-        group = torch.tensor([texture.group], device=self._device)
-        last = float(cells.levels[0] - 1)
-        parts = []
-        for start in range(0, len(uv), TEXELS_AT_ONCE):
-            self._interruption()
-            part = slice(start, start + TEXELS_AT_ONCE)
-            wrapped, level = finite_places(uv[part], lod[part], modes, self._device)
-            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
-            features = codec_features(
-                self._pack.grid_config, latents, cells, texels, same, wrapped, level.clamp(0.0, last)
-            )
-            decoded = self._decoders(torch.cat(features, dim=-1)[None], group, self._adapters[texture_index])[0]
-            parts.append(decoded.clamp(0.0, 1.0)[:, texture.places(self._pack.config)].cpu().numpy())
-        return np.concatenate(parts) if parts else np.zeros((0, texture.channels), np.float32)
+        modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
+        decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
+        return np.asarray(decoded.cpu().numpy(), np.float32)
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""

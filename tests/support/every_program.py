@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, get_args
 
+import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_block_pack, random_pack
@@ -20,6 +21,7 @@ from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.precision import LEVELS
+from viewer.render.resources.texel_lists import SharedBuffer
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.overlay import BLOCKS, Overlay
 from viewer.state.view_state import (
@@ -172,6 +174,28 @@ def _other_views(name: str) -> Iterator[ViewState]:
             yield replace(both, material_view="lit", lighting=lighting)
 
 
+class _NoListDecoder:
+    """Decodes nothing."""
+
+    def share(self, _buffer: moderngl.Buffer) -> SharedBuffer:
+        return self
+
+    def read(self, _rows: int) -> None:
+        """There is nothing."""
+
+    def write(self, _values: Any) -> None:
+        """Nothing is kept."""
+
+    def release(self) -> None:
+        """There is nothing to free."""
+
+    def decode(self, *_: object) -> None:
+        """Nothing is decoded."""
+
+    def replace(self, _pack: Pack) -> None:
+        """Nothing is kept."""
+
+
 def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
     """All distinct programs of every decode path, codec, precision (halves native and emulated), filter, view and overlay.
 
@@ -200,4 +224,12 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                         renderer.render(view)
                     renderer.render(ViewState(CAMERA, SIZE, Slot("grid", filter="stochastic")), whole=True)
                 renderer.release()
+            renderer = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
+            renderer.set_packs(opened)
+            for name in opened:
+                recorder.codec = name
+                for view in _decoding_views(name):
+                    if view.slot_a.path in ("binned", "cached") and view.slot_a.precision == "fp32":
+                        renderer.render(view)
+            renderer.release()
     return tuple(recorder.found.values())

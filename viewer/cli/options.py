@@ -15,6 +15,7 @@ from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
+    DecodeWith,
     Lighting,
     MaterialView,
     PathChoice,
@@ -191,6 +192,9 @@ class RenderOptions:
     """Fail if the renderer is a software rasteriser."""
     device: Gpu = None
     """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
+    decode_with: DecodeWith = "glsl"
+    """What decodes for paths cached and binned: the shaders; torch on the CUDA device that draws, which takes networks by its matrix
+    units but with fp32; or torch-cpu, the same arithmetic on the processor, to try it."""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from viewer.gl.context import create_headless_context
 from viewer.inspect.map_errors import errors_by_map
 from viewer.inspect.measurement import decoder_ids
 from viewer.lighting.panorama import load_panorama
+from viewer.render.back_ends import list_decoders
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_png
@@ -194,14 +195,20 @@ def chosen_lighting(options: RenderOptions) -> Lighting:
         raise InputError(f"{field.replace('_', ' ')} {given.get(field)}: {reason}") from error
 
 
-def render(options: RenderOptions) -> int:
-    """Run `ntc-viewer render`. Raises InputError for bad input."""
+def _check(options: RenderOptions) -> None:
     if options.error_by_map and options.view == "base":
         raise InputError("--error-by-map: the view base shows one map alone; add --view lit, orm or another one")
     if not 0.0 <= options.opacity <= 1.0:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
+    if options.decode_with != "glsl" and options.path not in ("cached", "binned"):
+        raise InputError(f"--decode-with {options.decode_with}: only --path cached and binned have it")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
+
+
+def render(options: RenderOptions) -> int:
+    """Run `ntc-viewer render`. Raises InputError for bad input."""
+    _check(options)
     pose = None if options.time is None else Pose(options.animation, options.time)
     scene = open_scene(options.scene, options.variant, pose)
     if options.grouping is not None and is_image_source(options.grouping) and not options.pack:
@@ -216,7 +223,7 @@ def render(options: RenderOptions) -> int:
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():
-        renderer = Renderer(context, scene)
+        renderer = Renderer(context, scene, list_decoders=list_decoders(options.decode_with))
         chosen = {source: packs[source]} if source in packs else {}
         if compressed is not None:
             renderer.images.set_compressed({compressed.block_format: compressed})

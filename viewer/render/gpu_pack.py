@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
+from ntc.errors import InputError
 from ntc.pack.diff import changed_textures
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
@@ -18,6 +19,7 @@ from viewer.render.frame_result import UploadCounts
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
+from viewer.render.passes.decode_listed import DecodeListedPass
 from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.passes.needed_levels import NeededLevelsPass, VisibleLatents
 from viewer.render.plane_path import DirectPath, PlanePath
@@ -26,10 +28,12 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.texel_lists import ListDecoder, MakeListDecoder, TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.render.sampled_path import SampledPath
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
+from viewer.render.tile_cache.decode_cached import FOLDER as TILES_FOLDER
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tile_table import TileTable
 from viewer.scene.model import Scene
@@ -52,6 +56,8 @@ class RenderContext:
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
     waits: bool = True
     """Whether frames wait for what they read back."""
+    list_decoders: MakeListDecoder | None = None
+    """Makes what decodes tiles of path `cached` and pixels of path `binned`; None: GLSL does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +110,7 @@ class GpuPack:
         self._precision = precision
         self._ranges: DecoderRanges | None = None
         self._latents: dict[Plane, VisibleLatents] = {}
+        self._lists: ListDecoder | None = None
         self._paths: dict[tuple[PathChoice, TexelFilter, Plane], PlanePath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
@@ -131,6 +138,16 @@ class GpuPack:
         if self._ranges is None:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision)
         return self._ranges
+
+    @property
+    def lists(self) -> ListDecoder | None:
+        """What decodes lists of this pack's texels in place of GLSL; made when first asked for. Raises InputError."""
+        make = self.context.list_decoders
+        if make is not None and not self.context.graphics.features.compute:
+            raise InputError("decoding elsewhere than in GLSL needs OpenGL 4.3; without it decode with glsl")
+        if self._lists is None and make is not None:
+            self._lists = make(self.pack, self.match.texture_index, self._precision)
+        return self._lists
 
     def path(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> PlanePath:
         """A decode path of this pack, not `auto`, with a filter that it has, for a plane that it holds.
@@ -224,6 +241,8 @@ class GpuPack:
         if not latents.fits:
             self.buffers.note_latents()
         self.pack, self.version = version.pack, version.number
+        if self._lists is not None:
+            self._lists.replace(version.pack)
         for path in self._paths.values():
             path.update(textures, regrouped)
         return UploadCounts(uploaded, kept)
@@ -259,6 +278,8 @@ def deferred_pass(
 def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> DecodePass:
     """Decode path `binned`."""
     graphics, reading = pack.context.graphics, pack.reading(plane)
+    if pack.lists is not None:
+        return DecodeListedPass(graphics, pack.programs, pack.buffers, pack.lists, reading, texel_filter)
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
 
@@ -276,17 +297,21 @@ def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelF
 
 
 def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
-    context = pack.context
+    context, reading, decoder = pack.context, pack.reading(plane), pack.lists
+    lists = None
+    if decoder is not None:
+        lists = TexelLists(context.graphics, pack.programs, TILES_FOLDER, reading.defines(), decoder, plane)
     cache = DecodeCachedPass(
         context.graphics,
         pack.programs,
         pack.buffers,
         pack.ranges,
         TileTable.of(context.scene.materials, pack.pack, pack.match, plane),
-        pack.reading(plane),
+        reading,
         context.tile_cache,
         context.tile_budget,
         context.waits,
+        lists,
     )
     return CachedPath(cache, context.timer, context.tile_budget, context.waits)
 

@@ -30,6 +30,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.texel_lists import MakeListDecoder
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
@@ -55,8 +56,9 @@ class Renderer:
         emulate_half: bool = False,
         update_bytes: int = UPDATE_BYTES,
         waits: bool = True,
+        list_decoders: MakeListDecoder | None = None,
     ) -> None:
-        """`update_bytes` is the upload budget of a frame for packs that replace others.
+        """`update_bytes` is the upload budget of a frame for packs that replace others; `list_decoders` as in the RenderContext.
 
         A renderer that `waits` for the GPU knows the times of a frame, and what its pixels need, within the frame.
         Another one goes on, and takes both from a frame or two before. Raises GpuMemoryError.
@@ -80,17 +82,8 @@ class Renderer:
         tile_cache = tile_cache or TileCacheConfig()
         self.tile_budget = TileBudget(tile_cache)
         """Receives measured frame times (`note_frame`)."""
-        render_context = RenderContext(
-            context,
-            scene,
-            self._scene_buffers,
-            self._timer,
-            tile_cache,
-            self.tile_budget,
-            latents or LatentBudget(),
-            emulate_half,
-            waits,
-        )
+        shared = (context, scene, self._scene_buffers, self._timer, tile_cache, self.tile_budget)
+        render_context = RenderContext(*shared, latents or LatentBudget(), emulate_half, waits, list_decoders)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)

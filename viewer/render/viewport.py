@@ -19,6 +19,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.gl.ui_textures import Thumbnails
 from viewer.jobs.background import Background
+from viewer.render.back_ends import list_decoders
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
 from viewer.render.renderer import Renderer
@@ -207,7 +208,10 @@ class Viewport:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
-                    made = Renderer(self._context, session.scene, tile_cache=tiles, waits=self._waits)
+                    lists = list_decoders(session.settings.decode_with)
+                    made = Renderer(
+                        self._context, session.scene, tile_cache=tiles, waits=self._waits, list_decoders=lists
+                    )
             except InputError as error:
                 self._context.reset.check_after(error)
                 if self.renderer is None or self._drawable is None:

@@ -2,31 +2,17 @@
 // Decodes the tiles of one decoder, with their borders, into their pages of the atlas: several texels in each invocation.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
-#include "common/color.glsl"
 #include "common/work_groups.glsl"
 #include "ntc/decode.glsl"
+#include "passes/decode_cached/page.glsl"
+#include "passes/decode_cached/store.glsl"
 #include "generated/shared_network.glsl"
 
-layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
     TileRecord tiles[];
 };
-layout(std430, binding = BINDING_TILE_ENTRIES) writeonly buffer TileEntries {
-    uint tile_entries[];
-};
 uniform int first_tile;
 uniform int tile_count;
-
-const int PAGE_TEXELS = PAGE_SIDE * PAGE_SIDE;
-
-// `texel` of a side of `size` by the wrap mode; it may lie outside.
-int wrapped_texel(int texel, int size, int mode) {
-    if (mode == WRAP_CLAMP) return clamp(texel, 0, size - 1);
-    int period = mode == WRAP_MIRROR ? 2 * size : size;
-    // Never negative, for which % is undefined: the border is one texel wide.
-    int inside = (texel + period) % period;
-    return inside < size ? inside : period - 1 - inside;
-}
 
 // Texel number `p` of this invocation: its tile and its place on the page; `inside` says whether there is one.
 TileRecord own_tile(int p, out ivec2 place, out bool inside) {
@@ -34,26 +20,8 @@ TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     int number = int(work_group_number()) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x) + p * BIN_GROUP;
     inside = number < texels;
     number = min(number, texels - 1);
-    int on_page = number % PAGE_TEXELS;
-    place = ivec2(on_page % PAGE_SIDE, on_page / PAGE_SIDE);
+    place = place_on_page(number % PAGE_TEXELS);
     return tiles[first_tile + number / PAGE_TEXELS];
-}
-
-ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
-    ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
-    return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
-}
-
-void store_texel(TileRecord tile, ivec2 place, vec4 value) {
-#if PLANE == PLANE_BASE
-    vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
-    // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
-    if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
-    value = vec4(rgb, 1.0);
-#endif
-    ivec2 page = ivec2(tile.page % PAGES_ACROSS, (tile.page / PAGES_ACROSS) % PAGES_ACROSS);
-    imageStore(atlas, ivec3(page * PAGE_SIDE + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS)), value);
-    if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
 }
 
 #if CODEC_BLOCK

@@ -30,6 +30,7 @@ from viewer.render.resources.layout import (
     TileBinding,
 )
 from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.texel_lists import TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.page_pool import PagePool
@@ -68,9 +69,11 @@ class DecodeCachedPass:
         config: TileCacheConfig,
         budget: TileBudget,
         waits: bool = True,
+        lists: TexelLists | None = None,
     ) -> None:
-        """`waits`: whether every request is answered in the frame that makes it; else fewer tiles are listed."""
-        self._gl, self._most = context.gl, MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS
+        """`waits`: whether every request is answered in the frame that makes it; else fewer tiles are listed. `lists`: has
+        tiles decoded in place of GLSL."""
+        self._gl, self._most, self._lists = context.gl, MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS, lists
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         self._programs, self._defines = programs, reading.defines()
         defines = {**self._defines, **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
@@ -132,7 +135,8 @@ class DecodeCachedPass:
     @property
     def bytes_on_gpu(self) -> int:
         """Atlas and tables."""
-        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
+        lists = () if self._lists is None else self._lists.buffers
+        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles, *lists))
 
     def _bind_tables(self) -> None:
         """For what reads tiles; the pack's latents and decoders are not bound then."""
@@ -329,6 +333,9 @@ class DecodeCachedPass:
         self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
+        if self._lists is not None:
+            self._lists.run(len(tiles) * PAGE_SIDE * PAGE_SIDE)
+            return
         set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
         starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
@@ -388,8 +395,6 @@ class DecodeCachedPass:
 
     def release(self) -> None:
         """Free atlas and tables."""
-        self._back.release()
-        self._atlas.release()
-        self._tiles.release()
-        for buffer in self._places.values():
-            buffer.release()
+        for part in (self._back, self._lists, self._atlas, self._tiles, *self._places.values()):
+            if part is not None:
+                part.release()
