@@ -57,7 +57,7 @@ def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     text = text.replace(start, "    atomicAdd(work_done, 1u);\n" + start)
     declared = f"layout(std430, binding = {COUNTER}) buffer Work {{ uint work_done; }};\n"
     file.write_text(text.replace("void decoder_input(", declared + "void decoder_input(", 1))
-    monkeypatch.setattr("viewer.render.renderer.shaders_folder", lambda: folder)
+    monkeypatch.setattr("viewer.render.resources.pack_buffers.shaders_folder", lambda: folder)
     made = Work(graphics.gl.buffer(bytes(4)))
     yield made
     made.buffer.release()

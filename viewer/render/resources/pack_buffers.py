@@ -73,8 +73,12 @@ class PackBuffers:
             self._fill_records()
             self._weights = self._make_weights()
             self._tables: dict[StorageBinding, moderngl.Buffer] = {
-                StorageBinding.TEXTURES: self._memory.buffer("tables of textures", self._records.tobytes()),
-                StorageBinding.LEVELS: self._memory.buffer("tables of textures", self.latent_store.levels.tobytes()),
+                StorageBinding.TEXTURES: self._memory.buffer(
+                    "tables of textures", self._records.tobytes(), storage=True
+                ),
+                StorageBinding.LEVELS: self._memory.buffer(
+                    "tables of textures", self.latent_store.levels.tobytes(), storage=True
+                ),
             }
             if on_demand is None:
                 self.need(self.latent_store.all_levels())
