@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName
+from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
@@ -206,7 +207,7 @@ class ShadePass:
             if self._lights is None:
                 size = MOST_LIGHTS * LIGHT_RECORD.itemsize
                 self._lights = self._context.memory.buffer("lights", reserve=size, dynamic=True)
-            self._lights.write(light_records(light.lights, rays.eye).tobytes())
+            replace_content(self._lights, light_records(light.lights, rays.eye).tobytes())
             self._lights.bind_to_uniform_block(int(UniformBinding.LIGHTS))
         set_uniforms(drawn.program, values)
         return drawn

@@ -10,7 +10,7 @@ from ntc.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
-from viewer.gl.allocation import GpuMemory, GpuMemoryError
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
@@ -202,8 +202,8 @@ class PackBuffers:
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
-        self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
-        self._tables[StorageBinding.LEVELS].write(self.latent_store.levels.tobytes())
+        replace_content(self._tables[StorageBinding.TEXTURES], self._records.tobytes())
+        replace_content(self._tables[StorageBinding.LEVELS], self.latent_store.levels.tobytes())
 
     def bind_records(self) -> None:
         """Bind what tells of textures and mips, for what decodes nothing (ntc/records.glsl)."""

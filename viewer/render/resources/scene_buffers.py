@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from ntc.errors import InputError
+from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT
 from viewer.render.resources.culling import Bucket, DrawList
@@ -146,7 +147,7 @@ class SceneBuffers:
                 if self._commands is not None:
                     self._commands.release()
                 self._commands = made
-            self._commands.write(data)
+            replace_content(self._commands, data)
         self._ranges = draw_list.ranges
 
     def bind_materials(self) -> None:

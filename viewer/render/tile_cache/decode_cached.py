@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.gl.allocation import GpuMemory, GpuMemoryError
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.limits import rows_of_work_groups
 from viewer.gl.program import ProgramFactory, set_uniforms
@@ -115,6 +115,7 @@ class DecodeCachedPass:
             TileBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
             StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
         }
+        self._zero = memory.buffer(what, bytes(4))
         # Large enough for any call: recording what the GPU has requested must not fail for lack of memory.
         self._tiles = memory.buffer(what, reserve=TILE_RECORD.itemsize * max(asked, self._pool.pages))
 
@@ -172,7 +173,7 @@ class DecodeCachedPass:
         self._frame += 1
         inputs.bind()
         self._bind_tables()
-        asked.write(bytes(4))
+        self._gl.copy_buffer(asked, self._zero, 4)
         set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy, "most_requests": self._most})
         program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
         self._gl.memory_barrier()
@@ -353,7 +354,7 @@ class DecodeCachedPass:
         return rows_of_work_groups(-(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
 
     def _write_tiles(self, data: bytes) -> None:
-        self._tiles.write(data)
+        replace_content(self._tiles, data)
         self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
 
     def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:
@@ -395,6 +396,6 @@ class DecodeCachedPass:
 
     def release(self) -> None:
         """Free atlas and tables."""
-        for part in (self._back, self._lists, self._atlas, self._tiles, *self._places.values()):
+        for part in (self._back, self._lists, self._atlas, self._tiles, self._zero, *self._places.values()):
             if part is not None:
                 part.release()
