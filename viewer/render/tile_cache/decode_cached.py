@@ -163,9 +163,8 @@ class DecodeCachedPass:
         parts = [(asked, asked.size), (used, 4 * max(1, self._pool.reach(0)))]
         # What the GPU has listed must be read: else it is never listed again.
         self._back.reserve(sum(size for _, size in parts))
-        visibility = inputs.visibility
         program = self._programs.compute(
-            f"{FOLDER}/request.comp", {**self._defines, "GRADIENTS": int(visibility.content.gradients)}
+            f"{FOLDER}/request.comp", {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
         )
         self._invalidate_entries(self._waiting)
         self._waiting, self._stand_ins, self._unheard = self._waiting[:0], 0, 0
@@ -175,7 +174,7 @@ class DecodeCachedPass:
         self._bind_tables()
         self._gl.copy_buffer(asked, self._zero, 4)
         set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy, "most_requests": self._most})
-        program.run(*(-(-side // GROUP_SIDE) for side in visibility.size))
+        program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))
         self._gl.memory_barrier()
         self._back.copy(parts, self._frame)
 
