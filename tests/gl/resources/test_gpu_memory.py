@@ -17,10 +17,10 @@ from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, exi
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
-from viewer.render import renderer as renderer_module
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
+from viewer.render.resources import pack_buffers as programs_module
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
@@ -61,7 +61,7 @@ class SharedPrograms(ProgramFactory):
 
 @pytest.fixture(autouse=True)
 def shared_programs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(renderer_module, "ProgramFactory", SharedPrograms)
+    monkeypatch.setattr(programs_module, "ProgramFactory", SharedPrograms)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -183,7 +183,7 @@ def truth(
 ) -> tuple[dict[str, NDArray[np.uint8]], int]:
     """The pictures, and how often memory is asked for until all has been drawn."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(renderer_module, "ProgramFactory", SharedPrograms)
+        patch.setattr(programs_module, "ProgramFactory", SharedPrograms)
         memory = FailingMemory(graphics.gl, -1)
         window = opened(graphics, memory, scene, packs)
         window.run()
