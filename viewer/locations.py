@@ -63,6 +63,11 @@ def environments_cache() -> Path:
     return _cache_folder("environments")
 
 
+def variants_cache() -> Path:
+    """Where measured times of decoder variants are kept, likewise."""
+    return _cache_folder("variants")
+
+
 def _installed_folder(name: str) -> Path:
     # A checkout has it at its top level, an installed wheel inside the package.
     package = Path(__file__).resolve().parent

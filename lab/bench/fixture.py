@@ -24,7 +24,6 @@ from viewer.render.resources.layout import (
     scene_layout_glsl,
 )
 from viewer.render.resources.material_records import material_records
-from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
@@ -115,7 +114,7 @@ class PackLoader:
         """`pack` with all its latents; the texture with id i is its i-th. The caller releases it."""
         context = replace(self._context, emulate_half=emulate_half)
         match = PackMatch(tuple(range(len(pack.textures))), (), ())
-        return GpuPack(context, pack, match, precision, codec_programs(self.programs, pack), version=1)
+        return GpuPack(context, pack, match, precision, self.programs, version=1)
 
     def release(self) -> None:
         """Free all programs and the material."""

@@ -23,7 +23,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import MATERIAL_SHIFT
-from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.resources.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import DecodePath, Slot, ViewState
@@ -125,9 +124,7 @@ class StabilityBench:
     def texel_decoder(self, pack: Pack, precision: Precision, rescale: bool = True) -> GlTexelDecoder:
         """Decodes texels of `pack`; the caller releases it."""
         emulated = self._emulated(precision)
-        return GlTexelDecoder(
-            self._context, pack, precision, emulated, codec_programs(self._loader.programs, pack), rescale
-        )
+        return GlTexelDecoder(self._context, pack, precision, emulated, self._loader.programs, rescale)
 
     def texels(self, case: StabilityCase, precision: Precision) -> StabilityRow:
         """`case` by the texel decoder, which `ntc-viewer decode` uses."""

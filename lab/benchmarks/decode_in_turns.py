@@ -28,7 +28,6 @@ from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.material_records import material_records
-from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
@@ -56,7 +55,7 @@ class PackInScene:
 
     def __init__(self, context: RenderContext, programs: ProgramFactory, pack: Pack, inputs: VisibilityInputs) -> None:
         match = match_scene(pack, context.scene)
-        self._gpu = GpuPack(context, pack, match, "fp32", codec_programs(programs, pack), version=1)
+        self._gpu = GpuPack(context, pack, match, "fp32", programs, version=1)
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = ColorTarget(context.graphics, inputs.visibility.size)
         self._gpu.latents(inputs.plane).upload(inputs, whole=True)

@@ -7,6 +7,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from lab.bench.fixture import DecodeFixture, PackLoader, interleaved_words
@@ -20,6 +21,7 @@ from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.resources.variant import SOFTWARE
 from viewer.render.resources.visibility_buffer import PlaneReading
 
 SIZE = (512, 512)
@@ -40,10 +42,10 @@ def main() -> None:
     runs: list[Callable[[], None]] = []
     for decoders in (1, 5, 10, 20):
         pack = square_pack(TEXTURES, decoders, 256, recipe_codec("best", 3, None))
-        programs = codec_programs(loader.programs, pack)
-        for place, in_image in (("buffer", False), ("image", True)):
-            buffers = PackBuffers(context, pack, range(TEXTURES), "fp32", weights_in_image=in_image)
-            ranges = DecoderRanges(context, pack, "fp32", weights_in_image=in_image)
+        for place, variant in (("buffer", replace(SOFTWARE, weights="uniforms")), ("image", SOFTWARE)):
+            programs = codec_programs(loader.programs, pack, variant)
+            buffers = PackBuffers(context, pack, range(TEXTURES), "fp32", variant=variant)
+            ranges = DecoderRanges(context, pack, "fp32", variant)
             indexed = DecodeDeferredPass(context, programs, buffers, ranges, PlaneReading(), None)
             names.append(("deferred, index by pixel", place, decoders))
             runs.append(lambda run=indexed: run.run(inputs, fixture.target))  # type: ignore[misc]

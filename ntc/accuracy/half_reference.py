@@ -27,8 +27,8 @@ def run_decoder_in_half(
 ) -> Single:
     """[N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
 
-    Products are halves. With `accumulate` sums of hidden layers are, too, two for each neuron: of inputs with even and with odd
-    numbers. Outputs are summed up in single precision, four products at a time.
+    Products of hidden layers are halves. With `accumulate` their sums are, too, two for each neuron: of inputs with even and with odd
+    numbers. Outputs are computed in single precision.
     """
     rounded = to_half if accumulate else (lambda values: values)
     slope = rounded(np.full(1, leaky_slope, np.float32))
@@ -47,12 +47,8 @@ def run_decoder_in_half(
             sums = rounded(rounded(as_stored(scale) * sums) + as_stored(bias))
         sums = np.maximum(sums, rounded(slope * sums))
         values = to_half(sums)
-    weight = as_stored(last_weight)
-    result = np.broadcast_to(as_stored(last_bias), (len(values), len(last_bias))).astype(np.float32)
-    for first in range(0, weight.shape[1], 4):
-        products = to_half(values[:, None, first : first + 4] * weight[:, first : first + 4])
-        pairs = rounded(products[..., 0::2] + products[..., 1::2])
-        result = result + rounded(pairs[..., 0] + pairs[..., 1])
+    # What the last hidden layer gives is not rounded before it is multiplied.
+    result: Single = sums @ as_stored(last_weight).T + as_stored(last_bias)
     return result
 
 

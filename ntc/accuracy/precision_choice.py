@@ -1,6 +1,6 @@
-"""Choosing a precision: the cheapest one whose error is not visible."""
+"""Choosing a precision: the fastest one whose error is not visible."""
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
 Array = NDArray[np.float64]
 HALF_STEP = 0.5 / 255.0
 """Errors below this change an 8-bit value by one step at most."""
-CHEAPEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16-arithmetic", "fp16")
 MEASURED_TEXELS = 4096
 """Texels of all textures together that are decoded to measure an error."""
 LEAST_OF_A_TEXTURE = 32
@@ -94,16 +93,16 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
     return worst
 
 
-def chosen_precision(pack: Pack, supported: Collection[Precision], limit: float = HALF_STEP) -> ChosenPrecision:
-    """The cheapest of the `supported` precisions whose certified error is at most `limit`, or measured one well below it; else fp32.
+def chosen_precision(pack: Pack, fastest_first: Sequence[Precision], limit: float = HALF_STEP) -> ChosenPrecision:
+    """The first of these precisions whose certified error is at most `limit`, or measured one well below it; fp32 needs neither.
 
     A precision in which numbers may overflow is never taken.
     """
     if not isinstance(pack.config, CodecConfig):
         return ChosenPrecision("fp32", "codec block decodes in fp32 at every precision")
-    for precision in CHEAPEST_FIRST:
-        if precision not in supported:
-            continue
+    for precision in fastest_first:
+        if precision == "fp32":
+            break
         bound = worst_of(texture_bounds(pack, precision))
         if bound.overflows:
             continue
@@ -112,4 +111,4 @@ def chosen_precision(pack: Pack, supported: Collection[Precision], limit: float 
         measured = measured_error(pack, precision)
         if measured * UNMEASURED_FACTOR <= limit:
             return ChosenPrecision(precision, f"largest error measured {measured:.1e}")
-    return ChosenPrecision("fp32", "halves would show, or are not supported")
+    return ChosenPrecision("fp32", "halves would show, are not supported, or are slower")

@@ -16,9 +16,12 @@ layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
 // viewer/render/resources/network.py). Codec `block`: 1.
 uniform int network_blocks;
 
-// The neighbour `part`, at most one beyond the ends, of a side of `parts` cells or texels.
-int neighbour(int part, int parts, int mode) {
-    return mode == WRAP_REPEAT ? (part + parts) % parts : clamp(part, 0, parts - 1);
+// `part` of a side of `parts` cells or texels by the wrap mode: at most one before the first, or one beyond the last.
+int from_first(int part, int parts, int mode) {
+    return mode == WRAP_REPEAT && part < 0 ? part + parts : max(part, 0);
+}
+int to_last(int part, int parts, int mode) {
+    return mode == WRAP_REPEAT && part >= parts ? part - parts : min(part, parts - 1);
 }
 
 const uint HALF_A_PART = 0x80000000u;
@@ -36,10 +39,10 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
     Place y = place_along(uv.y, level.texel_height);
     ivec2 corner = ivec2(x.part, y.part) - ivec2(x.within < HALF_A_PART, y.within < HALF_A_PART);
     Footprint footprint;
-    footprint.first.x = neighbour(corner.x, level.texel_width, wrap.x);
-    footprint.first.y = neighbour(corner.y, level.texel_height, wrap.y);
-    footprint.second.x = neighbour(corner.x + 1, level.texel_width, wrap.x);
-    footprint.second.y = neighbour(corner.y + 1, level.texel_height, wrap.y);
+    footprint.first.x = from_first(corner.x, level.texel_width, wrap.x);
+    footprint.first.y = from_first(corner.y, level.texel_height, wrap.y);
+    footprint.second.x = to_last(corner.x + 1, level.texel_width, wrap.x);
+    footprint.second.y = to_last(corner.y + 1, level.texel_height, wrap.y);
     footprint.share = vec2(as_fraction(x.within - HALF_A_PART), as_fraction(y.within - HALF_A_PART));
     return footprint;
 }

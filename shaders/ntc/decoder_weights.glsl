@@ -1,19 +1,11 @@
-// The weights of one decoder, bound as a range of the buffer of all decoders.
-// DECODER_IN_STORAGE 1: decoders are larger than the driver's limit of uniform buffers, and are read from all weights.
-#ifndef DECODER_IN_STORAGE
-#define DECODER_IN_STORAGE 0
+// The weights of one decoder: its range of the uniform buffer of all decoders, or its place among all weights.
+// DECODER_PLACE 0: the range holds the weights. 1: it holds the place, and weights are read from there. 2: the work group copies them to
+// shared memory first.
+#ifndef DECODER_PLACE
+#define DECODER_PLACE 0
 #endif
 
-#if WEIGHTS_IN_IMAGE || DECODER_IN_STORAGE
-layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
-    ivec4 decoder_place;    // x: the decoder's first block among all weights
-};
-
-vec4 decoder_weight(int block) {
-    return weight(decoder_place.x + block);
-}
-#else
-
+#if DECODER_PLACE == 0
 #if PRECISION_FP16
 // Two blocks of four halves in each element: std140 pads elements of arrays to 16 bytes.
 #define DECODER_ELEMENT uvec4
@@ -27,13 +19,39 @@ layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
     DECODER_ELEMENT decoder_elements[DECODER_ELEMENTS];
 };
 
-vec4 decoder_weight(int block) {
+WEIGHT_T decoder_weight(int block) {
 #if PRECISION_FP16
     uvec4 pair = decoder_elements[block >> 1];
-    uvec2 halves = (block & 1) == 0 ? pair.xy : pair.zw;
-    return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+    return unpacked((block & 1) == 0 ? pair.xy : pair.zw);
 #else
     return decoder_elements[block];
 #endif
 }
+#else
+layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
+    ivec4 decoder_place;    // x: the decoder's first block among all weights
+};
+
+#if DECODER_PLACE == 1
+WEIGHT_T decoder_weight(int block) {
+    return weight(decoder_place.x + block);
+}
+#else
+shared STORED_T decoder_blocks[DECODER_BLOCKS];
+
+WEIGHT_T decoder_weight(int block) {
+    return AS_WEIGHT(decoder_blocks[block]);
+}
 #endif
+#endif
+
+// To be called by all invocations of a work group before they run the decoder.
+void fetch_decoder() {
+#if DECODER_PLACE == 2
+    int step = int(gl_WorkGroupSize.x * gl_WorkGroupSize.y);
+    for (int block = int(gl_LocalInvocationIndex); block < DECODER_BLOCKS; block += step) {
+        decoder_blocks[block] = weights[decoder_place.x + block];
+    }
+    barrier();
+#endif
+}

@@ -1,38 +1,42 @@
 // Codec `grid`: latents, positional encoding, decoder network. Included by ntc/decode.glsl.
+#include "ntc/half.glsl"
+
 #if WEIGHTS_IN_IMAGE
 #if PRECISION_FP16
 layout(rgba16f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
 #else
 layout(rgba32f, binding = IMAGE_WEIGHTS) uniform readonly image2D weight_image;
 #endif
-vec4 weight(int block) {
-    return imageLoad(weight_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS));
-}
-#elif PRECISION_FP16
-layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
-    uvec2 weights[];
-};
-vec4 weight(int block) {
-    uvec2 halves = weights[block];
-    return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+WEIGHT_T weight(int block) {
+    return WEIGHT_T(imageLoad(weight_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS)));
 }
 #else
+// A block of four weights as it is stored.
+#if PRECISION_FP16
+#define STORED_T uvec2
+#define AS_WEIGHT(stored) unpacked(stored)
+#else
+#define STORED_T vec4
+#define AS_WEIGHT(stored) (stored)
+#endif
 layout(std430, binding = BINDING_WEIGHTS) readonly buffer Weights {
-    vec4 weights[];
+    STORED_T weights[];
 };
-vec4 weight(int block) {
-    return weights[block];
+WEIGHT_T weight(int block) {
+    return AS_WEIGHT(weights[block]);
 }
 #endif
 
-#include "ntc/half.glsl"
 #include "generated/network.glsl"
 
 // Channels 4 word to 4 word + 3 of a cell, as stored integers.
 vec4 stored_latents(int cell, int word) {
 #if LATENT_BITS == 4
-    uint bits = latent_words[cell * CELL_WORDS + (word >> 1)] >> ((word & 1) * 16);
-    return vec4(bits & 15u, (bits >> 4) & 15u, (bits >> 8) & 15u, (bits >> 12) & 15u);
+    // Two channels to each byte: GPUs turn bytes into numbers at once.
+    uint bits = latent_words[cell * CELL_WORDS + (word >> 1)];
+    uint even = (bits & 0x0F0F0F0Fu) >> ((word & 1) * 16);
+    uint odd = ((bits >> 4) & 0x0F0F0F0Fu) >> ((word & 1) * 16);
+    return vec4(even & 255u, odd & 255u, (even >> 8) & 255u, (odd >> 8) & 255u);
 #else
     uint bits = latent_words[cell * CELL_WORDS + word];
     return vec4(bits & 255u, (bits >> 8) & 255u, (bits >> 16) & 255u, bits >> 24);
@@ -50,10 +54,10 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     ivec2 corner = ivec2(cell_x.part, cell_y.part);
     corner -= ivec2(cell_x.within < HALF_A_PART, cell_y.within < HALF_A_PART);
     vec2 f = vec2(as_fraction(cell_x.within - HALF_A_PART), as_fraction(cell_y.within - HALF_A_PART));
-    int left = neighbour(corner.x, level.width, wrap.x);
-    int right = neighbour(corner.x + 1, level.width, wrap.x);
-    int top = level.first_cell + neighbour(corner.y, level.height, wrap.y) * level.width;
-    int bottom = level.first_cell + neighbour(corner.y + 1, level.height, wrap.y) * level.width;
+    int left = from_first(corner.x, level.width, wrap.x);
+    int right = to_last(corner.x + 1, level.width, wrap.x);
+    int top = level.first_cell + from_first(corner.y, level.height, wrap.y) * level.width;
+    int bottom = level.first_cell + to_last(corner.y + 1, level.height, wrap.y) * level.width;
     for (int word = 0; word < LATENT_WORDS; ++word) {
         vec4 upper = mix(stored_latents(top + left, word), stored_latents(top + right, word), f.x);
         vec4 lower = mix(stored_latents(bottom + left, word), stored_latents(bottom + right, word), f.x);

@@ -1,6 +1,7 @@
 // The arithmetic of the network. HALF_ARITHMETIC 0: single precision. 1: products are halves, sums are single precision.
 // 2: sums of hidden layers are halves, too. HALF_EMULATED 1: single precision, rounded to halves after each step.
-// Outputs are always summed up in single precision: those are few additions, whose rounding would be the most visible.
+// Outputs are always computed in single precision: those are few products, whose rounding would be the most visible, and which GPUs
+// take of halves as they are.
 // MUL_T and ACC_T are the vector types of factors and of sums, MUL_SCALAR and ACC_SCALAR those of their components.
 #ifndef HALF_ARITHMETIC
 #define HALF_ARITHMETIC 0
@@ -40,6 +41,16 @@ float to_half(float value) {
 #define MUL_SCALAR float
 #define MUL_T vec4
 #endif
+// Four weights as they are multiplied. Halves that are computed with are read as they are stored: to unpack them into single precision
+// and round them back would cost more than the products.
+#define WEIGHT_T MUL_T
+WEIGHT_T unpacked(uvec2 halves) {
+#if HALF_ARITHMETIC && !HALF_EMULATED
+    return f16vec4(unpackFloat2x16(halves.x), unpackFloat2x16(halves.y));
+#else
+    return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+#endif
+}
 #if HALF_ARITHMETIC == 2 && !HALF_EMULATED
 #define ACC_T f16vec4
 #define ACC_SCALAR float16_t
@@ -53,38 +64,24 @@ float to_half(float value) {
 #define ADAPTED(sum, scale, bias) (scale * sum + bias)
 #define LEAKY(sum, slope) max(sum, slope * sum)
 #define AS_MUL_T(sum) (sum)
-#define PRODUCT_SUM(values, w) dot(values, w)
 #elif !HALF_EMULATED
 #define ADD_PRODUCT(sum, w, value) sum += ACC_T(w * value)
 #define ADAPTED(sum, scale, bias) (ACC_T(scale) * sum + ACC_T(bias))
 #define LEAKY(sum, slope) ACC_T(max(sum, ACC_SCALAR(slope) * sum))
 #define AS_MUL_T(sum) MUL_T(sum)
-ACC_SCALAR product_sum(MUL_T values, MUL_T w) {
-    ACC_T products = ACC_T(values * w);
-    return (products.x + products.y) + (products.z + products.w);
-}
-#define PRODUCT_SUM(values, w) float(product_sum(MUL_T(values), MUL_T(w)))
 #elif HALF_ARITHMETIC == 1
 #define ADD_PRODUCT(sum, w, value) sum += to_half(w * value)
 #define ADAPTED(sum, scale, bias) (scale * sum + bias)
 #define LEAKY(sum, slope) max(sum, slope * sum)
 #define AS_MUL_T(sum) to_half(sum)
-float product_sum(vec4 values, vec4 w) {
-    vec4 products = to_half(to_half(values) * w);
-    return (products.x + products.y) + (products.z + products.w);
-}
-#define PRODUCT_SUM(values, w) product_sum(values, w)
 #else
 #define ADD_PRODUCT(sum, w, value) sum = to_half(sum + to_half(w * value))
 #define ADAPTED(sum, scale, bias) to_half(to_half(scale * sum) + bias)
 #define LEAKY(sum, slope) max(sum, to_half(to_half(slope) * sum))
 #define AS_MUL_T(sum) (sum)
-float product_sum(vec4 values, vec4 w) {
-    vec4 products = to_half(values * w);
-    return to_half(to_half(products.x + products.y) + to_half(products.z + products.w));
-}
-#define PRODUCT_SUM(values, w) product_sum(values, w)
 #endif
+
+#define PRODUCT_SUM(values, w) dot(vec4(values), vec4(w))
 
 // Half sums are kept apart for inputs with even and odd numbers, so that half as many roundings accumulate in each.
 #if HALF_ARITHMETIC == 2

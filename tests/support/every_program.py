@@ -1,5 +1,6 @@
 """Every program that the renderer can assemble. None is compiled: for compilers other than the driver's, and for counts."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, get_args
@@ -14,7 +15,7 @@ from ntc.codec.config import CodecConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
-from viewer.gl.context import GraphicsContext
+from viewer.gl.context import ContextInformation, GraphicsContext
 from viewer.gl.features import Features
 from viewer.render.passes.composite import COMPARISONS
 from viewer.render.passes.decode_texels import GlTexelDecoder
@@ -22,6 +23,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.precision import LEVELS
 from viewer.render.resources.texel_lists import SharedBuffer
+from viewer.render.variants.measurement import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.overlay import BLOCKS, Overlay
 from viewer.state.view_state import (
@@ -37,8 +39,12 @@ from viewer.state.view_state import (
 )
 from viewer.state.zoom import Zoom
 
+GPU: Final = ContextInformation("a GPU", "its vendor", "4.6")
+"""What takes the variants of a GPU (viewer/render/resources/variant.py)."""
 SIZE: Final = (16, 16)
 CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
+TIMED: Final = "grid-adapters"
+"""The pack whose decoders are laid out in every variant that is measured on GPUs."""
 SIDE: Final = 16
 """Texels along a side of each texture."""
 TEXTURES: Final = 3
@@ -207,13 +213,15 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
     with recorder.recording():
         for scene in scenes().values():
             for number, (features, emulated) in enumerate(_feature_sets(context.features)):
-                graphics = replace(context, features=features)
+                graphics = replace(context, features=features, info=context.info if features.weights_in_image else GPU)
                 renderer = Renderer(graphics, scene, stages[number % len(stages)], emulate_half=emulated)
                 renderer.set_packs(opened)
                 for name, pack in opened.items():
                     recorder.codec = name
                     for view in _decoding_views(name):
                         renderer.render(view)
+                    if name == TIMED:
+                        VariantMeasurement(graphics, pack).times(math.inf if number == 1 else 0.0)
                     for precision in _precisions(name):
                         decoder = GlTexelDecoder(graphics, pack, precision, emulated)
                         decoder.decode_texels(0, np.zeros((1, 2)), np.zeros(1))

@@ -22,7 +22,7 @@ from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frame_times import FrameTimes
-from viewer.render.resources.precision import supported_precisions, unsupported_precisions
+from viewer.render.resources.precision import unsupported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
     apply_event,
@@ -75,7 +75,9 @@ class Frontend:
         self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._writer = PictureWriter(graphics, session, self.picture)
         self._first_view = FirstView(self.interface.background, emit)
-        self._precision = PrecisionSearch(self.interface.background, supported_precisions(graphics), emit)
+        self._precision = PrecisionSearch(
+            self.interface.background, partial(self.picture.variants.precisions, graphics), emit
+        )
         self._recorded_at = -math.inf
         self._formats = FormatEncoding(blocks_cache(), emit)
         self._prepares_ahead = prepares_ahead

@@ -8,11 +8,15 @@ import platform
 import sys
 from typing import Any
 
+from ntc.codec.config import CodecConfig
 from ntc.errors import InputError
 from viewer.cli.options import DoctorOptions
-from viewer.gl.context import create_headless_context
+from viewer.gl.context import ContextInformation, create_headless_context
 from viewer.gl.devices import find_devices
 from viewer.gl.systems import SYSTEM
+from viewer.locations import variants_cache
+from viewer.render.resources.variant import default_variant
+from viewer.render.variants.kept_times import kept_times
 
 PACKAGES = (
     "moderngl",
@@ -43,6 +47,16 @@ def _version(package: str) -> str:
         return "missing"
 
 
+def _measured(device: ContextInformation) -> list[str]:
+    """What is kept of this device: the fastest variant for each codec shape and precision."""
+    return [
+        f"{shape}: {precision} {times.nanoseconds[precision][variant]:.3f} ns a texel with {variant}"
+        for shape, times in kept_times(variants_cache(), device).items()
+        for precision in times.precisions
+        if (variant := times.fastest(precision)) is not None
+    ]
+
+
 def examine(device: str | None = None) -> dict[str, Any]:
     """Facts about this machine: Python, display, packages, devices, OpenGL on one of them."""
     findings: dict[str, Any] = {
@@ -68,6 +82,9 @@ def examine(device: str | None = None) -> dict[str, Any]:
             "anisotropy": context.features.anisotropy,
             "timer_queries": context.features.timer_queries,
             "weights_in_image": context.features.weights_in_image,
+            "decoder_variant": str(default_variant(context, CodecConfig())) + " where nothing is measured",
+            "measured_variants": _measured(context.info)
+            or ["none yet: a window, or render on a GPU, measures each codec once"],
             "half_arithmetic": context.features.half_arithmetic or "none (--precision fp32 and fp16 only)",
         }
     except InputError as error:

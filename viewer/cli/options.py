@@ -142,6 +142,9 @@ class RenderOptions:
     """Decode path; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
     """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
+    decoder_variant: str = ""
+    """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
+    NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
     filter: TexelFilter = "exact"
     """Filter of all paths but cached: exact, or stochastic, one texel at random, the mean of 16 samples."""
     size: Size = (1280, 720)

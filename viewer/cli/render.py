@@ -5,6 +5,7 @@ import json
 import math
 import sys
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from viewer.lighting.panorama import load_panorama
 from viewer.render.back_ends import list_decoders
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import Renderer
+from viewer.render.variants.choice import VariantChoice
 from viewer.scene.images import write_png
 from viewer.scene.model import Pose
 from viewer.state.view_state import (
@@ -223,12 +225,13 @@ def render(options: RenderOptions) -> int:
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():
-        renderer = Renderer(context, scene, list_decoders=list_decoders(options.decode_with))
+        variants = VariantChoice.of_environment(options.decoder_variant, print)
+        renderer = Renderer(context, scene, list_decoders=list_decoders(options.decode_with), variants=variants)
         chosen = {source: packs[source]} if source in packs else {}
         if compressed is not None:
             renderer.images.set_compressed({compressed.block_format: compressed})
         renderer.set_packs(chosen)
-        precision = resolve_precision(options.precision, chosen.get(source), context)
+        precision = resolve_precision(options.precision, chosen.get(source), partial(variants.precisions, context))
         slot = Slot(source, options.path, precision, options.filter)
         kind: OverlayKind = "divergence" if options.overlay == "divergence" else "none"
         overlay = Overlay(kind, options.opacity, options.palette, options.block, options.scale)

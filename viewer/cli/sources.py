@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,9 +18,8 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
-from viewer.gl.context import GraphicsContext
 from viewer.locations import blocks_cache, builtin_scene_path, named_scene
-from viewer.render.resources.precision import EVERYWHERE, supported_precisions
+from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests
@@ -124,15 +123,17 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
     return cameras[0] if cameras else frame_all(scene.bounds)
 
 
-def resolve_precision(choice: PrecisionChoice, pack: Pack | None, context: GraphicsContext | None) -> Precision:
+def resolve_precision(
+    choice: PrecisionChoice, pack: Pack | None, fastest_first: Callable[[Pack], Sequence[Precision]] | None
+) -> Precision:
     """The precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
 
-    Without a context, `auto` chooses among the precisions that every driver supports.
+    `fastest_first` gives those of the driver; without it `auto` chooses among the precisions that every driver supports.
     """
     if choice != "auto":
         return choice
     if pack is None:
         return "fp32"
-    chosen = chosen_precision(pack, EVERYWHERE if context is None else supported_precisions(context))
+    chosen = chosen_precision(pack, EVERYWHERE[::-1] if fastest_first is None else fastest_first(pack))
     sys.stdout.write(f"precision {chosen.precision}: {chosen.reason}\n")
     return chosen.precision

@@ -83,7 +83,11 @@ class ShaderLibrary:
             if _VERSION.match(line):
                 given = dict(defines or {})
                 extension = given.pop(EXTENSION, None)
-                lines = [f"#extension {extension} : require"] if extension is not None else []
+                lines = []
+                if extension is not None:
+                    # Half types, and what unpacks them, have overloads from 4.50 on only.
+                    output[position] = "#version 450"
+                    lines.append(f"#extension {extension} : require")
                 lines += [f"#define {key} {value}" for key, value in given.items()]
                 # The line after #version is line 2 of file 0, whatever was inserted.
                 output[position + 1 : position + 1] = [*lines, "#line 2 0"]

@@ -1,5 +1,6 @@
 """Finding the cheapest precision of a slot's pack that does not show, beside the frames."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from ntc.accuracy.precision_choice import ChosenPrecision, chosen_precision
@@ -16,8 +17,11 @@ from viewer.state.view_state import REFERENCE
 class PrecisionSearch:
     """Fulfils `session.requests.precision`: takes seconds for a large pack, and no frame waits for it."""
 
-    def __init__(self, background: Background, supported: tuple[Precision, ...], emit: EmitEvent) -> None:
-        self._background, self._supported, self._emit = background, supported, emit
+    def __init__(
+        self, background: Background, fastest_first: Callable[[Pack], Sequence[Precision]], emit: EmitEvent
+    ) -> None:
+        """`fastest_first` gives the precisions that the driver has for a pack, on the thread of its OpenGL context."""
+        self._background, self._fastest_first, self._emit = background, fastest_first, emit
 
     def step(self, session: Session) -> None:
         """Report what has been found since the last call, and why."""
@@ -27,7 +31,7 @@ class PrecisionSearch:
             if slot.source == REFERENCE or pack is None:
                 self._emit(PrecisionFound(side, None))
                 continue
-            job = self._background.submit(("precision", pack), partial(self._found, pack))
+            job = self._background.submit(("precision", pack), partial(self._found, pack, self._fastest_first(pack)))
             if not job.done:
                 continue
             if error := job.future.exception():
@@ -38,5 +42,5 @@ class PrecisionSearch:
             self._emit(PrecisionFound(side, chosen.precision))
             self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
-    def _found(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
-        return chosen_precision(pack, self._supported)
+    def _found(self, pack: Pack, fastest_first: Sequence[Precision], _report: JobReport) -> ChosenPrecision:
+        return chosen_precision(pack, fastest_first)

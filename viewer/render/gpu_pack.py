@@ -1,7 +1,7 @@
 """A pack on the GPU in one precision: its buffers, the decode paths that read it, and the update that is under way."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -26,7 +26,7 @@ from viewer.render.plane_path import DirectPath, PlanePath
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
-from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.texel_lists import ListDecoder, MakeListDecoder, TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading
@@ -36,6 +36,7 @@ from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import FOLDER as TILES_FOLDER
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tile_table import TileTable
+from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Scene
 from viewer.state.view_state import PathChoice, Precision, TexelFilter
 
@@ -58,6 +59,8 @@ class RenderContext:
     """Whether frames wait for what they read back."""
     list_decoders: MakeListDecoder | None = None
     """Makes what decodes tiles of path `cached` and pixels of path `binned`; None: GLSL does."""
+    variants: VariantChoice = field(default_factory=VariantChoice)
+    """How the decoding shaders of each pack are laid out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +103,20 @@ class GpuPack:
         programs: ProgramFactory,
         version: int,
     ) -> None:
-        """`programs` are those of `codec_programs` for the pack's codec. Raises GpuMemoryError."""
-        self.context, self.pack, self.match, self.programs = context, pack, match, programs
+        """`programs` are those of the scene. Raises GpuMemoryError."""
+        self.context, self.pack, self.match = context, pack, match
+        self._variant = context.variants.variant(context.graphics, pack, precision)
+        self.programs = codec_programs(programs, pack, self._variant)
         self.version = version
         """Number of the version that is drawn; `pack` is that version."""
         self.buffers = PackBuffers(
-            context.graphics, pack, match.texture_index, precision, context.emulate_half, on_demand=context.latents
+            context.graphics,
+            pack,
+            match.texture_index,
+            precision,
+            context.emulate_half,
+            self._variant,
+            on_demand=context.latents,
         )
         self._precision = precision
         self._ranges: DecoderRanges | None = None
@@ -136,7 +147,7 @@ class GpuPack:
     def ranges(self) -> DecoderRanges:
         """Each decoder as a buffer range of its own; made when first asked for."""
         if self._ranges is None:
-            self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision)
+            self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision, self._variant)
         return self._ranges
 
     @property

@@ -14,7 +14,6 @@ from viewer.gl.program import ProgramFactory
 from viewer.render.divergence_overlay import CountedGrouping
 from viewer.render.frame_result import UploadCounts
 from viewer.render.gpu_pack import GpuPack, PackVersion, RenderContext
-from viewer.render.resources.pack_buffers import codec_programs
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import Precision, Slot, is_image_source
@@ -131,10 +130,9 @@ class GpuPacks:
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
             opened = self._open[slot.source]
-            programs = codec_programs(self._programs, opened.pack)
             with naming_memory_errors(f"pack {slot.source}"):
                 self._on_gpu[key] = GpuPack(
-                    self._context, opened.pack, opened.match, slot.precision, programs, opened.version
+                    self._context, opened.pack, opened.match, slot.precision, self._programs, opened.version
                 )
         return self._on_gpu[key]
 

@@ -35,6 +35,7 @@ from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
+from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState
@@ -57,11 +58,13 @@ class Renderer:
         update_bytes: int = UPDATE_BYTES,
         waits: bool = True,
         list_decoders: MakeListDecoder | None = None,
+        variants: VariantChoice | None = None,
     ) -> None:
         """`update_bytes` is the upload budget of a frame for packs that replace others; `list_decoders` as in the RenderContext.
 
         A renderer that `waits` for the GPU knows the times of a frame, and what its pixels need, within the frame.
-        Another one goes on, and takes both from a frame or two before. Raises GpuMemoryError.
+        Another one goes on, and takes both from a frame or two before. `variants` tells how packs are decoded; None: as is the
+        default of the device. Raises GpuMemoryError.
         """
         if not context.features.compute:
             divergence_stage = "fragment"
@@ -83,7 +86,8 @@ class Renderer:
         self.tile_budget = TileBudget(tile_cache)
         """Receives measured frame times (`note_frame`)."""
         shared = (context, scene, self._scene_buffers, self._timer, tile_cache, self.tile_budget)
-        render_context = RenderContext(*shared, latents or LatentBudget(), emulate_half, waits, list_decoders)
+        told = (waits, list_decoders, variants or VariantChoice())
+        render_context = RenderContext(*shared, latents or LatentBudget(), emulate_half, *told)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)

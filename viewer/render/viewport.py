@@ -24,6 +24,7 @@ from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.events import EmitEvent, Notification, PackChangesTaken, Reverted, ViewChanged
 from viewer.state.message_log import details_of
@@ -62,6 +63,8 @@ class Viewport:
         """
         self._context, self._session, self._emit = context, session, emit
         self._times, self._background, self._waits = times, background, waits
+        self.variants = VariantChoice.of_environment("", lambda text: emit(Notification(text)))
+        """Tells how packs are decoded on this device."""
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._compressed: Mapping[BlockFormat, CompressedTextures] | None = None
@@ -210,7 +213,12 @@ class Viewport:
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
                     lists = list_decoders(session.settings.decode_with)
                     made = Renderer(
-                        self._context, session.scene, tile_cache=tiles, waits=self._waits, list_decoders=lists
+                        self._context,
+                        session.scene,
+                        tile_cache=tiles,
+                        waits=self._waits,
+                        list_decoders=lists,
+                        variants=self.variants,
                     )
             except InputError as error:
                 self._context.reset.check_after(error)

@@ -17,15 +17,15 @@ from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, de
 from lab.benchmarks.shaders.machine_code import MachineCode
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import create_headless_context
-from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
+from viewer.render.resources.variant import GPU, DecoderVariant
 
 FAMILY: Final = "navi32"
 """RX 7700 XT and 7800 XT."""
 SEVERAL: Final = ("deferred, shared", "binned", "cached")
-"""Paths whose invocations decode as many pixels as `NetworkConfig` says."""
+"""Paths whose invocations decode as many pixels as `DecoderVariant` says."""
 
 
-def network_loops(found: DecodingProgram, network: NetworkConfig) -> tuple[tuple[int, ...], int]:
+def network_loops(found: DecodingProgram, variant: DecoderVariant) -> tuple[tuple[int, ...], int]:
     """How often the loops over both hidden layers run, none for codec `block`, and the pixels of one invocation."""
     config = found.config
     if not isinstance(config, CodecConfig):
@@ -33,12 +33,12 @@ def network_loops(found: DecodingProgram, network: NetworkConfig) -> tuple[tuple
     blocks = config.hidden_width // 4
     if found.path not in SEVERAL:
         return (blocks, blocks), 1
-    return (blocks // gcd(blocks, network.unrolled), blocks), network.pixels
+    return (blocks // gcd(blocks, variant.unrolled), blocks), variant.pixels
 
 
-def row(found: DecodingProgram, told: dict[str, Any], network: NetworkConfig) -> dict[str, Any]:
+def row(found: DecodingProgram, told: dict[str, Any], variant: DecoderVariant) -> dict[str, Any]:
     """What a program costs. Its vector instructions a texel are None for codec `block`, whose loops depend on the data."""
-    loops, pixels = network_loops(found, network)
+    loops, pixels = network_loops(found, variant)
     code = MachineCode.parsed(told["assembly"])
     return {
         "path": found.path,
@@ -56,14 +56,12 @@ def row(found: DecodingProgram, told: dict[str, Any], network: NetworkConfig) ->
     }
 
 
-def statistics(
-    codecs: Sequence[str], family: str = FAMILY, network: NetworkConfig = DEFAULT_NETWORK
-) -> list[dict[str, Any]]:
+def statistics(codecs: Sequence[str], family: str = FAMILY, variant: DecoderVariant = GPU) -> list[dict[str, Any]]:
     """A row for each program. Raises InputError where a compiler is missing."""
     compiler = find_compiler(family)
     programs = decoding_programs(create_headless_context(), tuple(codecs))
     told = compiled(compiler, [found.program for found in programs])
-    return [row(found, own, network) for found, own in zip(programs, told, strict=True)]
+    return [row(found, own, variant) for found, own in zip(programs, told, strict=True)]
 
 
 def main() -> None:

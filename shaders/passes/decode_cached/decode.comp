@@ -113,6 +113,7 @@ void main() {
 }
 #else
 void main() {
+    fetch_decoder();
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];

@@ -12,6 +12,7 @@ from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, Limits, rows_of_work_gr
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.variant import SOFTWARE
 
 CODEC = CodecConfig(hidden_width=16)
 
@@ -54,7 +55,7 @@ def test_storage_buffers_larger_than_shaders_can_read_are_refused_in_one_line(sm
 
 def test_latents_keep_to_what_shaders_can_read(small: GraphicsContext) -> None:
     pack = square_pack(4, 1, 256, CODEC)
-    buffers = PackBuffers(small, pack, range(4), "fp32", weights_in_image=True, on_demand=LatentBudget())
+    buffers = PackBuffers(small, pack, range(4), "fp32", variant=SOFTWARE, on_demand=LatentBudget())
     buffers.need(buffers.latent_store.all_levels())
     counts = buffers.latent_store.counts
     assert buffers.latent_store.buffer.size <= 40_000
@@ -62,7 +63,7 @@ def test_latents_keep_to_what_shaders_can_read(small: GraphicsContext) -> None:
     assert counts.out_of_memory, "the window tells of it"
     buffers.release()
     with pytest.raises(GpuMemoryError, match=r"latents: .* \(GL_MAX_SHADER_STORAGE_BLOCK_SIZE"):
-        PackBuffers(small, pack, range(4), "fp32", weights_in_image=True)
+        PackBuffers(small, pack, range(4), "fp32", variant=SOFTWARE)
 
 
 def test_a_tile_atlas_has_no_more_layers_than_the_driver_allows(small: GraphicsContext) -> None:

@@ -24,6 +24,7 @@ from viewer.render.resources.layout import (
     scene_layout_glsl,
 )
 from viewer.render.resources.pack_buffers import codec_programs
+from viewer.render.resources.variant import SOFTWARE
 from viewer.render.resources.visibility_buffer import SurfaceContent
 
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
@@ -100,14 +101,15 @@ COMPUTED = [
     for precision in PRECISIONS
 ]
 COMPUTED += [
-    (name, {**precision, "DECODER_IN_STORAGE": storage})
+    (name, {**precision, "DECODER_PLACE": place})
     for name in (
         "passes/decode_deferred/decode_shared.comp",
         "passes/decode_binned/decode.comp",
         "passes/decode_cached/decode.comp",
+        "passes/time_decoder/decode.comp",
     )
     for precision in PRECISIONS
-    for storage in (0, 1)
+    for place in (0, 1, 2)
 ]
 COMPUTED += [
     (f"passes/decode_binned/{name}.comp", {"PRECISION_FP16": 0, "VERTEX_COLORS": 1})
@@ -133,7 +135,7 @@ ALL_GLSL = sorted(
 def programs(graphics: GraphicsContext) -> ProgramFactory:
     """The shaders with the includes of a small codec."""
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    return codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), SMALL))
+    return codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), SMALL), SOFTWARE)
 
 
 @pytest.mark.parametrize(("vertex", "fragment", "defines"), DRAWN + FULL_SCREEN)
@@ -159,7 +161,7 @@ def test_compute_programs_compile(programs: ProgramFactory, name: str, defines: 
 )
 def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConfig) -> None:
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    shaped = codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), config))
+    shaped = codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), config), SOFTWARE)
     assert shaped.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0}).glo > 0
     shaped.release()
 
@@ -167,7 +169,7 @@ def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConf
 def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
     factory = ProgramFactory(graphics.gl, library)
-    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockCodecConfig(modes=1)))
+    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockCodecConfig(modes=1)), SOFTWARE)
     for in_image, stochastic in ((0, 0), (1, 0), (1, 1)):
         defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image, "FILTER_STOCHASTIC": stochastic}
         for name in ("deferred/decode", "deferred/decode_shared", "binned/decode", "cached/decode", "texels/decode"):

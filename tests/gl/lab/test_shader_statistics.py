@@ -23,7 +23,6 @@ def rows() -> list[dict[str, Any]]:
     return statistics(("grid of best", "block"))
 
 
-@pytest.mark.xfail(reason="four pixels an invocation are too many")
 def test_default_programs_do_not_spill(rows: list[dict[str, Any]]) -> None:
     spilling = {
         (row["path"], row["codec"], row["precision"]) for row in rows if row["spilled VGPRs"] + row["spilled SGPRs"]

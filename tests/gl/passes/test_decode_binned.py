@@ -70,8 +70,8 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
     visibility.write(words)
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
+    programs = codec_programs(ProgramFactory(graphics.gl, library), pack, buffers.variant)
     material, targets = (
         white_material(graphics),
         [ColorTarget(graphics, size) for _ in range(2)],
@@ -100,8 +100,8 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     visibility = VisibilityTarget(graphics, (64, 64), SurfaceContent(False, False))
     visibility.write(same_texture(interleaved_words((64, 64), 4)))
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    programs = codec_programs(ProgramFactory(graphics.gl, library), pack)
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
+    programs = codec_programs(ProgramFactory(graphics.gl, library), pack, buffers.variant)
     material, target = (
         white_material(graphics),
         ColorTarget(graphics, (64, 64)),
@@ -125,8 +125,8 @@ def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsC
     material, pictures = white_material(graphics), []
     for text in (layout, narrow):
         factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": text}))
-        programs = codec_programs(factory, pack)
         buffers, ranges = PackBuffers(graphics, pack, range(2), "fp32"), DecoderRanges(graphics, pack, "fp32")
+        programs = codec_programs(factory, pack, buffers.variant)
         binned, target = (
             DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading()),
             ColorTarget(graphics, size),

@@ -36,7 +36,7 @@ class DecodeBinnedPass(DecodePass):
     ) -> None:
         self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
         self._bin_count = len(buffers.pack.decoders)
-        defines = {**buffers.defines, **filter_defines(texel_filter), "DECODER_IN_STORAGE": int(ranges.in_storage)}
+        defines = {**buffers.defines, **filter_defines(texel_filter), **ranges.defines}
         sorting = {**reading.defines(), "SHARED_SUMS": int(context.features.shared_sums)}
         self._count = programs.compute(f"{FOLDER}/count.comp", sorting)
         self._scan = programs.compute(f"{FOLDER}/scan.comp")

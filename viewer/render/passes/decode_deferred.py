@@ -34,7 +34,7 @@ class DecodeDeferredPass(DecodePass):
         if self._ranges is None:
             self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
         else:
-            shared = {**defines, "DECODER_IN_STORAGE": int(self._ranges.in_storage)}
+            shared = {**defines, **self._ranges.defines}
             self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
 
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:

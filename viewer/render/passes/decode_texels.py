@@ -33,16 +33,16 @@ class GlTexelDecoder:
         programs: ProgramFactory | None = None,
         rescale: bool = True,
     ) -> None:
-        """`programs` are those of `codec_programs` for the pack's codec, where several packs share them; `rescale` as for
+        """`programs` with the includes of every scene, where several packs share them; `rescale` as for
         the PackBuffers."""
         self._context, self.reset = context, context.reset
         self._gl: moderngl.Context = context.gl
         self._memory = context.memory
         self._pack = pack
         if programs is None:
-            programs = codec_programs(scene_programs(context), pack)
+            programs = scene_programs(context)
         self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
-        self._programs = programs
+        self._programs = codec_programs(programs, pack, self._buffers.variant)
 
     def decode_texels(
         self, texture_index: int, uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode] | None = None

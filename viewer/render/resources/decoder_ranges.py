@@ -10,37 +10,37 @@ from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.render.resources.decoder_tables import decoder_tables
 from viewer.render.resources.layout import UniformBinding
-from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
+from viewer.render.resources.variant import DecoderVariant, default_variant
 from viewer.state.view_state import Precision
 
 LARGEST_ALIGNMENT = 256
 """Bytes: OpenGL lets no implementation ask for more (OpenGL 4.3, table 23.57)."""
+SHARED_BYTES = 1 << 15
+"""Of shared memory, which every implementation has (likewise, table 23.64)."""
 
 
 class DecoderRanges:
-    """All decoders of a pack, each at an aligned place of a uniform buffer: its weights, or where they begin elsewhere."""
+    """All decoders of a pack, each at an aligned place of a uniform buffer: its weights, or where they are among all weights."""
 
     def __init__(
-        self,
-        context: GraphicsContext,
-        pack: Pack,
-        precision: Precision,
-        network: NetworkConfig = DEFAULT_NETWORK,
-        weights_in_image: bool | None = None,
+        self, context: GraphicsContext, pack: Pack, precision: Precision, variant: DecoderVariant | None = None
     ) -> None:
-        """`network` is what the programs are generated for, `weights_in_image` as for the PackBuffers: then, for codec `block`,
-        and where decoders are too large for a uniform buffer, a range holds only where the decoder begins among all weights."""
-        self.pixels = network.pixels
+        """`variant` is what the programs are generated for; None: the default of the device."""
+        variant = variant or default_variant(context, pack.config)
+        self.pixels = variant.pixels
         self._memory = context.memory
         self._decoders = decoder_tables(pack, precision)
-        blocks = self._decoders.blocks
-        in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        blocks, block_bytes = self._decoders.blocks, self._decoders.block_bytes
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
-        elsewhere = in_image or pack.config.kind == "block"
-        self.in_storage = not elsewhere and stored > context.features.uniform_block_bytes
-        """Whether shaders read the decoder from the storage buffer of all weights."""
-        self._places_only = elsewhere or self.in_storage
+        fits = {
+            "uniforms": stored <= context.features.uniform_block_bytes,
+            "shared": blocks * block_bytes <= SHARED_BYTES,
+        }
+        place = variant.weights if pack.config.kind == "grid" and fits.get(variant.weights, True) else "storage"
+        self.defines = {"DECODER_PLACE": {"uniforms": 0, "shared": 2}.get(place, 1)}
+        """Of the shaders that read ranges (shaders/ntc/decoder_weights.glsl)."""
+        self._places_only = place != "uniforms"
         self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
         self._count = len(pack.decoders)

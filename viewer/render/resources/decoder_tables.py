@@ -9,12 +9,12 @@ from ntc.codec.maps import plane_channels
 from ntc.codec.model import Adapter, EncodedTexture, Pack
 from viewer.render.resources.block_tables import BlockTables, block_glsl
 from viewer.render.resources.network import (
-    NetworkConfig,
     NetworkLayout,
     network_glsl,
     shared_network_glsl,
     weight_bytes,
 )
+from viewer.render.resources.variant import DecoderVariant
 from viewer.state.view_state import Precision
 
 
@@ -111,16 +111,16 @@ def decoder_tables(pack: Pack, precision: Precision) -> DecoderTables:
     return GridTables(pack, precision)
 
 
-def decoder_glsl(pack: Pack, network: NetworkConfig) -> dict[str, str]:
+def decoder_glsl(pack: Pack, variant: DecoderVariant) -> dict[str, str]:
     """The generated includes of the decoding shaders, but for `generated/codec.glsl`."""
     if isinstance(pack.config, BlockCodecConfig):
         return {
             "generated/block.glsl": block_glsl(pack.config),
             "generated/network.glsl": "",
-            "generated/shared_network.glsl": f"#define PIXELS {network.pixels}\n",
+            "generated/shared_network.glsl": f"#define PIXELS {variant.pixels}\n",
         }
     return {
         "generated/block.glsl": "",
         "generated/network.glsl": network_glsl(pack.grid_config),
-        "generated/shared_network.glsl": shared_network_glsl(pack.grid_config, network),
+        "generated/shared_network.glsl": shared_network_glsl(pack.grid_config, variant),
     }

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,33 +9,10 @@ from numpy.typing import NDArray
 from ntc.codec.config import CodecConfig
 from ntc.codec.model import Adapter, Decoder
 from viewer.render.resources.layout import by_plane
+from viewer.render.resources.variant import DecoderVariant
 from viewer.state.view_state import Precision
 
 PARTS = "xyzw"
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """Settings of `run_decoders`, which decodes several pixels with one decoder. None of them changes a result."""
-
-    pixels: int = 4
-    """Pixels that one invocation decodes: each weight is fetched once for all of them. More pixels take more registers."""
-    chunk: int = 4
-    """Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
-    unrolled: int = 1
-    """Blocks of the first layer that are written out one after the other."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.pixels <= 32:
-            raise ValueError(f"network.pixels = {self.pixels} is out of range")
-        if not 1 <= self.unrolled <= 16:
-            raise ValueError(f"network.unrolled = {self.unrolled} is out of range")
-        if not 1 <= self.chunk <= 64:
-            raise ValueError(f"network.chunk = {self.chunk} is out of range")
-
-
-DEFAULT_NETWORK = NetworkConfig()
-"""Chosen by measuring on llvmpipe (docs/decode-paths.md)."""
 
 
 def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
@@ -48,7 +24,7 @@ def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: 
 
 def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str]) -> list[str]:
     """GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
-    parts = {component: f"{fetch(channel // 4)}.{PARTS[channel % 4]}" for component, channel in channels.items()}
+    parts = {component: f"float({fetch(channel // 4)}.{PARTS[channel % 4]})" for component, channel in channels.items()}
     return [f"    vec4 {result} = vec4({', '.join(parts.get(component, '0.0') for component in range(4))});"]
 
 
@@ -196,7 +172,7 @@ def _add_outputs(config: CodecConfig, layout: NetworkLayout, channels: Mapping[i
     for component, channel in channels.items():
         offset = channel * layout.hidden_blocks
         if not config.adapter_output:
-            found.append(f"        vec4 out{component} = decoder_weight({layout.third + offset} + k);")
+            found.append(f"        WEIGHT_T out{component} = decoder_weight({layout.third + offset} + k);")
         for p in range(pixels):
             own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
             weight = own if config.adapter_output else f"out{component}"
@@ -204,7 +180,7 @@ def _add_outputs(config: CodecConfig, layout: NetworkLayout, channels: Mapping[i
     return found
 
 
-def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
+def shared_network_glsl(config: CodecConfig, variant: DecoderVariant) -> str:
     """The include `generated/shared_network.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
     alone, so that their addresses do not depend on the pixel.
 
@@ -213,8 +189,11 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     """
     layout = NetworkLayout(config)
     slope = repr(float(config.leaky_slope))
-    pixels = range(network.pixels)
-    unrolled = math.gcd(layout.hidden_blocks, network.unrolled)
+    pixels = range(variant.pixels)
+    unrolled = math.gcd(layout.hidden_blocks, variant.unrolled)
+    is_whole = unrolled == layout.hidden_blocks
+    # Where all blocks are written out, each hidden value is stored once, or none is read.
+    unknown = "" if is_whole else " = MUL_T(0.0)"
 
     def start(bias: int) -> list[str]:
         first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
@@ -224,8 +203,8 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
         """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
         lines = []
-        for first in range(0, len(values[0]), network.chunk):
-            numbers = range(first, min(first + network.chunk, len(values[0])))
+        for first in range(0, len(values[0]), variant.chunk):
+            numbers = range(first, min(first + variant.chunk, len(values[0])))
             lines.append("        {")
             lines += [f"          MUL_T w{i - first} = MUL_T(decoder_weight({row} + {i}));" for i in numbers]
             lines += [
@@ -253,21 +232,21 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     lines = [
         "// Generated from viewer/render/resources/network.py for one CodecConfig.",
         f"#define DECODER_BLOCKS {layout.blocks}",
-        f"#define PIXELS {network.pixels}",
+        f"#define PIXELS {variant.pixels}",
         '#include "ntc/decoder_weights.glsl"',
         "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
-        *(f"    MUL_T hidden{p}_{k} = MUL_T(0.0);" for p in pixels for k in range(layout.hidden_blocks)),
+        *(f"    MUL_T hidden{p}_{k}{unknown};" for p in pixels for k in range(layout.hidden_blocks)),
         f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
     for number in range(unrolled):
         # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
         stored = [
-            f"        hidden{p}_{k} = k == {k} ? AS_MUL_T(sum{p}) : hidden{p}_{k};"
+            f"        hidden{p}_{k} = {'' if is_whole else f'k != {k} ? hidden{p}_{k} : '}AS_MUL_T(sum{p});"
             for k in range(number, layout.hidden_blocks, unrolled)
             for p in pixels
         ]
         lines += [
-            f"        {{ int k = step + {number};",
+            f"        {{ int k = {number if is_whole else f'step + {number}'};",
             f"        int row = k * {layout.inputs};",
             *start(layout.first_bias),
             *products("row", [[f"MUL_SCALAR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
@@ -277,7 +256,7 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
         ]
     lines.append("    }")
 
-    lines += by_plane(config, lambda _, channels: _first_results(config, layout, channels, network.pixels))
+    lines += by_plane(config, lambda _, channels: _first_results(config, layout, channels, variant.pixels))
     lines += [
         "    for (int k = 0; k < blocks; ++k) {",
         f"        int row = {layout.second} + k * {layout.hidden};",
@@ -286,6 +265,6 @@ def shared_network_glsl(config: CodecConfig, network: NetworkConfig) -> str:
     lines += products("row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels])
     lines += finish(1)
 
-    lines += by_plane(config, lambda _, channels: _add_outputs(config, layout, channels, network.pixels))
+    lines += by_plane(config, lambda _, channels: _add_outputs(config, layout, channels, variant.pixels))
     lines += ["    }", *(f"    results[{p}] = result{p};" for p in pixels), "}", ""]
     return "\n".join(lines)

@@ -24,8 +24,8 @@ from viewer.render.resources.layout import (
     scene_layout_glsl,
     texture_record,
 )
-from viewer.render.resources.network import DEFAULT_NETWORK, NetworkConfig
 from viewer.render.resources.precision import precision_defines
+from viewer.render.resources.variant import DecoderVariant, default_variant
 from viewer.state.view_state import Precision
 
 ALL_LATENTS = LatentBudget(1 << 62)
@@ -44,11 +44,11 @@ class PackBuffers:
         texture_index: Sequence[int],
         precision: Precision,
         emulate_half: bool = False,
-        weights_in_image: bool | None = None,
+        variant: DecoderVariant | None = None,
         on_demand: LatentBudget | None = None,
         rescale: bool = True,
     ) -> None:
-        """`weights_in_image` None: on software renderers, which fetch from images several times faster than from buffers.
+        """`variant` is what the programs are generated for; None: the default of the device.
 
         Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
         """
@@ -60,10 +60,10 @@ class PackBuffers:
         self._decoders = decoder_tables(pack, precision)
         self.network_blocks = self._decoders.loop_length
         """The decoding shaders' uniform of that name."""
-        self.weights_in_image = context.features.weights_in_image if weights_in_image is None else weights_in_image
+        self.variant = variant or default_variant(context, pack.config)
         self.defines = {
             **precision_defines(context, precision if pack.config.kind == "grid" else "fp32", emulate_half),
-            "WEIGHTS_IN_IMAGE": int(self.weights_in_image),
+            "WEIGHTS_IN_IMAGE": int(self.variant.weights == "image"),
         }
         with context.memory.transaction():
             # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
@@ -117,7 +117,7 @@ class PackBuffers:
         adapters = [texture.adapter for _, texture in self._textures() if texture.adapter is not None]
         weights = self._decoders.everything(self.pack, adapters)
         made: moderngl.Buffer | moderngl.Texture
-        if self.weights_in_image:
+        if self.variant.weights == "image":
             made = weight_image(self._memory, weights, self._decoders)
         else:
             made = self._memory.buffer("decoders", weights, storage=True)
@@ -240,8 +240,8 @@ def scene_programs(context: GraphicsContext) -> ProgramFactory:
     return ProgramFactory(context.gl, library, context.functions)
 
 
-def codec_programs(factory: ProgramFactory, pack: Pack, network: NetworkConfig = DEFAULT_NETWORK) -> ProgramFactory:
-    """`factory` with the includes that the decoding shaders need for the codec of `pack`."""
+def codec_programs(factory: ProgramFactory, pack: Pack, variant: DecoderVariant) -> ProgramFactory:
+    """`factory` with the includes that the decoding shaders need for the codec of `pack`, laid out as `variant` says."""
     return factory.with_generated(
-        {"generated/codec.glsl": codec_layout_glsl(pack.config), **decoder_glsl(pack, network)}
+        {"generated/codec.glsl": codec_layout_glsl(pack.config), **decoder_glsl(pack, variant)}
     )

@@ -12,6 +12,17 @@ EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
 """Precisions that every driver supports."""
 
 
+FASTEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16", "fp32", "fp16-arithmetic")
+"""Where nothing has been measured: vector instructions of the compilers of GPUs (docs/decode-paths.md). Halves that are summed up in
+single precision take more of them than single precision alone."""
+
+
+def fastest_first(context: GraphicsContext) -> tuple[Precision, ...]:
+    """Precisions that this driver supports, as FASTEST_FIRST has them."""
+    supported = supported_precisions(context)
+    return tuple(precision for precision in FASTEST_FIRST if precision in supported)
+
+
 def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
     """Precisions that this driver supports."""
     return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE

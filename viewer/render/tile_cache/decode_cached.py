@@ -76,7 +76,7 @@ class DecodeCachedPass:
         self._gl, self._most, self._lists = context.gl, MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS, lists
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         self._programs, self._defines = programs, reading.defines()
-        defines = {**self._defines, **buffers.defines, "DECODER_IN_STORAGE": int(ranges.in_storage)}
+        defines = {**self._defines, **buffers.defines, **ranges.defines}
         self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
         self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))

@@ -196,7 +196,7 @@ def test_rescaling_prevents_overflow(precision: Precision) -> None:
 
 def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     pack = CASES["adapted"]
-    halves: tuple[Precision, ...] = ("fp32", "fp16-accumulate")
+    halves: tuple[Precision, ...] = ("fp16-accumulate", "fp32")
     for share, chosen in ((0.3, "fp16-accumulate"), (0.5, "fp32")):
         monkeypatch.setattr("ntc.accuracy.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
         assert chosen_precision(pack, halves).precision == chosen
@@ -206,9 +206,10 @@ def test_the_cheapest_precision_that_does_not_show() -> None:
     trained = replace(CASES["adapted"])
     only: tuple[Precision, ...] = ("fp32",)
     assert chosen_precision(trained, only).precision == "fp32"
-    assert chosen_precision(trained, ("fp32", "fp16")).precision == "fp16", "its weights are halves"
-    assert chosen_precision(trained, ALL, limit=1.0).precision == "fp16-accumulate"
-    assert chosen_precision(CASES["2^20"], ALL).precision == "fp32", "sums overflow"
+    assert chosen_precision(trained, ("fp16", "fp32")).precision == "fp16", "its weights are halves"
+    assert chosen_precision(trained, ALL[::-1], limit=1.0).precision == "fp16-accumulate"
+    assert chosen_precision(trained, ALL, limit=1.0).precision == "fp32", "nothing is faster"
+    assert chosen_precision(CASES["2^20"], ALL[::-1]).precision == "fp32", "sums overflow"
     for precision in ALL[2:]:
         measured = measured_error(trained, precision, 256)
         assert 0.0 < measured < sampled_bound(trained, precision, 256)

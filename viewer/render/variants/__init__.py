@@ -1,0 +1,1 @@
+"""Which variant of the decoding shaders a device takes: measured once, and kept."""
