@@ -18,6 +18,7 @@ from viewer.render.resources.layout import (
     UniformBinding,
 )
 
+pytestmark = pytest.mark.once
 STORAGE_BUFFERS = 8
 """Binding points, blocks of a stage, and blocks of a program."""
 IMAGES = 8

@@ -80,6 +80,7 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "config", [None, ADAPTED, BLOCK, BLOCK_SIZES], ids=["plain", "adapted", "block", "block, sizes"]
 )
