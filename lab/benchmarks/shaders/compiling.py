@@ -1,4 +1,4 @@
-"""Compiles OpenGL programs with a Vulkan driver that needs no GPU: glslang makes SPIR-V of them, RADV's null device machine code."""
+"""Compiles OpenGL programs with Mesa's Vulkan drivers, without their GPUs: glslang makes SPIR-V of them, a driver machine code."""
 
 import json
 import os
@@ -18,7 +18,7 @@ MESA_VARIABLE: Final = "NTC_VIEWER_TEST_MESA"
 """Environment variable: folder with a Mesa of its own (tests/drivers/newer_mesa.py)."""
 DEFAULT_FOLDER: Final = Path(__file__).resolve().parents[3] / ".mesa"
 SYSTEM: Final = Path("/")
-DRIVERS: Final = "usr/share/vulkan/icd.d"
+HERE: Final = Path(__file__).parent
 GLSLANG: Final = "glslangValidator"
 # Vulkan's rules, relaxed: uniforms outside of blocks become a block. In OpenGL each kind of binding has numbers of its own, which
 # Vulkan has not: they are shifted apart (null_device.py).
@@ -28,14 +28,32 @@ INSTALL: Final = "apt-get install glslang-tools mesa-vulkan-drivers, or python3 
 
 
 @dataclass(frozen=True)
+class Gpu:
+    """A GPU that is compiled for."""
+
+    description: str
+    library: str
+    """File of Mesa's driver."""
+    environment: Mapping[str, str]
+    stand_in: bool = False
+    """Whether the driver asks the kernel for the GPU, in whose place intel_stand_in.c answers."""
+
+
+GPUS: Final = {
+    "navi32": Gpu("AMD Navi32 (RX 7800 XT)", "libvulkan_radeon.so", {"RADV_FORCE_FAMILY": "navi32"}),
+    "dg2": Gpu("Intel DG2 (Arc A770)", "libvulkan_intel.so", {}, stand_in=True),
+}
+"""By their short names."""
+
+
+@dataclass(frozen=True)
 class Compiler:
-    """RADV, and the family of GPUs that it compiles for."""
+    """A driver, and the GPU that it compiles for."""
 
     root: Path
     """Folder of the system that the driver belongs to."""
     driver: Path
-    family: str
-    """As RADV_FORCE_FAMILY has it."""
+    gpu: Gpu
 
     def _command(self) -> list[str]:
         """How Python is started with the driver's own C library."""
@@ -48,34 +66,52 @@ class Compiler:
 
     def run(self, programs: Sequence[Mapping[str, str]]) -> list[dict[str, Any]]:
         """What null_device.py answers for SPIR-V files. Raises InputError where the driver cannot be used."""
-        script = Path(__file__).with_name("null_device.py")
-        command = [*self._command(), str(script), str(self.driver)]
-        environment = {**os.environ, "RADV_FORCE_FAMILY": self.family, "MESA_SHADER_CACHE_DISABLE": "true"}
-        found = subprocess.run(
-            command, input=json.dumps(programs), capture_output=True, text=True, env=environment, check=False
-        )
+        command = [*self._command(), str(HERE / "null_device.py"), str(self.driver)]
+        environment = {**os.environ, **self.gpu.environment, "MESA_SHADER_CACHE_DISABLE": "true"}
+        with tempfile.TemporaryDirectory() as place:
+            if self.gpu.stand_in:
+                environment["LD_PRELOAD"] = str(built_stand_in(Path(place)))
+            found = subprocess.run(
+                command, input=json.dumps(programs), capture_output=True, text=True, env=environment, check=False
+            )
         if found.returncode != 0:
             reason = (found.stderr.splitlines() or [f"it ended with {found.returncode}"])[-1]
-            raise InputError(
-                f"{self.driver}: cannot compile for {self.family}: {reason}; needs RADV of Mesa 23.2 or newer"
-            )
+            raise InputError(f"{self.driver}: no {self.gpu.description}: {reason}; needs Mesa 23.2 or newer: {INSTALL}")
         answers: list[dict[str, Any]] = json.loads(found.stdout)
         return answers
 
 
-def find_compiler(family: str, environment: Mapping[str, str] = os.environ) -> Compiler:
-    """RADV of the folder that MESA_VARIABLE names, of DEFAULT_FOLDER or of the system. Raises InputError where there is none."""
+def built_stand_in(folder: Path) -> Path:
+    """The library of intel_stand_in.c, in `folder`. Raises InputError where it cannot be built."""
+    library, source = folder / "stand_in.so", HERE / "intel_stand_in.c"
+    compiler = shutil.which("cc")
+    if compiler is None:
+        raise InputError(
+            "there is no C compiler, which the stand-in of Intel's kernel driver needs: apt-get install gcc libc6-dev"
+        )
+    command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    if found.returncode != 0:
+        raise InputError(f"{source.name}: {found.stderr.strip()}")
+    return library
+
+
+def find_compiler(name: str, environment: Mapping[str, str] = os.environ) -> Compiler:
+    """The driver for a GPU of GPUS, in the folder that MESA_VARIABLE names, in DEFAULT_FOLDER or in the system.
+
+    Raises InputError where there is none.
+    """
+    gpu = GPUS[name]
     if shutil.which(GLSLANG) is None:
         raise InputError(f"there is no {GLSLANG}: {INSTALL}")
     given = environment.get(MESA_VARIABLE)
     for root in (Path(given).absolute() if given else DEFAULT_FOLDER, SYSTEM):
-        if any((root / DRIVERS).glob("radeon_icd*.json")):
-            driver = next(root.glob("usr/lib/*/libvulkan_radeon.so"), None)
-            if driver is not None:
-                compiler = Compiler(root, driver, family)
-                compiler.run([])
-                return compiler
-    raise InputError(f"there is no Vulkan driver for AMD: {INSTALL}")
+        driver = next(root.glob(f"usr/lib/*/{gpu.library}"), None)
+        if driver is not None:
+            compiler = Compiler(root, driver, gpu)
+            compiler.run([])
+            return compiler
+    raise InputError(f"there is no Vulkan driver for {gpu.description}: {INSTALL}")
 
 
 def spirv(program: AssembledProgram, folder: Path) -> dict[str, str]:
@@ -93,15 +129,14 @@ def spirv(program: AssembledProgram, folder: Path) -> dict[str, str]:
 
 
 def compiled(compiler: Compiler, programs: Sequence[AssembledProgram]) -> list[dict[str, Any]]:
-    """What the driver tells of each program's last stage (null_device.py). Raises InputError where one cannot be compiled."""
+    """What the driver tells of each program's last stage, or its error (null_device.py).
+
+    Raises InputError where glslang refuses one.
+    """
     with tempfile.TemporaryDirectory() as place:
         files = list[dict[str, str]]()
         for number, program in enumerate(programs):
             folder = Path(place) / str(number)
             folder.mkdir()
             files.append(spirv(program, folder))
-        answers = compiler.run(files)
-    for program, answer in zip(programs, answers, strict=True):
-        if "error" in answer:
-            raise InputError(f"{program.files[-1]}, {dict(program.defines)}: {answer['error']}")
-    return answers
+        return compiler.run(files)

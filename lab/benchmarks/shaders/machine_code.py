@@ -1,4 +1,4 @@
-"""Counts instructions of AMD's machine code, as RADV disassembles it, along the way that one invocation takes."""
+"""Counts instructions of machine code, as Mesa's drivers for AMD and Intel disassemble it, along the way that one invocation takes."""
 
 import re
 from collections.abc import Sequence
@@ -11,6 +11,12 @@ _LONG_VECTOR: Final = ("d5", "d6", "cc")
 """How the first of two words of vector arithmetic begins, by which instructions are known that the disassembler does not know."""
 _BRANCH: Final = re.compile(r"s_c?branch\w*$")
 _MULTIPLY_ADD: Final = re.compile(r"v_(dual_)?(pk_)?(fma|mad|dot)")
+_LABEL: Final = re.compile(r"^LABEL(\d+):")
+_INTEL_INSTRUCTION: Final = re.compile(r"^(?:\([^)]*\) )?(\w+)(?:\.\S+)?\((\d+)\)")
+_JUMP_BACK: Final = re.compile(r"\bwhile\(.*JIP:\s*LABEL(\d+)")
+LEAST_LANES: Final = 8
+"""Of a subgroup on Intel."""
+JUMPS: Final = frozenset({"if", "else", "endif", "while", "break", "cont", "halt", "jmpi", "sync", "nop"})
 WORD: Final = 4
 """Bytes. A branch names its target in words after it, as a signed number of 16 bits."""
 
@@ -36,7 +42,29 @@ class MachineCode:
 
     @classmethod
     def parsed(cls, assembly: str) -> "MachineCode":
-        """From the disassembly, in which each instruction has its code behind it."""
+        """From the disassembly of either driver."""
+        return cls._of_intel(assembly) if "align1" in assembly else cls._of_amd(assembly)
+
+    @classmethod
+    def _of_intel(cls, assembly: str) -> "MachineCode":
+        """Instructions get AMD's prefixes: `v_` for those of whole subgroups, `s_` for those of fewer lanes and for jumps."""
+        names: list[str] = []
+        labels: dict[str, int] = {}
+        loops: list[Loop] = []
+        for line in assembly.splitlines():
+            label, match, back = _LABEL.match(line), _INTEL_INSTRUCTION.match(line), _JUMP_BACK.search(line)
+            if label:
+                labels[label[1]] = len(names)
+            if back and back[1] in labels:
+                loops.append(Loop(labels[back[1]], len(names)))
+            if match:
+                is_scalar = int(match[2]) < LEAST_LANES or match[1] in JUMPS
+                names.append(f"{'s' if is_scalar else 'v'}_{match[1]}")
+        return cls(tuple(names), tuple(sorted(loops, key=lambda loop: loop.first)))
+
+    @classmethod
+    def _of_amd(cls, assembly: str) -> "MachineCode":
+        """Each instruction has its code behind it."""
         names: list[str] = []
         places: dict[int, int] = {}
         branches: list[tuple[int, int]] = []

@@ -1,26 +1,26 @@
-"""Registers, spills, instructions and occupancy of every decode program on an AMD GPU, compiled without one.
+"""Registers, spills, instructions and occupancy of every decode program on GPUs of AMD and Intel, compiled without them.
 
-    python -m lab.benchmarks.shaders.statistics [--json FILE] [--codec NAME] [--family navi32]
+    python -m lab.benchmarks.shaders.statistics [--json FILE] [--gpu navi32|dg2] [--codec NAME]
 
-Needs glslang and RADV (Mesa 23.2 or newer).
+Needs glslang and the Vulkan drivers of Mesa 23.2 or newer; for Intel a C compiler, too.
 """
 
 import argparse
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from math import gcd
 from pathlib import Path
 from typing import Any, Final
 
 from lab.benchmarks.measuring import report
-from lab.benchmarks.shaders.compiling import compiled, find_compiler
+from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, decoding_programs
 from lab.benchmarks.shaders.machine_code import MachineCode
 from ntc.codec.config import CodecConfig
+from ntc.errors import InputError
 from viewer.gl.context import create_headless_context
 from viewer.render.resources.variant import GPU, DecoderVariant
 
-FAMILY: Final = "navi32"
-"""RX 7700 XT and 7800 XT."""
 SEVERAL: Final = ("deferred, shared", "binned", "cached")
 """Paths whose invocations decode as many pixels as `DecoderVariant` says."""
 
@@ -36,44 +36,52 @@ def network_loops(found: DecodingProgram, variant: DecoderVariant) -> tuple[tupl
     return (blocks // gcd(blocks, variant.unrolled), blocks), variant.pixels
 
 
-def row(found: DecodingProgram, told: dict[str, Any], variant: DecoderVariant) -> dict[str, Any]:
-    """What a program costs. Its vector instructions a texel are None for codec `block`, whose loops depend on the data."""
+FIGURES: Final = ("registers", "spills", "scratch bytes", "waves", "lanes", "instructions")
+AMD: Final = ("VGPRs", "Spilled VGPRs", "Scratch size", "Subgroups per SIMD", "subgroup", "Instructions")
+"""FIGURES as RADV names them."""
+INTEL: Final = ("Max live registers", "Spill Count", "Scratch Memory Size", "", "subgroup", "Instruction Count")
+"""FIGURES as ANV names them: a thread has all its registers, whatever it needs, so there are no waves to tell."""
+
+
+def row(found: DecodingProgram, told: Mapping[str, Any], variant: DecoderVariant) -> dict[str, Any]:
+    """What a program costs; None where the compiler failed. Vector instructions a texel are None for codec `block`, whose loops
+    depend on the data."""
     loops, pixels = network_loops(found, variant)
-    code = MachineCode.parsed(told["assembly"])
+    names = AMD if "VGPRs" in told else INTEL
+    figures = {figure: told.get(name) for figure, name in zip(FIGURES, names, strict=True)}
+    counted = bool(loops) and "assembly" in told
+    code = MachineCode.parsed(told.get("assembly", ""))
     return {
         "path": found.path,
         "codec": found.codec,
         "precision": found.precision,
-        "VGPRs": told["VGPRs"],
-        "spilled VGPRs": told["Spilled VGPRs"],
-        "spilled SGPRs": told["Spilled SGPRs"],
-        "scratch bytes": told["Scratch size"],
-        "waves": told["Subgroups per SIMD"],
-        "wave": told["subgroup"],
-        "instructions": told["Instructions"],
-        "code bytes": told["Code size"],
-        "vector instructions a texel": round(code.vector_instructions(loops, pixels)) if loops else None,
+        **figures,
+        "vector instructions a texel": round(code.vector_instructions(loops, pixels)) if counted else None,
     }
 
 
-def statistics(codecs: Sequence[str], family: str = FAMILY, variant: DecoderVariant = GPU) -> list[dict[str, Any]]:
-    """A row for each program. Raises InputError where a compiler is missing."""
-    compiler = find_compiler(family)
-    programs = decoding_programs(create_headless_context(), tuple(codecs))
-    told = compiled(compiler, [found.program for found in programs])
-    return [row(found, own, variant) for found, own in zip(programs, told, strict=True)]
+def statistics(gpu: str, programs: Sequence[DecodingProgram], variant: DecoderVariant = GPU) -> list[dict[str, Any]]:
+    """A row for each program on a GPU of GPUS. Raises InputError where a compiler is missing."""
+    told = compiled(find_compiler(gpu), [found.program for found in programs])
+    return [{"gpu": gpu, **row(found, own, variant)} for found, own in zip(programs, told, strict=True)]
 
 
-def main() -> None:
+def main() -> int:
     """Print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path)
     parser.add_argument("--codec", action="append", choices=tuple(CODECS), help="may be given again; default all")
-    parser.add_argument("--family", default=FAMILY)
+    parser.add_argument("--gpu", action="append", choices=tuple(GPUS), help="may be given again; default all")
     options = parser.parse_args()
-    rows = statistics(options.codec or tuple(CODECS), options.family)
-    report("decode programs", rows, {"family": options.family}, options.json)
+    programs = decoding_programs(create_headless_context(), tuple(options.codec or CODECS))
+    try:
+        rows = [own for gpu in options.gpu or GPUS for own in statistics(gpu, programs)]
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 1
+    report("decode programs", rows, {}, options.json)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
