@@ -240,4 +240,16 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                     if view.slot_a.path in ("binned", "cached") and view.slot_a.precision == "fp32":
                         renderer.render(view)
             renderer.release()
+            # In GLSL 4.10, where nothing computes.
+            drawing = replace(
+                context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16
+            )
+            renderer = Renderer(replace(context, features=drawing), scene)
+            renderer.set_packs(opened)
+            for name in opened:
+                recorder.codec = name
+                for view in _decoding_views(name):
+                    if view.slot_a.path in ("forward", "cached") and view.slot_a.precision in ("fp32", "fp16"):
+                        renderer.render(view)
+            renderer.release()
     return tuple(recorder.found.values())

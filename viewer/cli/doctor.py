@@ -15,6 +15,7 @@ from viewer.gl.context import ContextInformation, create_headless_context
 from viewer.gl.devices import find_devices
 from viewer.gl.systems import SYSTEM
 from viewer.locations import variants_cache
+from viewer.render.path_choice import drawable_paths
 from viewer.render.resources.variant import default_variant
 from viewer.render.variants.kept_times import kept_times
 
@@ -78,6 +79,7 @@ def examine(device: str | None = None) -> dict[str, Any]:
             "vendor": information.vendor,
             "version": information.version,
             "software": information.is_software,
+            "decode_paths": ", ".join(drawable_paths(context)),
             "largest_uniform_block": context.features.uniform_block_bytes,
             "anisotropy": context.features.anisotropy,
             "timer_queries": context.features.timer_queries,

@@ -50,7 +50,7 @@ WINDOWS: Final = GraphicsSystem(
 MACOS: Final = GraphicsSystem(
     "macOS",
     False,
-    "macOS brings its own driver, which needs a session with a screen, and ends at OpenGL 4.1",
+    "macOS brings its own driver, with OpenGL 4.1, which needs a session with a screen",
     "start it from a session with a screen",
     "macOS has no driver without a GPU for this",
     "on macOS the system does: System Settings > Battery > Automatic graphics switching",

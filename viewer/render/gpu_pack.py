@@ -35,6 +35,7 @@ from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCou
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import FOLDER as TILES_FOLDER
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
+from viewer.render.tile_cache.drawn_cache import DrawnTileCache
 from viewer.render.tile_cache.tile_table import TileTable
 from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Scene
@@ -175,7 +176,8 @@ class GpuPack:
         if plane not in self._latents:
             context, count = self.context, len(self.match.texture_index)
             make = partial(NeededLevelsPass, context.graphics, self.programs, count, self.reading(plane))
-            self._latents[plane] = VisibleLatents(make, self.buffers, context.timer, context.waits)
+            found = make if context.graphics.features.compute else None
+            self._latents[plane] = VisibleLatents(found, self.buffers, context.timer, context.waits)
         return self._latents[plane]
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
@@ -312,7 +314,8 @@ def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
     lists = None
     if decoder is not None:
         lists = TexelLists(context.graphics, pack.programs, TILES_FOLDER, reading.defines(), decoder, plane)
-    cache = DecodeCachedPass(
+    kind = DecodeCachedPass if context.graphics.features.compute else DrawnTileCache
+    cache = kind(
         context.graphics,
         pack.programs,
         pack.buffers,

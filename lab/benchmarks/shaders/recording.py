@@ -31,6 +31,8 @@ class AssembledProgram:
 class _NoProgram(moderngl.Program):
     """Draws nothing."""
 
+    _glo = 0
+
     def __init__(self, uniforms: frozenset[str]) -> None:
         self.extra = uniforms
 
@@ -62,6 +64,8 @@ class _NoComputeShader(moderngl.ComputeShader):
 
 class _NoVertexArray(moderngl.VertexArray):
     """Draws nothing."""
+
+    _glo = 0
 
     def __init__(self, program: moderngl.Program) -> None:
         self._program = program

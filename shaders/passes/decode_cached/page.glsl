@@ -1,4 +1,5 @@
 // The texels of a tile: those on its page, one of border included.
+#include "common/color.glsl"
 #include "ntc/records.glsl"
 #include "ntc/position.glsl"
 
@@ -20,4 +21,19 @@ int wrapped_texel(int texel, int size, int mode) {
 ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
     ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
     return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
+}
+
+ivec2 page_corner(int page) {
+    return ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE;
+}
+
+// What the atlas holds of a decoded value.
+vec4 stored_texel(TileRecord tile, vec4 value) {
+#if PLANE == PLANE_BASE
+    vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;
+    // The atlas holds sRGB for linear textures, too: the hardware filters it in linear light.
+    if (textures[tile.texture_id].srgb == 0) rgb = linear_to_srgb(rgb);
+    value = vec4(rgb, 1.0);
+#endif
+    return value;
 }

@@ -43,6 +43,7 @@ def test_glslang_accepts_in_glsl_4_10_what_draws(programs: tuple[AssembledProgra
         older_source(text).text: name
         for program in programs
         if len(program.files) == 2
+        and program.texts[0].startswith("#version 430")
         and program.defines.get("WEIGHTS_IN_IMAGE", 1)
         and not program.defines.get("HALF_ARITHMETIC", 0)
         for name, text in zip(program.files, program.texts, strict=True)

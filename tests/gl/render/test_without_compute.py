@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 import pytest
@@ -12,6 +12,10 @@ from tests.support.every_program import CAMERA, packs, scenes
 from viewer.gl.context import GraphicsContext
 from viewer.render.frame_result import read_picture
 from viewer.render.renderer import Renderer
+from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.tile_cache.decode_cached import PAGE_BYTES
+from viewer.state.navigation import turned
+from viewer.state.overlay import Overlay
 from viewer.state.view_state import MaterialView, Slot, ViewState
 
 SIZE: Final = (60, 40)
@@ -53,3 +57,46 @@ def test_original_images_look_the_same(
 ) -> None:
     view = ViewState(CAMERA, SIZE, Slot(), material_view=shown, anisotropy=8 if scene == "rich" else 1)
     assert (apart(renderers[scene], view) <= 1).mean() >= 0.999
+
+
+@pytest.mark.parametrize("path", ["forward", "cached"])
+@pytest.mark.parametrize("scene", ["plain", "rich"])
+def test_packs_look_the_same(
+    renderers: dict[str, tuple[Renderer, Renderer]], scene: str, path: Literal["forward", "cached"]
+) -> None:
+    for source in ("grid", "grid-adapter-output", "block", "block-4x4", "block-sets"):
+        slot = Slot(source, path)
+        anisotropy = 8 if path == "cached" and source == "block-sets" else 1
+        view = ViewState(CAMERA, SIZE, slot, material_view="lit", anisotropy=anisotropy)
+        assert (apart(renderers[scene], view) <= 1).mean() >= 0.999, source
+
+
+def test_samples_are_averaged_alike(renderers: dict[str, tuple[Renderer, Renderer]]) -> None:
+    slot = Slot("grid", "forward", "fp16", filter="stochastic")
+    assert (apart(renderers["rich"], ViewState(CAMERA, SIZE, slot)) <= 1).mean() >= 0.999
+
+
+def test_paths_that_compute_are_drawn_by_forward(renderers: dict[str, tuple[Renderer, Renderer]]) -> None:
+    slot = Slot("grid", "binned")
+    view = ViewState(CAMERA, SIZE, slot)
+    assert renderers["plain"][1].render(view).paths == {slot: "forward", Slot(): "deferred"}
+    assert (apart(renderers["plain"], view) <= 1).mean() >= 0.999
+
+
+def test_overlays_look_the_same(renderers: dict[str, tuple[Renderer, Renderer]]) -> None:
+    view = ViewState(CAMERA, SIZE, Slot("grid", "forward"), Slot("block", "cached"), compare="wipe")
+    for overlay in (Overlay("divergence"), Overlay("error-texture")):
+        assert (apart(renderers["plain"], replace(view, overlay=overlay, highlight=(0,))) <= 1).mean() >= 0.999
+
+
+def test_tiles_that_go_make_room_for_others(graphics: GraphicsContext) -> None:
+    scene, budget = scenes()["plain"], TileCacheConfig(2 * PAGE_BYTES)
+    renderer = Renderer(without_compute(graphics), scene, tile_cache=budget)
+    renderer.set_packs(packs())
+    slot = Slot("grid", "cached")
+    for camera in (CAMERA, turned(CAMERA, 8.0), CAMERA):
+        renderer.render(ViewState(camera, SIZE, slot), whole=True)
+        counts = renderer.render(ViewState(camera, SIZE, slot), whole=True).tiles[slot]
+        assert counts.resident <= 2
+        assert counts.decoded > 0
+    renderer.release()

@@ -76,9 +76,9 @@ class VisibleLatents:
     """
 
     def __init__(
-        self, needed_levels: Callable[[], NeededLevelsPass], buffers: PackBuffers, timer: PassTimer, waits: bool
+        self, needed_levels: Callable[[], NeededLevelsPass] | None, buffers: PackBuffers, timer: PassTimer, waits: bool
     ) -> None:
-        """`needed_levels` makes the pass, once it is needed."""
+        """`needed_levels` makes the pass, once it is needed; None: all mips of what may be visible are uploaded."""
         self._make_pass, self._buffers, self._timer, self._waits = needed_levels, buffers, timer, waits
         self._pass: NeededLevelsPass | None = None
         self._shown: VisibilityInputs | None = None
@@ -104,7 +104,9 @@ class VisibleLatents:
         """Upload what this view needs, as far as is known; with `whole` all of it. Raises GpuMemoryError."""
         store, decoders = self._buffers.latent_store, self._buffers.decoder_of_texture
         textures = [texture for texture in inputs.textures if decoders[texture] >= 0]
-        if store.has(dict.fromkeys(textures, 0)):
+        if self._make_pass is None:
+            self._buffers.need(dict.fromkeys(textures, 0))
+        if self._make_pass is None or store.has(dict.fromkeys(textures, 0)):
             self._shown = self._known = inputs
         elif self._waits or whole:
             self._ask(inputs)
@@ -122,6 +124,7 @@ class VisibleLatents:
             self._ask(inputs)
 
     def _ask(self, inputs: VisibilityInputs) -> None:
+        assert self._make_pass is not None
         self._pass = self._pass or self._make_pass()
         with self._timer.owned_by(None), self._timer.measure("latents"):
             self._pass.run(inputs, self._buffers)

@@ -20,6 +20,10 @@ class TileCacheConfig:
 FRAME_MS = 25.0
 """Target time in ms of a whole frame that decodes tiles."""
 LEAST_MILLISECONDS = 4.0
+AHEAD_MILLISECONDS = 8.0
+"""Decoding time of a frame, in ms, for tiles that are shown in an older version."""
+TILES_AT_ONCE = 8192
+"""Tiles of one dispatch: for codec `block` the work groups along one axis, of which OpenGL guarantees 65535."""
 LEAST_SHARE = 0.125
 """Share of the rest of a frame's time that tiles may take where that rest alone exceeds FRAME_MS."""
 

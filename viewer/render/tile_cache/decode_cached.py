@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.limits import rows_of_work_groups
-from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.program import Defines, ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.color_target import ColorTarget
@@ -32,24 +32,12 @@ from viewer.render.resources.layout import (
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.texel_lists import TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts
-from viewer.render.tile_cache.page_pool import PagePool
-from viewer.render.tile_cache.tile_table import TileTable
+from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TILES_AT_ONCE, TileBudget, TileCacheConfig, TileCounts
+from viewer.render.tile_cache.page_pool import LAYER_PAGES, PagePool
+from viewer.render.tile_cache.tile_table import TileTable, finest_levels
 
 FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
-LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
-AHEAD_MILLISECONDS = 8.0
-"""Decoding time of a frame, in ms, for tiles that are shown in an older version."""
-TILES_AT_ONCE = 8192
-"""Tiles of one dispatch: for codec `block` the work groups along one axis, of which OpenGL guarantees 65535."""
-
-
-def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
-    """Finest mip by texture id of TILE_RECORDs."""
-    order = np.lexsort((tiles["level"], tiles["texture_id"]))
-    textures, first = np.unique(tiles["texture_id"][order], return_index=True)
-    return dict(zip(textures.tolist(), tiles["level"][order][first].tolist(), strict=True))
 
 
 class DecodeCachedPass:
@@ -73,12 +61,11 @@ class DecodeCachedPass:
     ) -> None:
         """`waits`: whether every request is answered in the frame that makes it; else fewer tiles are listed. `lists`: has
         tiles decoded in place of GLSL."""
-        self._gl, self._most, self._lists = context.gl, MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS, lists
+        self._context, self._gl, self._lists = context, context.gl, lists
+        self._most = MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         self._programs, self._defines = programs, reading.defines()
-        defines = {**self._defines, **buffers.defines, **ranges.defines}
-        self._decode = programs.compute(f"{FOLDER}/decode.comp", defines)
-        self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
+        self._compile({**self._defines, **buffers.defines, **ranges.defines})
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = self._coarse_latents = False
@@ -104,6 +91,10 @@ class DecodeCachedPass:
         """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
         self._tile_ms: float | None = None
+
+    def _compile(self, defines: Defines) -> None:
+        self._decode = self._programs.compute(f"{FOLDER}/decode.comp", defines)
+        self._invalidate = self._programs.compute(f"{FOLDER}/invalidate.comp")
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
@@ -143,7 +134,7 @@ class DecodeCachedPass:
         """For what reads tiles; the pack's latents and decoders are not bound then."""
         self._buffers.bind_records()
         for binding, buffer in self._places.items():
-            buffer.bind_to_storage_buffer(int(binding))
+            self._context.bind_storage(buffer, int(binding))
 
     @property
     def request_overflowed(self) -> bool:
@@ -159,24 +150,29 @@ class DecodeCachedPass:
         """Find out which tiles this view reads and which of them are missing: `answer` tells. One request is under way at a time."""
         if self.is_pending:
             self.answer(waits=True)
-        asked, used = self._places[StorageBinding.RESULTS], self._places[TileBinding.PAGE_USED]
-        parts = [(asked, asked.size), (used, 4 * max(1, self._pool.reach(0)))]
         # What the GPU has listed must be read: else it is never listed again.
-        self._back.reserve(sum(size for _, size in parts))
-        program = self._programs.compute(
-            f"{FOLDER}/request.comp", {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
-        )
+        self._back.reserve(self._answer_bytes)
         self._invalidate_entries(self._waiting)
         self._waiting, self._stand_ins, self._unheard = self._waiting[:0], 0, 0
         self._decoded_since, self._is_outdated = self._decoded_since[:0], False
         self._frame += 1
         inputs.bind()
         self._bind_tables()
+        self._ask(inputs)
+
+    def _ask(self, inputs: VisibilityInputs) -> None:
+        defines = {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
+        program = self._programs.compute(f"{FOLDER}/request.comp", defines)
+        asked, used = self._places[StorageBinding.RESULTS], self._places[TileBinding.PAGE_USED]
         self._gl.copy_buffer(asked, self._zero, 4)
         set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy, "most_requests": self._most})
         program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))
         self._gl.memory_barrier()
-        self._back.copy(parts, self._frame)
+        self._back.copy([(asked, asked.size), (used, self._answer_bytes - asked.size)], self._frame)
+
+    @property
+    def _answer_bytes(self) -> int:
+        return self._places[StorageBinding.RESULTS].size + 4 * max(1, self._pool.reach(0))
 
     def answer(self, waits: bool) -> bool:
         """Take the list of missing tiles that was requested; False where it is not there. With `waits` it is waited for."""
@@ -184,15 +180,9 @@ class DecodeCachedPass:
         if found is None:
             return False
         content, self._heard = found
-        words = np.frombuffer(content, np.uint32)
-        listed = self._places[StorageBinding.RESULTS].size // 4
-        self._used[:] = 0
-        self._used[: len(words) - listed] = words[listed:]
+        entries = np.setdiff1d(self._told(content), self._decoded_since)
         self._starved, self._kept = 0, self._pool.taken
         self._drop_unseen_stale()
-        count = min(int(words[0]), self._most, listed - 1)
-        self._unheard = int(words[0]) - count
-        entries = np.setdiff1d(words[1 : 1 + count].astype(np.int64), self._decoded_since)
         # In a fixed order: atomics hand out places by chance. Coarse tiles first, mips of a single one before all: they stand in
         # for finer ones.
         tiles = self._table.tiles(entries)
@@ -200,6 +190,16 @@ class DecodeCachedPass:
         self._waiting = tiles["entry"][np.lexsort((-tiles["level"], ~single))].astype(np.int64)
         self._stand_ins = int(single.sum())
         return True
+
+    def _told(self, content: bytes) -> NDArray[np.int64]:
+        """Entries of missing tiles in what `_ask` has sent for; notes how many more there are, and which pages were read."""
+        words = np.frombuffer(content, np.uint32)
+        listed = self._places[StorageBinding.RESULTS].size // 4
+        self._used[:] = 0
+        self._used[: len(words) - listed] = words[listed:]
+        count = min(int(words[0]), self._most, listed - 1)
+        self._unheard = int(words[0]) - count
+        return words[1 : 1 + count].astype(np.int64)
 
     def decode_first(self, inputs: VisibilityInputs) -> None:
         """Decode coarse tiles of each texture that may be visible and has none: it would be grey until one is asked for."""

@@ -5,7 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from viewer.render.resources.layout import PAGES_ACROSS
+
 FREE = -1
+LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
+"""Pages on a layer of the atlas."""
 
 
 class PagePool:

@@ -110,3 +110,10 @@ class TileTable:
         tiles["wrap_u"], tiles["wrap_v"] = self.wrap_of_level[rows].T
         tiles["entry"] = entries
         return tiles
+
+
+def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
+    """Finest mip by texture id of TILE_RECORDs."""
+    order = np.lexsort((tiles["level"], tiles["texture_id"]))
+    textures, first = np.unique(tiles["texture_id"][order], return_index=True)
+    return dict(zip(textures.tolist(), tiles["level"][order][first].tolist(), strict=True))
