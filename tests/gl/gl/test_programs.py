@@ -95,9 +95,7 @@ FULL_SCREEN += [
     for name in ("accumulate/accumulate", "prefilter/source", "prefilter/convolve")
 ]
 DRAWN += [
-    ("passes/decode_cached/decode.vert", "passes/decode_cached/decode.frag", {**precision, "PLANE": plane})
-    for precision in PRECISIONS
-    for plane in (0, 1)
+    ("passes/decode_cached/decode.vert", "passes/decode_cached/decode.frag", precision) for precision in PRECISIONS
 ]
 DRAWN += [
     ("passes/decode_cached/request.vert", "passes/decode_cached/request.frag", {"GRADIENTS": gradients})
