@@ -202,6 +202,23 @@ class _NoListDecoder:
         """Nothing is kept."""
 
 
+def _assemble(
+    recorder: ProgramRecorder,
+    renderer: Renderer,
+    opened: dict[str, Pack],
+    paths: tuple[DecodePath, ...],
+    precisions: tuple[Precision, ...],
+) -> None:
+    """The programs that `renderer`, which is released, decodes packs with by some paths in some precisions."""
+    renderer.set_packs(opened)
+    for name in opened:
+        recorder.codec = name
+        for view in _decoding_views(name):
+            if view.slot_a.path in paths and view.slot_a.precision in precisions:
+                renderer.render(view)
+    renderer.release()
+
+
 def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
     """All distinct programs of every decode path, codec, precision (halves native and emulated), filter, view and overlay.
 
@@ -232,24 +249,12 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                         renderer.render(view)
                     renderer.render(ViewState(CAMERA, SIZE, Slot("grid", filter="stochastic")), whole=True)
                 renderer.release()
-            renderer = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
-            renderer.set_packs(opened)
-            for name in opened:
-                recorder.codec = name
-                for view in _decoding_views(name):
-                    if view.slot_a.path in ("binned", "cached") and view.slot_a.precision == "fp32":
-                        renderer.render(view)
-            renderer.release()
+            with_lists = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
+            _assemble(recorder, with_lists, opened, ("binned", "cached"), ("fp32",))
             # In GLSL 4.10, where nothing computes.
             drawing = replace(
                 context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16
             )
             renderer = Renderer(replace(context, features=drawing), scene)
-            renderer.set_packs(opened)
-            for name in opened:
-                recorder.codec = name
-                for view in _decoding_views(name):
-                    if view.slot_a.path in ("forward", "cached") and view.slot_a.precision in ("fp32", "fp16"):
-                        renderer.render(view)
-            renderer.release()
+            _assemble(recorder, renderer, opened, ("forward", "cached"), ("fp32", "fp16"))
     return tuple(recorder.found.values())
