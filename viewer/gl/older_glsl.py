@@ -21,6 +21,13 @@ _SNORM: Final = (
     "vec2 unpackSnorm2x16(uint bits) { ivec2 s = ivec2(int(bits << 16) >> 16, int(bits) >> 16); "
     "return clamp(vec2(s) / 32767.0, -1.0, 1.0); }",
 )
+_HALF: Final = (
+    "float half_value(uint h) { uint e = (h >> 10) & 31u; uint m = h & 1023u; "
+    "float v = e == 0u ? float(m) / 16777216.0 : uintBitsToFloat(((e + 112u) << 23) | (m << 13)); "
+    "return (h & 0x8000u) != 0u ? -v : v; }",
+    "vec2 unpackHalf2x16(uint bits) { return vec2(half_value(bits & 0xFFFFu), half_value(bits >> 16)); }",
+)
+"""Of finite halves: weights are stored without others."""
 _STRUCT = re.compile(r"struct (\w+) \{(.*?)\};", re.DOTALL)
 _FIELD = re.compile(r"^\s*(\w+) (\w+)(?:\[(\d+)\])?;", re.MULTILINE)
 _BUFFER = re.compile(
@@ -95,17 +102,17 @@ class _Records:
         return f"{kind}({', '.join(parts)})"
 
 
-def _called(text: str, name: str) -> str:
-    """`text` with `name[index]` as a call of the function that reads that element."""
-    found = re.compile(rf"(?<![\w.]){name}\[")
+def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> str:
+    """`text` with `head` in place of what the pattern `opening` finds, and `tail` in place of the `closing` that belongs to it."""
+    found = re.compile(opening)
     start = 0
     while (match := found.search(text, start)) is not None:
         depth, end = 1, match.end()
         while depth:
-            depth += {"[": 1, "]": -1}.get(text[end], 0)
+            depth += {match[0][-1]: 1, closing: -1}.get(text[end], 0)
             end += 1
-        text = f"{text[: match.start()]}{name}_at({text[match.end() : end - 1]}){text[end:]}"
-        start = match.end()
+        text = f"{text[: match.start()]}{head}{text[match.end() : end - 1]}{tail}{text[end:]}"
+        start = match.start() + len(head)
     return text
 
 
@@ -125,6 +132,9 @@ def older_source(text: str) -> OlderSource:
         words = f"{name}_words"
         units[words] = STORAGE_UNITS + number(binding)
         arrays.append(name)
+        if re.search(rf"#define {kind}\b", text):
+            # Of a kind that differs from program to program: such buffers are not read where nothing computes.
+            return f"uniform usamplerBuffer {words};" + "\n" * match[0].count("\n")
         size = records.words(kind)
         read = records.read(kind, words, 0)
         lines = f"{kind} {name}_at(int index) {{ int at = index * {size}; return {read}; }}"
@@ -147,17 +157,18 @@ def older_source(text: str) -> OlderSource:
         text = text.replace(line, other)
     for pattern, replacement in ((_BUFFER, buffer), (_BLOCK, block), (_SAMPLER, sampler), (_IMAGE, image)):
         text = pattern.sub(replacement, text)
-    text = re.sub(r"imageLoad\((\w+), (.*)\);", r"texelFetch(\1, \2, 0);", text)
+    text = _rewritten(text, r"\bimageLoad\(", ")", "texelFetch(", ", 0)")
     for name in dict.fromkeys(arrays):
-        text = _called(text, name)
+        text = _rewritten(text, rf"(?<![\w.]){name}\[", "]", f"{name}_at(", ")")
     return OlderSource(_completed(text), units, blocks)
 
 
 def _completed(text: str) -> str:
     """`text` with the functions that GLSL 4.10 lacks, and macros on one line each."""
-    if "Snorm2x16" in text:
-        head, line, rest = text.partition("#line 2 0\n")
-        text = "\n".join((head + _SNORM[0], _SNORM[1], line + rest))
+    for name, lines in (("Snorm2x16", _SNORM), ("unpackHalf2x16", _HALF)):
+        if name in text:
+            head, line, rest = text.partition("#line 2 0\n")
+            text = "\n".join((head + lines[0], lines[1], line + rest))
     if re.search(r"\\\n", text):
         text = re.sub(r"(?:[^\n]*\\\n)+[^\n]*", lambda found: _joined(found[0]), text)
     return text
