@@ -12,7 +12,7 @@ from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, ShaderSource, set_uniforms
+from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import (
     BinBinding,
@@ -183,21 +183,6 @@ def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
             assert shaped.compute(f"passes/decode_{name}.comp", defines).glo > 0
         assert shaped.program("common/scene.vert", "passes/decode_forward/decode.frag", defines).glo > 0
     factory.release()
-
-
-def assembled(name: str) -> ShaderSource:
-    """A shader of the folder with stand-ins for the generated codec."""
-    generated = {"generated/layout.glsl": "", "generated/codec.glsl": "", "generated/network.glsl": ""}
-    generated["generated/block.glsl"] = ""
-    generated["generated/shared_network.glsl"] = '#include "ntc/decoder_weights.glsl"'
-    return ShaderLibrary(shaders_folder(), generated).assemble(name)
-
-
-def test_every_file_is_compiled_by_one_of_these_programs() -> None:
-    roots = {name for vertex, fragment, _ in DRAWN + FULL_SCREEN for name in (vertex, fragment)}
-    roots |= {name for name, _ in COMPUTED}
-    reached = {file for root in roots for file in assembled(root).files}
-    assert reached >= set(ALL_GLSL)
 
 
 def test_bindings_come_from_the_layout() -> None:
