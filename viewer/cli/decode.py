@@ -34,7 +34,12 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
             from viewer.gl.context import create_headless_context
             from viewer.render.passes.decode_texels import GlTexelDecoder
 
-            return GlTexelDecoder(create_headless_context(options.device), pack, options.precision).decode_image
+            context = create_headless_context(options.device)
+            if not context.features.compute:
+                raise InputError(
+                    f"--backend gl needs OpenGL 4.3, and {context.info.version} is there; use --backend torch"
+                )
+            return GlTexelDecoder(context, pack, options.precision).decode_image
 
 
 def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapName, NDArray[np.uint8]]:
