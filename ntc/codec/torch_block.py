@@ -19,10 +19,9 @@ from ntc.codec.config import CodecConfig, WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.torch_codec import TorchCodec
-from ntc.codec.torch_sampling import PyramidTable, finite_places, trilinear_corners
+from ntc.codec.torch_sampling import PyramidTable, trilinear_corners
+from ntc.codec.torch_texels import TorchTexels
 
-TEXELS_AT_ONCE = 1 << 16
-"""Texels decoded together, to bound memory."""
 BLOCKS_AT_ONCE = 1 << 14
 
 
@@ -83,15 +82,16 @@ class _Stored(NamedTuple):
     axes: Tensor
 
 
-class TorchBlockCodec:
+class TorchBlockCodec(TorchTexels):
     """Decodes the textures of one pack of codec `block` on one torch device. What a texture needs stays there once its texels were
     decoded."""
 
+    texels_at_once = 1 << 16
+
     def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
         """`interruption` is called before each piece of an image; what it raises ends the decode."""
-        self._pack, self._config = pack, pack.block_config
-        self._interruption = interruption
-        self._device = torch.device(device)
+        super().__init__(pack, device, interruption)
+        self._config = pack.block_config
         self._decoders = [TorchBlockDecoder(each, self._config, self._device) for each in pack.block_decoders]
         self._whole: dict[int, _Stored] = {}
 
@@ -111,12 +111,9 @@ class TorchBlockCodec:
         )
         return _Stored(*(torch.from_numpy(part).to(self._device) for part in parts))
 
-    @torch.no_grad()
-    def texels(self, texture_index: int, at: Tensor, lod: Tensor, wrap: tuple[WrapMode, WrapMode]) -> Tensor:
-        """[N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
-
-        Positions may be float64: they are used as they are, all else is float32.
-        """
+    def _decode_of(
+        self, texture_index: int, wrap: tuple[WrapMode, WrapMode]
+    ) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
         texture = self._pack.textures[texture_index]
         levels = latent_levels(texture.width, texture.height, self._config)
         if texture_index not in self._whole:
@@ -124,32 +121,15 @@ class TorchBlockCodec:
         stored, decoder = self._whole[texture_index], self._decoders[texture.group]
         sizes = [[(level.texel_width, level.texel_height) for level in levels]]
         texels = PyramidTable.of(sizes, [(wrap[0] == "repeat", wrap[1] == "repeat")], self._device)
-        places, parts = texture.places(self._config), [torch.zeros((0, texture.channels), device=self._device)]
-        lod = lod.clamp(0.0, len(levels) - 1.0)
-        for uv, level in zip(torch.split(at, TEXELS_AT_ONCE), torch.split(lod, TEXELS_AT_ONCE), strict=True):
-            if not len(uv):
-                continue
-            self._interruption()
-            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
-            index, weights = trilinear_corners(texels, same, uv, level)
+
+        def decode(same: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
+            index, weights = trilinear_corners(texels, same, uv, lod)
             block, place = self._blocks_of(texels, texture, index)
             used, row = torch.unique(block, return_inverse=True)
             values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
-            blended = (values * weights[..., None].float()).sum(1)
-            parts.append(blended.clamp(0.0, 1.0)[:, places])
-        return torch.cat(parts)
+            return (values * weights[..., None].float()).sum(1)
 
-    def decode_texels(
-        self,
-        texture_index: int,
-        uv: NDArray[Any],
-        lod: NDArray[Any],
-        wrap: tuple[WrapMode, WrapMode] | None = None,
-    ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
-        modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
-        decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
-        return np.asarray(decoded.cpu().numpy(), np.float32)
+        return decode
 
     def _blocks_of(self, texels: PyramidTable, texture: EncodedTexture, index: Tensor) -> tuple[Tensor, Tensor]:
         """(block, texel of the block) of texels [N, 8], which `index` numbers through all levels."""

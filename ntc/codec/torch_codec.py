@@ -1,7 +1,6 @@
 """Decoding a pack with torch, in float32 or with the networks in halves (docs/codec.md)."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,15 +14,12 @@ from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.reference import image_of_texels
 from ntc.codec.torch_sampling import (
     PyramidTable,
-    finite_places,
     positional_encoding,
     trilinear_corners,
     weighted_rows,
     with_lod,
 )
-
-TEXELS_AT_ONCE = 1 << 17
-"""Texels decoded together, to bound memory."""
+from ntc.codec.torch_texels import TorchTexels
 
 
 def codec_features(
@@ -45,8 +41,10 @@ def codec_features(
     return weighted_rows(latents, index, weights), with_lod(waves, lod, config)
 
 
-class TorchCodec:
+class TorchCodec(TorchTexels):
     """Decodes the textures of one pack on one torch device. What a texture needs stays there once it was decoded."""
+
+    texels_at_once = 1 << 17
 
     def __init__(
         self,
@@ -57,9 +55,8 @@ class TorchCodec:
     ) -> None:
         """`interruption` is called before each piece of an image; what it raises ends the decode. With `half` the layers are
         products of halves, for which GPUs have units of their own; sums are rounded to halves."""
-        self._pack, self._half = pack, half
-        self._interruption = interruption
-        self._device = torch.device(device)
+        super().__init__(pack, device, interruption)
+        self._half = half
         self._decoders = DecoderStack(pack.grid_config, len(pack.decoders), torch.Generator().manual_seed(0))
         self._decoders.load(pack.grid_decoders)
         if pack.grid_config.adapter_output:
@@ -101,43 +98,24 @@ class TorchCodec:
             self._latents[index] = latents, scale, offset
         return self._latents[index]
 
-    @torch.no_grad()
-    def texels(self, texture_index: int, at: Tensor, lod: Tensor, wrap: tuple[WrapMode, WrapMode]) -> Tensor:
-        """[N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
-
-        Positions may be float64: they are used as they are, all else is float32.
-        """
+    def _decode_of(
+        self, texture_index: int, wrap: tuple[WrapMode, WrapMode]
+    ) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
         texture, config = self._pack.textures[texture_index], self._pack.grid_config
         cells, texels = self._tables_of(texture_index, wrap)
         stored, scale, offset = self._latents_of(texture_index)
         group = torch.tensor([texture.group], device=self._device)
-        parts = [torch.zeros((0, texture.channels), device=self._device)]
-        lod = lod.clamp(0.0, float(cells.levels[0] - 1))
-        for uv, level in zip(torch.split(at, TEXELS_AT_ONCE), torch.split(lod, TEXELS_AT_ONCE), strict=True):
-            if not len(uv):
-                continue
-            self._interruption()
-            same = torch.zeros(len(level), dtype=torch.int64, device=self._device)
-            index, weights = trilinear_corners(cells, same, uv, level)
-            latents = offset + scale * (stored[index] * weights[..., None].float()).sum(1)
-            waves = positional_encoding(texels, same, uv, level, config.positional_octaves).float()
-            inputs = torch.cat([latents, with_lod(waves, level.float(), config)], dim=-1)
-            with torch.autocast(self._device.type, torch.float16, enabled=self._half):
-                decoded = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
-            parts.append(decoded.float().clamp(0.0, 1.0)[:, texture.places(config)])
-        return torch.cat(parts)
 
-    def decode_texels(
-        self,
-        texture_index: int,
-        uv: NDArray[Any],
-        lod: NDArray[Any],
-        wrap: tuple[WrapMode, WrapMode] | None = None,
-    ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
-        modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
-        decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
-        return np.asarray(decoded.cpu().numpy(), np.float32)
+        def decode(same: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
+            index, weights = trilinear_corners(cells, same, uv, lod)
+            latents = offset + scale * (stored[index] * weights[..., None].float()).sum(1)
+            waves = positional_encoding(texels, same, uv, lod, config.positional_octaves).float()
+            inputs = torch.cat([latents, with_lod(waves, lod.float(), config)], dim=-1)
+            with torch.autocast(self._device.type, torch.float16, enabled=self._half):
+                colors: Tensor = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
+            return colors
+
+        return decode
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""

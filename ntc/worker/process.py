@@ -119,6 +119,8 @@ class PipeHost:
     def __init__(self, pipe: WorkerEnd, state: WorkerState, block: SharedBlock, start: StartTraining) -> None:
         self._pipe, self._state, self._block, self._regions = pipe, state, block, start.regions
         self._paused_seconds = 0.0
+        self._unsent: TrainingProgress | None = None
+        """The newest report, where the window has not yet read the one before it."""
 
     def interruption(self) -> None:
         """Wait in a pause; raise TrainingCancelledError when cancelled."""
@@ -137,9 +139,18 @@ class PipeHost:
         return time.monotonic() - self._paused_seconds
 
     def progress(self, progress: TrainingProgress) -> None:
-        """Send it, unless the window has not yet read the last one."""
+        """Send it; while the window has not yet read the last one the newest is kept."""
         if self._state.open_progress():
             self._pipe.send(encode(progress))
+            self._unsent = None
+        else:
+            self._unsent = progress
+
+    def send_newest_progress(self) -> None:
+        """Send the report that was kept: none follows it, and a run that is shorter than a frame has no other."""
+        if self._unsent is not None:
+            self._pipe.send(encode(self._unsent))
+            self._unsent = None
 
     def wants_snapshot(self, group: int) -> bool:
         """Whether the group's region is free."""
@@ -198,9 +209,11 @@ def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> Worker
         _yield_to_others()
         try:
             host.interruption()
-            return _trained(request, host)
+            ended = _trained(request, host)
         except TrainingCancelledError:
-            return Ended("cancelled")
+            ended = Ended("cancelled")
+        host.send_newest_progress()
+        return ended
     finally:
         block.close()
 

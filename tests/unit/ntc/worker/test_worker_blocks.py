@@ -14,7 +14,7 @@ from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Finished, Paused, Resumed
+from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     GROUPS,
@@ -43,6 +43,17 @@ def test_before_the_first_snapshot_textures_have_their_mean_colour() -> None:
         np.testing.assert_allclose(
             image.reshape(-1, image.shape[2]), np.broadcast_to(mean, (image[..., 0].size, len(mean))), atol=1
         )
+
+
+def test_a_window_that_reads_seldom_gets_the_last_report(shared: TrainingWorker) -> None:
+    """Textures are encoded within a frame or two: curves and figures of such a run come from its last report alone."""
+    shared.start(BLOCKS_FROM_NOTHING)
+    reports: list[Report] = []
+    while not any(isinstance(report, Finished | Failed) for report in reports):
+        time.sleep(0.4)
+        reports += shared.poll()
+    last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
+    assert last.step == last.steps == len(TEXTURES) == len(last.psnr_db)
 
 
 def test_a_group_is_shown_as_soon_as_it_is_encoded_and_the_whole_is_the_pack(shared: TrainingWorker) -> None:
