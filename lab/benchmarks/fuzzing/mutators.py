@@ -1,9 +1,11 @@
 """Structure-aware mutations: of JSON, of the containers around it, of checksums; libFuzzer's own do the rest."""
 
 import copy
+import io
 import json
 import random
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,6 +15,23 @@ Mutate = Callable[[bytes, int], bytes]
 
 GLB_HEADER = 12
 CHUNK_JSON, CHUNK_BINARY = 0x4E4F534A, 0x004E4942
+KTX2_WORDS = range(12, 104, 4)
+"""Places of the numbers in a KTX2 header with one mip."""
+WORDS = (0, 1, 2, 3, 4, 6, 37, 43, 131, 139, 145, 4096, 32768, 32769, 1 << 16, 1 << 24, 1 << 31, (1 << 32) - 1)
+ENTRY_NAMES = (
+    "../a.glb",
+    "/a.glb",
+    "a\\b.glb",
+    "C:\\a.glb",
+    "a/../b.glb",
+    ".hidden.glb",
+    "a.glb/",
+    "a.gltf",
+    "a.obj",
+    "\x1b.glb",
+    "a",
+)
+"""Names of files in an archive that lead elsewhere, or mean something else."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 EXTREMES: tuple[Any, ...] = (
     None, True, False, -1, 0, 1, 2, 3, 4, 5, 16, 127, 255, 256, 4096, 5121, 5123, 5125, 5126, 32768, 65535, 65536,
@@ -158,3 +177,43 @@ def mutate_image(data: bytes, limit: int, source: random.Random, mutate: Mutate)
         struct.pack_into(">I", changed, at + 8 + length, checksum)
         at += 12 + length
     return bytes(changed)
+
+
+def mutate_ktx2(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A KTX2 file with one number of its header replaced, or its data changed behind a header that stays."""
+    if len(data) <= KTX2_WORDS.stop or source.random() < 0.2:
+        return mutate(data, limit)
+    if source.random() < 0.5:
+        return data[: KTX2_WORDS.stop] + mutate(data[KTX2_WORDS.stop :], max(1, limit - KTX2_WORDS.stop))
+    changed = bytearray(data)
+    for _ in range(source.choice((1, 1, 2))):
+        struct.pack_into("<I", changed, source.choice(KTX2_WORDS), source.choice((*WORDS, len(data))))
+    return bytes(changed)
+
+
+def mutate_archive(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A zip archive with a file in it changed, renamed, repeated or dropped, and whole again; else changed anywhere."""
+    if source.random() < 0.4:
+        return mutate(data, limit)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = [(file.filename, archive.read(file)[:limit]) for file in archive.infolist()]
+        at = source.randrange(len(entries))
+        name, content = entries[at]
+        match source.randrange(4):
+            case 0:
+                entries[at] = source.choice(ENTRY_NAMES), content
+            case 1:
+                entries.append((source.choice((name, name.upper(), *ENTRY_NAMES)), content))
+            case 2:
+                del entries[at]
+            case _:
+                entries[at] = name, mutate_gltf(content, limit, source, mutate)
+        buffer = io.BytesIO()
+        method = source.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA))
+        with zipfile.ZipFile(buffer, "w", method) as archive:
+            for name, content in entries:
+                archive.writestr(name, content)
+        return buffer.getvalue()
+    except Exception:  # noqa: BLE001 (zipfile lets many exceptions through on broken archives)
+        return mutate(data, limit)

@@ -49,6 +49,32 @@ def compressed_scenes() -> Iterator[bytes]:
     yield from _meshopt_scenes()
 
 
+def moving_scenes() -> Iterator[bytes]:
+    """glTF files with a skin, morph targets and animations of every interpolation."""
+    for interpolation, keys in (("LINEAR", 1), ("STEP", 1), ("CUBICSPLINE", 3)):
+        builder = GltfBuilder()
+        joints = np.array([[0, 0, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0]], np.uint8)
+        weights = np.array([[1, 0, 0, 0], [0.5, 0.5, 0, 0], [2, 2, 0, 0]], np.float32)
+        primitive = builder.triangle(JOINTS_0=joints, WEIGHTS_0=weights, JOINTS_1=joints, WEIGHTS_1=weights)
+        moved = builder.accessor(np.eye(3, dtype=np.float32))
+        primitive["targets"] = [{"POSITION": moved}, {"POSITION": moved, "NORMAL": moved}]
+        builder.add("nodes", mesh=builder.mesh(primitive, weights=[0.5, 0.0]), skin=0)
+        builder.add("nodes", translation=[0, 1, 0], children=[2])
+        builder.add("nodes", rotation=[0, 0.6, 0, 0.8])
+        inverse = np.tile(np.eye(4, dtype=np.float32).reshape(1, 16), (2, 1))
+        builder.add("skins", joints=[1, 2], inverseBindMatrices=builder.accessor(inverse), skeleton=1)
+        times = builder.accessor(np.array([0.5, 1.0, 3.0], np.float32))
+        samplers, channels = [], []
+        for path, node, width in (("translation", 1, 3), ("rotation", 2, 4), ("scale", 2, 3), ("weights", 0, 1)):
+            count = 3 * keys * (2 if path == "weights" else 1)
+            values = np.linspace(0.1, 1.0, count * width).reshape(count, width).astype(np.float32)
+            samplers.append({"input": times, "output": builder.accessor(values), "interpolation": interpolation})
+            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+        builder.add("animations", name="move", samplers=samplers, channels=channels)
+        builder.json["scenes"] = [{"nodes": [0, 1]}]
+        yield builder.glb()
+
+
 def archives() -> Iterator[bytes]:
     """Zip archives with a scene."""
     plain = GltfBuilder()

@@ -7,12 +7,21 @@ import contextlib
 import random
 import sys
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import atheris
 
-from lab.benchmarks.fuzzing.mutators import Mutate, mutate_gltf, mutate_image, mutate_json, mutate_pack
+from lab.benchmarks.fuzzing.mutators import (
+    Mutate,
+    mutate_archive,
+    mutate_gltf,
+    mutate_image,
+    mutate_json,
+    mutate_ktx2,
+    mutate_pack,
+)
 from ntc.errors import InputError
 
 WATCHED = [
@@ -49,6 +58,7 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
     from viewer.scene.gltf.container import parse_gltf
     from viewer.scene.images import decode_image
     from viewer.scene.load import build_scene, load_scene
+    from viewer.scene.model import Pose
     from viewer.scene.report import report_json, report_lines
     from viewer.state.settings import parse_settings
 
@@ -56,6 +66,8 @@ Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
 PLAIN_SHARE = 0.3
 """Share of mutations that libFuzzer makes alone."""
 LONGEST_MESSAGE = 2000
+MOMENTS, MOMENTS_A_SECOND = 64, 16
+"""Moments at which animations are looked at."""
 
 
 class Readers:
@@ -66,10 +78,11 @@ class Readers:
         self.by_name: dict[str, tuple[Callable[[bytes], None], Mutator]] = {
             "scene": (self.scene, mutate_gltf),
             "compressed scene": (self.scene, mutate_gltf),
-            "archive": (self.archive, mutate_image),
+            "moving scene": (self.moving_scene, mutate_gltf),
+            "archive": (self.archive, mutate_archive),
             "pack": (self.pack, mutate_pack),
             "image": (self.image, mutate_image),
-            "ktx2": (self.image, mutate_image),
+            "ktx2": (self.image, mutate_ktx2),
             "cameras": (self.cameras, mutate_json),
             "settings": (self.settings, mutate_json),
             "worker messages": (self.messages, mutate_messages),
@@ -84,6 +97,12 @@ class Readers:
         scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
         report_json(scene)
         "\n".join(report_lines(scene)).encode()
+
+    def moving_scene(self, data: bytes) -> None:
+        """Read `data` as a scene, once as it stands and once at a moment of its first animation."""
+        file = parse_gltf(data, "fuzz.glb", self._folder)
+        build_scene(file, "fuzz", None)
+        build_scene(file, "fuzz", None, pose=Pose("", zlib.crc32(data) % MOMENTS / MOMENTS_A_SECOND))
 
     def archive(self, data: bytes) -> None:
         """Read `data` as a zip archive with a scene."""

@@ -240,3 +240,12 @@ def test_animated_properties_that_are_none_of_a_nodes_are_reported() -> None:
     builder = moving_node()
     builder.json["animations"][0]["channels"][0]["target"] = {"path": "pointer"}
     assert any("none of a node's" in line for line in built(builder).report.ignored)
+
+
+@pytest.mark.parametrize("path", [["rotation"], {}, None, 3, "color"])
+def test_what_is_no_property_of_a_node_is_left_out(path: Any) -> None:
+    builder = moving_node()
+    builder.json["animations"][0]["channels"][0]["target"]["path"] = path
+    scene = at(builder, 1.0)
+    assert any("animated properties" in line for line in scene.report.ignored)
+    np.testing.assert_allclose(world_triangles(scene)[0], np.add(TRIANGLE, (0, 0, 5)))

@@ -101,6 +101,7 @@ def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) ->
     Raises InputError for key frames that are out of range, not ascending, or too few.
     """
     found: list[Animation] = []
+    taken: set[str] = set()
     for number, entry in enumerate(file.array(file.json, "animations", "file")):
         where = f"animations[{number}]"
         if not isinstance(entry, dict):
@@ -114,8 +115,9 @@ def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) ->
             else:
                 channels.append(read)
         name = file.label(entry, f"animation {number}")
-        taken = {animation.name for animation in found}
-        found.append(Animation(name if name not in taken else f"{name} ({number})", tuple(channels)))
+        name = name if name not in taken else f"{name} ({number})"
+        taken.add(name)
+        found.append(Animation(name, tuple(channels)))
     notes.honoured("animations", len(found))
     return tuple(found)
 
@@ -127,7 +129,7 @@ def _channel(
         raise file.fail(where, "must be an object")
     target = file.object(channel, "target", where)
     path: Any = target.get("path")
-    if "node" not in target or path not in COMPONENTS:
+    if "node" not in target or not isinstance(path, str) or path not in COMPONENTS:
         return None
     node = file.index(target["node"], len(file.entries("nodes")), f"{where}.target.node")
     number = file.index(channel.get("sampler"), len(samplers), f"{where}.sampler")
