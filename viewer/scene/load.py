@@ -1,8 +1,8 @@
 """Opens a scene file."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from viewer.scene.gltf.motion.animations import Animation, NodeValues, read_anim
 from viewer.scene.gltf.nodes import walk_nodes
 from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
 from viewer.scene.gltf.variants import chosen_variant, variant_names
+from viewer.scene.mesh_files import convert_mesh
 from viewer.scene.model import Instances, Pose, Scene
 from viewer.scene.report import ReportNotes
 from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file
@@ -58,27 +59,9 @@ def _load(path: Path, variant: str, pose: Pose | None) -> Scene:
 
 def _container(path: Path, name: str) -> GltfFile:
     if path.suffix.lower() in MESH_SUFFIXES:
-        return parse_gltf(mesh_to_glb(path), name, None)
+        mesh = convert_mesh(path)
+        return replace(parse_gltf(mesh.glb, name, None), converted=mesh)
     return read_gltf(path, name)
-
-
-def mesh_to_glb(path: Path) -> bytes:
-    """The OBJ, PLY, STL or OFF file at `path` as a GLB. Raises InputError where it cannot be read or holds no triangles."""
-    if not path.is_file():
-        raise InputError(f"{path}: cannot be read (no such file); check the path")
-    import trimesh
-
-    try:
-        scene: Any = trimesh.load_scene(path, process=False)
-        meshes = [geometry for geometry in scene.geometry.values() if isinstance(geometry, trimesh.Trimesh)]
-        data = scene.export(file_type="glb") if any(len(mesh.faces) for mesh in meshes) else None
-    except Exception as error:  # trimesh's readers let any exception through on broken files.
-        raise InputError(
-            f"{path}: not a readable {path.suffix[1:].upper()} file ({error}); convert it to glTF"
-        ) from error
-    if not isinstance(data, bytes):
-        raise InputError(f"{path}: holds no triangles to draw; open a file with meshes")
-    return data
 
 
 def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
@@ -158,6 +141,14 @@ def _posed(animations: Sequence[Animation], pose: Pose, scene: str) -> NodeValue
 def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -> None:
     for extension in ignored_extensions(file):
         notes.ignored(f"extension {extension}")
+    if file.converted is not None:
+        for add, lines in (
+            (notes.honoured, file.converted.honoured),
+            (notes.ignored, file.converted.ignored),
+            (notes.missing, file.converted.missing),
+        ):
+            for line in lines:
+                add(line)
     notes.honoured("KHR_mesh_quantization", int("KHR_mesh_quantization" in names_of(file, "extensionsUsed")))
     with np.errstate(over="ignore", invalid="ignore"):
         determinants = np.linalg.det(instances.transform[:, :3, :3].astype(np.float64))

@@ -29,8 +29,23 @@ CAMERAS_FILE = "cameras.json"
 """Beside a scene, also with the scene's name and a dot before it."""
 LONGEST_BEGINNING = 16
 ARCHIVE_SUFFIX = ".zip"
-OTHER_SCENES = (".fbx", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".dae", ".3ds", ".max", ".abc")
+OTHER_SCENES = (
+    ".fbx",
+    ".usd",
+    ".usda",
+    ".usdc",
+    ".usdz",
+    ".blend",
+    ".dae",
+    ".3ds",
+    ".3mf",
+    ".max",
+    ".abc",
+    ".x3d",
+    ".wrl",
+)
 """Formats of scenes that are not read."""
+OTHER_ARCHIVES = (".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst")
 OPENABLE = "a scene is a .gltf, .glb, .zip with one of them, .obj, .ply, .stl or .off"
 
 
@@ -74,6 +89,8 @@ def require_scene(path: Path) -> None:
         raise InputError(
             f"{path}: {suffix[1:].upper()} is not read; export the scene as glTF (.glb), for example with Blender"
         )
+    if suffix in OTHER_ARCHIVES:
+        raise InputError(f"{path}: {suffix[1:].upper()} is not unpacked; unpack it, then open the folder")
     begins = _beginning(path)
     if begins is None:
         # What cannot be read is told by whoever reads it.

@@ -11,6 +11,7 @@ from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.locations import scene_roots
 from viewer.scene.json_text import describe, parse_json, printable
+from viewer.scene.mesh_files import ConvertedMesh
 
 GLB_MAGIC = b"glTF"
 CHUNK_JSON = 0x4E4F534A
@@ -77,6 +78,8 @@ class GltfFile:
     """The GLB's binary chunk."""
     roots: tuple[Path, ...] = ()
     """Folders, resolved, from which the scene may read files beside its own."""
+    converted: ConvertedMesh | None = None
+    """What it was made of, where that was no glTF."""
 
     def fail(self, where: str, problem: str) -> InputError:
         """The error to raise for the field `where`."""

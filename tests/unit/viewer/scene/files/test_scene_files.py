@@ -26,6 +26,9 @@ CAMERAS = '[{"name": "street", "eye": [0, 1, 5], "target": [0, 1, 0]}]'
         ("cameras.json", b"[]", "holds cameras", "open that"),
         ("city.fbx", b"Kaydara FBX", "FBX is not read", "export the scene as glTF"),
         ("city.usdz", b"PK", "USDZ is not read", "export the scene as glTF"),
+        ("part.3mf", b"PK", "3MF is not read", "export the scene as glTF"),
+        ("city.dae", b"<?xml", "DAE is not read", "export the scene as glTF"),
+        ("city.7z", b"7z", "7Z is not unpacked", "open the folder"),
         ("sky.hdr", b"#?RADIANCE", "is a panorama, which lights a scene", "drop it on the window"),
     ],
 )

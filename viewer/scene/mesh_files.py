@@ -1,0 +1,172 @@
+"""Meshes in other formats than glTF, turned into GLB by trimesh: OBJ with its materials and pictures, PLY, STL and OFF."""
+
+import io
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ntc.errors import InputError
+from ntc.io import read_file
+from viewer.scene.images import decode_image
+from viewer.scene.json_text import printable
+
+LARGEST_FILE = 1 << 30
+"""Bytes of a material library or a picture."""
+PLAIN_PICTURES = (".png", ".jpg", ".jpeg")
+READ = frozenset({"newmtl", "kd", "ka", "ks", "ns", "map_kd", "illum", "ni"})
+"""What of an MTL file is read, or says nothing that a picture would show."""
+ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
+"""Most numbers that follow an option of a picture; the others take one word."""
+OPAQUE = {"d": 1.0, "tr": 0.0}
+"""Values of transparency that change nothing."""
+
+
+@dataclass(frozen=True)
+class ConvertedMesh:
+    """A mesh as GLB, and what the load report is to say of the way there."""
+
+    glb: bytes
+    honoured: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+
+
+class MeshFolder:
+    """What lies beside a mesh, as trimesh asks for it: a resolver that never leaves the folder, and keeps what was absent."""
+
+    def __init__(self, path: Path) -> None:
+        self.file_name = path.name
+        self._folder = path.parent.resolve()
+        self.missing: dict[str, str] = {}
+        """By name, why a file could not be read."""
+        self.ignored: Counter[str] = Counter()
+        """Statements of material libraries without effect."""
+
+    def get(self, name: str) -> bytes:
+        """Content of the file `name`; of material libraries only what trimesh understands. Raises OSError."""
+        name = name.strip().strip('"').replace("\\", "/")
+        try:
+            path = (self._folder / name).resolve()
+            if not path.is_relative_to(self._folder):
+                # Exporters leave absolute paths behind; the file itself then mostly lies beside the mesh.
+                path = (self._folder / name.rsplit("/", 1)[-1]).resolve()
+            if not path.is_relative_to(self._folder) or not path.is_file():
+                raise FileNotFoundError(2, "no such file beside the scene")
+            if path.stat().st_size > LARGEST_FILE:
+                raise OSError(27, f"more than {LARGEST_FILE} bytes")
+            data = read_file(path)
+        except (OSError, ValueError) as error:
+            self.missing[name] = getattr(error, "strerror", None) or "not a path"
+            raise OSError(2, self.missing[name]) from error
+        if path.suffix.lower() == ".mtl":
+            return "\n".join(self._statements(as_text(data))).encode()
+        return self._picture(data, name)
+
+    def _picture(self, data: bytes, name: str) -> bytes:
+        """A picture that trimesh surely reads; it leaves out others without a word. Raises OSError."""
+        from PIL import Image
+
+        try:
+            pixels = decode_image(data, name)
+        except InputError as error:
+            self.missing[name] = str(error).removeprefix(f"{name}: ")
+            raise OSError(22, self.missing[name]) from error
+        if Path(name).suffix.lower() in PLAIN_PICTURES:
+            return data
+        buffer = io.BytesIO()
+        Image.fromarray(pixels).save(buffer, "PNG")
+        return buffer.getvalue()
+
+    __getitem__ = get
+
+    def _statements(self, text: str) -> Iterator[str]:
+        for line in text.splitlines():
+            words = line.split()
+            key = words[0].lower() if words else ""
+            if key == "map_kd":
+                name, options = _picture(line.split(None, 1)[1] if len(words) > 1 else "")
+                self.ignored.update(f"MTL map_Kd {option}" for option in options)
+                yield f"map_Kd {name}"
+                continue
+            yield line
+            if key and not key.startswith("#") and key not in READ and not _says_opaque(words):
+                self.ignored[f"MTL {printable(words[0])}"] += 1
+
+
+def as_text(data: bytes) -> str:
+    """`data` as UTF-8, or where it is none, as Latin-1, which old exporters write."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _says_opaque(words: list[str]) -> bool:
+    try:
+        return float(words[1]) == OPAQUE[words[0].lower()]
+    except (KeyError, IndexError, ValueError):
+        return False
+
+
+def _picture(text: str) -> tuple[str, list[str]]:
+    """(file name, options in front of it) of a statement that names a picture."""
+    options: list[str] = []
+    rest = text.strip()
+    while rest.startswith("-"):
+        option, _, rest = rest.partition(" ")
+        numbers = ARGUMENTS.get(option.lower())
+        if numbers is None:
+            rest = rest.strip().partition(" ")[2]
+        for _ in range(numbers or 0):
+            first, _, after = rest.strip().partition(" ")
+            if not _is_number(first):
+                break
+            rest = after
+        rest = rest.strip()
+        options.append(printable(option))
+    return rest, options
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def convert_mesh(path: Path) -> ConvertedMesh:
+    """The OBJ, PLY, STL or OFF file at `path` as GLB. Raises InputError where it cannot be read or holds no triangles."""
+    import trimesh
+
+    kind = path.suffix[1:].lower()
+    folder = MeshFolder(path)
+    try:
+        data = read_file(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+    if kind == "obj":
+        data = as_text(data).encode()
+    try:
+        resolver: Any = folder
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False)
+        meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
+        glb = scene.export(file_type="glb") if any(len(mesh.faces) for mesh in meshes) else None
+    except MemoryError:
+        raise
+    except Exception as error:  # trimesh's readers let any exception through on broken files.
+        # It guesses encodings with a package that is not here.
+        reason = "its text is no UTF-8" if isinstance(error, ImportError) else printable(str(error))
+        raise InputError(f"{path}: not a readable {kind.upper()} file ({reason}); convert it to glTF") from error
+    if not isinstance(glb, bytes):
+        raise InputError(f"{path}: holds no triangles to draw; open a file with meshes")
+    further = data.count(b"\nmtllib ") + data.startswith(b"mtllib ") - 1 if kind == "obj" else 0
+    ignored = folder.ignored + Counter({"OBJ mtllib: further material libraries": max(0, further)})
+    return ConvertedMesh(
+        glb,
+        (f"{kind.upper()}, converted by trimesh",),
+        tuple(f"{what} ({count})" if count > 1 else what for what, count in ignored.items()),
+        tuple(f"{printable(name)}: {why} [factors are used]" for name, why in folder.missing.items()),
+    )
