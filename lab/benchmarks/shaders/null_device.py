@@ -24,6 +24,10 @@ RGBA32F = 109
 ATTRIBUTES = 16
 STORAGE_BUFFERS, STORAGE_IMAGES, SAMPLED, UNIFORM_BUFFERS = range(0, 16), range(16, 32), range(32, 64), range(64, 80)
 """Bindings of each kind, as glslang is told to number them (`lab.benchmarks.shaders.compiling`)."""
+OLDEST_MESA = (23, 2)
+"""Of Intel's driver before it some programs take minutes, or have no end."""
+PROPERTY_BYTES = 824
+"""Of VkPhysicalDeviceProperties, whose second number is the version of the driver."""
 DESCRIPTOR_TYPES = ((STORAGE_BUFFERS, 7), (STORAGE_IMAGES, 3), (SAMPLED, 1), (UNIFORM_BUFFERS, 6))
 
 
@@ -113,6 +117,11 @@ class NullDevice:
         if not count.value:
             raise VulkanError("the driver has no device")
         physical = Pointer(found[0])
+        properties = (UInt * (PROPERTY_BYTES // 4))()
+        self.call("vkGetPhysicalDeviceProperties", physical, ctypes.byref(properties), fails=False)
+        mesa = properties[1] >> 22, properties[1] >> 12 & 0x3FF
+        if mesa < OLDEST_MESA:
+            raise VulkanError(f"it is of Mesa {mesa[0]}.{mesa[1]}")
         # All features, but for checked accesses, which OpenGL does not ask for.
         kinds = (1000059000, 49, 51, 53, 1000269000)
         features = [Features(kind) for kind in kinds]

@@ -1,6 +1,7 @@
 """What codec `block` stores: tables of a group, codes and colour axes of a texture."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,7 @@ class BlockDecoder:
 
     def depths(self, config: BlockCodecConfig) -> NDArray[np.uint8]:
         """[sizes of codes, modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH; they follow from the scales."""
-        allocations = [[share_out_bits(scales, bits) for scales in self.scales] for bits in config.coefficient_bits]
-        return np.array(allocations, np.uint8)
+        return _depths(np.ascontiguousarray(self.scales, np.uint8).tobytes(), len(self.scales), config.coefficient_bits)
 
     @property
     def row_channels(self) -> NDArray[np.uint8]:
@@ -51,6 +51,15 @@ class BlockTexture:
     axes: NDArray[np.float32]
     """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast; 0 where row and
     column are channels of different planes (`ntc.codec.maps.plane_channels`)."""
+
+
+@lru_cache(maxsize=256)
+def _depths(scales: bytes, modes: int, bits_of_sizes: tuple[int, ...]) -> NDArray[np.uint8]:
+    """`BlockDecoder.depths`, which cannot be written to: whatever decodes a few texels asks for it again."""
+    rows = np.frombuffer(scales, np.uint8).reshape(modes, -1)
+    found = np.array([[share_out_bits(row, bits) for row in rows] for bits in bits_of_sizes], np.uint8)
+    found.setflags(write=False)
+    return found
 
 
 def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:
