@@ -58,6 +58,11 @@ def blocks_cache() -> Path:
     return _cache_folder("blocks")
 
 
+def images_cache() -> Path:
+    """Where facts of the images of scenes are cached, likewise."""
+    return _cache_folder("images")
+
+
 def environments_cache() -> Path:
     """Where prefiltered environments are cached, likewise."""
     return _cache_folder("environments")

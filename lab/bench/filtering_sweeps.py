@@ -97,7 +97,7 @@ def floor_scene(scene: Scene, textures: Sequence[int]) -> Scene:
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]], np.float32)
     positions, uvs, primitives, materials = [], [], [], []
     for number, texture in enumerate(textures):
-        height, width = scene.textures[texture].pixels.shape[:2]
+        width, height = scene.textures[texture].size
         positions.append(corners - np.array([0, 0, number * 2.0 * FLOOR_SIDE], np.float32))
         uvs.append(corners[:, :2] * np.array([1.0, -width / height], np.float32))
         primitives.append(Primitive(f"floor {number}", number * 6, 6, number * 4, 4, number))
@@ -167,7 +167,7 @@ def floor_sweeps(
     for sweep, value, ratio, tilt in places:
         squares: dict[str, list[float]] = {way.name: [] for way in all_ways}
         for number, texture in enumerate(textures):
-            width = scene.textures[texture].pixels.shape[1]
+            width = scene.textures[texture].size[0]
             camera = floor_camera(number, width, ratio, tilt, config.size[1])
             truth, covered = supersampled(renderer, camera, config.size)
             for way in all_ways:

@@ -105,7 +105,7 @@ class PlainLoop:
 
     def _texture(self, index: int) -> moderngl.Texture:
         image = self._scene.textures[index]
-        height, width = image.pixels.shape[:2]
+        width, height = image.size
         alpha = np.full((height, width), 255, np.uint8) if image.alpha is None else image.alpha
         pixels = np.dstack([image.pixels, alpha])
         texture = self._gl.texture((width, height), 4, pixels.tobytes(), internal_format=SRGB8_ALPHA8)

@@ -14,7 +14,7 @@ from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import CodecConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
 from ntc.codec.model import Pack
-from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
+from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scene_of, texture
 from viewer.gl.context import ContextInformation, GraphicsContext
 from viewer.gl.features import Features
 from viewer.render.passes.composite import COMPARISONS
@@ -94,10 +94,7 @@ def _sets() -> list[SceneTexture]:
     further: dict[MapName, Any] = {
         name: np.full((SIDE, SIDE, MAP_CHANNELS[name]), 128, np.uint8) for name in MAPS if name != "base"
     }
-    return [
-        replace(own, maps=MAPS, further_maps=further, set_hash=f"set {number}")
-        for number, own in enumerate(_textures())
-    ]
+    return [as_set(own, MAPS, further, f"set {number}") for number, own in enumerate(_textures())]
 
 
 def scenes() -> dict[str, Scene]:

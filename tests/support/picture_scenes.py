@@ -1,12 +1,13 @@
 """Small scenes with known pictures: full-screen quads whose texture coordinates are an affine map of the pixel."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import MapName
 from ntc.codec.textures import hash_pixels
 from tests.support.gltf_builder import noise
 from viewer.scene.bounds import world_bounds
@@ -20,6 +21,7 @@ from viewer.scene.model import (
     Scene,
     SceneTexture,
 )
+from viewer.scene.pixels.texture_pixels import PixelsInMemory
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 QUAD = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]], np.float32)
@@ -56,7 +58,17 @@ def texture(width: int = 16, height: int = 16, seed: int = 0, alpha: NDArray[np.
 def texture_of(pixels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> SceneTexture:
     """A texture of `pixels` [H, W, 3] sRGB."""
     digest = hash_pixels(pixels if alpha is None else np.dstack([pixels, alpha]))
-    return SceneTexture(f"texture {digest[:6]}", pixels, alpha, digest, "test")
+    size = pixels.shape[1], pixels.shape[0]
+    source = PixelsInMemory(pixels, alpha)
+    return SceneTexture(f"texture {digest[:6]}", size, alpha is not None, digest, "test", source)
+
+
+def as_set(
+    texture: SceneTexture, maps: tuple[MapName, ...], further: Mapping[MapName, NDArray[np.uint8]], set_hash: str = ""
+) -> SceneTexture:
+    """`texture` with further maps."""
+    source = PixelsInMemory(texture.pixels, texture.alpha, further)
+    return replace(texture, maps=maps, source=source, set_hash=set_hash)
 
 
 def scene_of(parts: Sequence[Part], materials: Sequence[Material], textures: Sequence[SceneTexture] = ()) -> Scene:

@@ -39,9 +39,9 @@ from ntc.training.progress import TrainingProgress
 from viewer.cli.encode_target import asked_target, given_targets, result_lines, worth_on_screen
 from viewer.cli.info import block_lines
 from viewer.cli.options import EncodeOptions
+from viewer.cli.sources import load_with_progress
 from viewer.locations import features_cache, named_scene
 from viewer.scene.images import folder_textures
-from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
@@ -129,7 +129,7 @@ def read_source(
         if texture_size is not None:
             textures = tuple(reduce_texture(texture, texture_size) for texture in textures)
     else:
-        scene = load_scene(named_scene(source))
+        scene = load_with_progress(named_scene(source))
         chosen = MAP_WEIGHTS[weights]
         textures = tuple(replace(each, map_weights=chosen) for each in source_textures(scene, texture_size, maps))
     if not textures:

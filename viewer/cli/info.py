@@ -15,10 +15,10 @@ from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack
 from viewer.cli.info_all import info_all
 from viewer.cli.options import InfoOptions
+from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.locations import named_scene
 from viewer.scene.json_text import printable
-from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
 from viewer.scene.scene_files import PACK_SUFFIX
 
@@ -154,7 +154,7 @@ def info(options: InfoOptions) -> int:
         content: dict[str, Any] = pack_json(pack)
         lines = pack_lines(pack)
     else:
-        scene = load_scene(named_scene(options.file))
+        scene = load_with_progress(named_scene(options.file))
         content = report_json(scene)
         lines = report_lines(scene)
     sys.stdout.write(json.dumps(content, indent=2) + "\n" if options.json else "\n".join(lines) + "\n")

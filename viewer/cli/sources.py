@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import Progress, TextColumn
 
 from ntc.accuracy.precision_choice import chosen_precision
 from ntc.codec.config import Precision, PrecisionChoice
@@ -33,8 +33,12 @@ MISSING_SHOWN = 3
 
 
 def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
-    """Load the scene that `path` names, or the courtyard, and print notes about missing parts. Raises InputError."""
-    scene = load_scene(named_scene(path) if path is not None else builtin_scene_path(), variant, pose)
+    """Load the scene that `path` names, or the courtyard, and print notes about missing parts; progress where there is a terminal.
+
+    Raises InputError.
+    """
+    file = named_scene(path) if path is not None else builtin_scene_path()
+    scene = load_with_progress(file, variant, pose)
     missing = scene.report.missing
     for line in missing[:MISSING_SHOWN]:
         sys.stderr.write(f"note: {line}\n")
@@ -43,6 +47,27 @@ def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -
             f"note: {len(missing) - MISSING_SHOWN} more files or parts could not be read; see ntc-viewer info {path}\n"
         )
     return scene
+
+
+class _Bar:
+    """Shows how far the opening of a scene is."""
+
+    def __init__(self, bar: Progress, title: str) -> None:
+        self._bar, self._task = bar, bar.add_task(title, total=None)
+
+    def progress(self, done: int, of: int) -> None:
+        """`done` of `of` images are known."""
+        self._bar.update(self._task, completed=done, total=of)
+
+
+def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
+    """`load_scene`; where there is a terminal, its images are counted, with the time that is left. Raises InputError."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        return load_scene(path, variant, pose)
+    columns = (*Progress.get_default_columns(), TextColumn("{task.completed} of {task.total} images"))
+    with Progress(*columns, console=console, transient=True) as bar:
+        return load_scene(path, variant, pose, _Bar(bar, f"opening {path.name}"))
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:

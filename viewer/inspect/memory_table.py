@@ -41,7 +41,7 @@ def _bytes_of(width: int, height: int, maps: tuple[MapName, ...]) -> tuple[int, 
 
 def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
     """The scene's textures with all their maps as RGBA8 and as BC7, with all mips."""
-    sizes = [_bytes_of(texture.pixels.shape[1], texture.pixels.shape[0], texture.maps) for texture in scene.textures]
+    sizes = [_bytes_of(*texture.size, texture.maps) for texture in scene.textures]
     plain, blocks = sum(size[0] for size in sizes), sum(size[1] for size in sizes)
     return (
         MemoryRow("original RGBA8", plain, 1.0, "the original images of all maps with their mips, 4 bytes a texel"),

@@ -153,7 +153,7 @@ class PixelReader:
             texture_id=texture_id,
             texture_name=texture.name if texture is not None else "",
             uv=(u, v),
-            lod=math.log2(max(footprint * texture.pixels.shape[1], LEAST_FOOTPRINT)) if texture is not None else None,
+            lod=math.log2(max(footprint * texture.size[0], LEAST_FOOTPRINT)) if texture is not None else None,
             decoders={source: table[texture_id] if texture_id >= 0 else -1 for source, table in decoders.items()},
             block_decoders={source: content.decoder_count(source) for source in sources},
         )

@@ -54,7 +54,7 @@ def texture_rows(
     """All textures by their id; `gpu_bytes` is of their latents, by texture id."""
     rows: list[TextureRow] = []
     for number, texture in enumerate(scene.textures):
-        height, width = texture.pixels.shape[:2]
+        width, height = texture.size
         index = match.texture_index[number] if match is not None else -1
         encoded = pack.textures[index] if pack is not None and index >= 0 else None
         bits = 8.0 * len(encoded.latents) * pack.config.cell_bytes / (width * height) if encoded and pack else None

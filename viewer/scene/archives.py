@@ -1,9 +1,9 @@
-"""Scenes in zip archives, as Sketchfab and others give them: unpacked into a temporary folder while they are read."""
+"""Scenes in zip archives, as Sketchfab and others give them: unpacked into a temporary folder while they are open."""
 
 import tempfile
+import weakref
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ntc.errors import InputError
@@ -18,9 +18,15 @@ MOST_BYTES = 1 << 34
 _CHUNK = 1 << 20
 
 
-@contextmanager
-def unpacked_scene(archive: Path) -> Iterator[Path]:
-    """Path of the one scene in the zip archive, unpacked with all that lies beside it; gone after the `with` block.
+@dataclass(frozen=True, eq=False)
+class UnpackedScene:
+    """A scene in a temporary folder, which is removed when nothing refers to this any more."""
+
+    scene: Path
+
+
+def unpacked_scene(archive: Path) -> UnpackedScene:
+    """The one scene in the zip archive, unpacked with all that lies beside it.
 
     Raises InputError for what is no zip archive, holds no scene or several, is encrypted, would unpack to more than a multiple of
     its size, names files outside of itself, or cannot be written.
@@ -29,8 +35,13 @@ def unpacked_scene(archive: Path) -> Iterator[Path]:
         folder = tempfile.TemporaryDirectory(prefix="ntc-viewer-")
     except OSError as error:
         raise InputError(f"{archive}: cannot be unpacked ({error.strerror or error}); set TMPDIR") from error
-    with folder as name:
-        yield _unpack_all(archive, Path(name))
+    try:
+        unpacked = UnpackedScene(_unpack_all(archive, Path(folder.name)))
+    except BaseException:
+        folder.cleanup()
+        raise
+    weakref.finalize(unpacked, folder.cleanup)
+    return unpacked
 
 
 def _unpack_all(archive: Path, folder: Path) -> Path:

@@ -4,9 +4,9 @@ import math
 import os
 import tempfile
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import OpenImageIO
@@ -61,10 +61,31 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
-def map_in_threads(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
-    """Results of `function` in the order of `items`, on all cores (OpenImageIO and hashlib release the GIL)."""
-    with ThreadPoolExecutor(max(1, os.cpu_count() or 1)) as pool:
-        return list(pool.map(function, items))
+class ProgressReport(Protocol):
+    """Is told how far long work is. `viewer.jobs.job.JobReport` is one."""
+
+    def progress(self, done: int, of: int) -> None:
+        """`done` of `of` steps are done. Whatever it raises ends the work."""
+        ...
+
+
+def map_in_threads(
+    function: Callable[[_Item], _Result], items: Iterable[_Item], report: ProgressReport | None = None
+) -> list[_Result]:
+    """Results of `function` in the order of `items`, on all cores (OpenImageIO and hashlib release the GIL).
+
+    After an exception, of `function` or of `report`, nothing more is begun.
+    """
+    pool = ThreadPoolExecutor(max(1, os.cpu_count() or 1))
+    try:
+        futures = [pool.submit(function, item) for item in items]
+        if report is not None:
+            for done, future in enumerate(as_completed(futures), 1):
+                future.result()
+                report.progress(done, len(futures))
+        return [future.result() for future in futures]
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _suffix(data: bytes, name: str) -> str:

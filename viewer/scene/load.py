@@ -15,12 +15,13 @@ from viewer.scene.gltf.cameras import read_cameras
 from viewer.scene.gltf.container import GltfFile, check_required, ignored_extensions, names_of, parse_gltf, read_gltf
 from viewer.scene.gltf.geometry import GeometryReader
 from viewer.scene.gltf.lights import read_lights
-from viewer.scene.gltf.material_sets import read_textures
+from viewer.scene.gltf.maps.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.motion.animations import Animation, NodeValues, read_animations
 from viewer.scene.gltf.nodes import walk_nodes
 from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
 from viewer.scene.gltf.variants import chosen_variant, variant_names
+from viewer.scene.images import ProgressReport
 from viewer.scene.mesh_files import convert_mesh
 from viewer.scene.model import Instances, Pose, Scene
 from viewer.scene.report import ReportNotes
@@ -33,28 +34,32 @@ MOST_NAMED = 6
 """Animations that one message names."""
 
 
-def load_scene(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
+def load_scene(path: Path, variant: str = "", pose: Pose | None = None, report: ProgressReport | None = None) -> Scene:
     """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
 
     `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
-    themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. Raises
-    InputError where there is no such variant or animation, or the file is missing, is none of these, broken, requires an extension
-    that is not supported, holds no triangles or does not fit into memory. Missing and broken images are no error: the load report
-    names them.
+    themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. `report` is told
+    how many images are known. Pixels are read again from their files when they are needed and not in memory any more.
+
+    Raises what `report` raises, and InputError where there is no such variant or animation, or the file is missing, is none of
+    these, broken, requires an extension that is not supported, holds no triangles or does not fit into memory. Missing and broken
+    images are no error: the load report names them.
     """
     path = scene_file(Path(path))
     require_scene(path)
     try:
-        return _load(path, variant, pose)
+        return _load(path, variant, pose, report)
     except MemoryError as error:
         raise InputError(f"{path}: takes more memory than there is; split the scene or reduce its textures") from error
 
 
-def _load(path: Path, variant: str, pose: Pose | None) -> Scene:
+def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | None) -> Scene:
     if path.suffix.lower() == ARCHIVE_SUFFIX:
-        with unpacked_scene(path) as unpacked:
-            return build_scene(_container(unpacked, f"{path}/{unpacked.name}"), path.stem, path, variant, pose)
-    return build_scene(_container(path, str(path)), path.stem, path, variant, pose)
+        unpacked = unpacked_scene(path)
+        file = replace(_container(unpacked.scene, f"{path}/{unpacked.scene.name}"), keeps=unpacked)
+    else:
+        file = _container(path, str(path))
+    return build_scene(file, path.stem, path, variant, pose, report)
 
 
 def _container(path: Path, name: str) -> GltfFile:
@@ -64,7 +69,14 @@ def _container(path: Path, name: str) -> GltfFile:
     return read_gltf(path, name)
 
 
-def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
+def build_scene(
+    file: GltfFile,
+    name: str,
+    path: Path | None,
+    variant: str = "",
+    pose: Pose | None = None,
+    report: ProgressReport | None = None,
+) -> Scene:
     """The scene in the glTF container `file`, called `name`, in a material variant and a pose. Raises InputError."""
     check_required(file)
     notes = ReportNotes()
@@ -84,7 +96,7 @@ def build_scene(file: GltfFile, name: str, path: Path | None, variant: str = "",
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
     drawn = frozenset(geometry_reader.all_materials)
-    materials, textures = read_textures(file, buffers, sources, drawn, notes)
+    materials, textures = read_textures(file, buffers, sources, drawn, notes, path, report)
     if len(sources) - 1 not in drawn:
         materials = materials[:-1]
     bounds = world_bounds(geometry, primitives, instances)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
 from ntc.codec.maps import BASE_ALONE, PLANES, MapName, Plane
+from viewer.scene.pixels.texture_pixels import TexturePixels
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 
@@ -31,24 +32,42 @@ class SceneTexture:
     `Scene.textures` is its texture id. Never constant."""
 
     name: str
-    pixels: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB: base colour. Of a set without one: a picture of its first map. Row 0 is at v = 0, as glTF stores it."""
-    alpha: NDArray[np.uint8] | None
-    """[H, W] uint8 coverage, None when the image is opaque or no material reads it. Stays a plain texture."""
+    size: tuple[int, int]
+    """(width, height) in texels."""
+    has_alpha: bool
+    """Whether the image is not opaque, and a material reads that. Alpha stays a plain texture."""
     pixel_hash: str
-    """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when alpha is not None: identity of the base
+    """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when there is alpha: identity of the base
     colour. Of a set without one: `set_hash`."""
     origin: str
     """Where it came from, for reports: a file name, "image 3 (embedded)"."""
+    source: TexturePixels
+    """Reads the pixels when they are needed."""
     category: str | None = None
     """From glTF extras ("category" of the image, texture or material), when given."""
     maps: tuple[MapName, ...] = BASE_ALONE
     """In the order of `ntc.codec.maps.MAPS`."""
-    further_maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
-    """[H, W, channels of the map] uint8: those of `maps` besides `base`."""
     set_hash: str = ""
-    """`hash_pixels` of all channels, [H, W, C] in the order of `maps`, alpha behind the base colour when it is not None; of a
+    """`hash_pixels` of all channels, [H, W, C] in the order of `maps`, alpha behind the base colour when there is any; of a
     texture that is no set: `pixel_hash`, or empty."""
+
+    @property
+    def pixels(self) -> NDArray[np.uint8]:
+        """[H, W, 3] uint8 sRGB: base colour. Of a set without one: a picture of its first map. Row 0 is at v = 0, as glTF stores it.
+
+        Read from the file where it is not in memory: ask once for what is used several times. Raises InputError, as do the others.
+        """
+        return self.source.picture()
+
+    @property
+    def alpha(self) -> NDArray[np.uint8] | None:
+        """[H, W] uint8 coverage; None without alpha."""
+        return self.source.alpha() if self.has_alpha else None
+
+    @property
+    def further_maps(self) -> Mapping[MapName, NDArray[np.uint8]]:
+        """[H, W, channels of the map] uint8: those of `maps` besides `base`."""
+        return self.source.further()
 
 
 @dataclass(frozen=True)

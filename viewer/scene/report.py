@@ -56,12 +56,12 @@ class ReportNotes:
 
 def _texture_line(index: int, scene: Scene) -> str:
     texture = scene.textures[index]
-    height, width = texture.pixels.shape[:2]
+    width, height = texture.size
     users = sum(any(material.plane_texture(plane) == index for plane in PLANES) for material in scene.materials)
     extras = [f"{users} material{'s' if users != 1 else ''}"]
     if texture.maps != BASE_ALONE:
         extras.append(" + ".join(texture.maps))
-    if texture.alpha is not None:
+    if texture.has_alpha:
         extras.append("alpha kept")
     if texture.category is not None:
         extras.append(texture.category)
@@ -124,9 +124,9 @@ def report_json(scene: Scene) -> dict[str, Any]:
         "textures": [
             {
                 "name": texture.name,
-                "width": texture.pixels.shape[1],
-                "height": texture.pixels.shape[0],
-                "alpha": texture.alpha is not None,
+                "width": texture.size[0],
+                "height": texture.size[1],
+                "alpha": texture.has_alpha,
                 "maps": list(texture.maps),
                 "pixel_hash": texture.pixel_hash,
                 "set_hash": texture.set_hash or texture.pixel_hash,

@@ -73,7 +73,7 @@ class FlatWindow:
         opened, stays = imgui.begin(f"{texture.name}###flat", True, flags)
         ui.rects.note("flat texture")
         if opened:
-            height, width = texture.pixels.shape[:2]
+            width, height = texture.size
             self._controls(ui)
             sides = {side: self._side(ui, number, side) for side in self._sources}
             for side, shown in sides.items():
@@ -127,7 +127,7 @@ class FlatWindow:
 
     def _side(self, ui: UiFrame, number: int, side: str) -> _Side:
         texture, source = ui.session.scene.textures[number], self._sources[side]
-        height, width = texture.pixels.shape[:2]
+        width, height = texture.size
         if source == REFERENCE:
             answer = self._ask(side, (texture, source), partial(original_flat, texture))
             return self._shown(answer, source, f"original, {width} x {height}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.picture_scenes import QUAD, WHITE, Part, placed, scene_of, texture
+from tests.support.picture_scenes import QUAD, WHITE, Part, as_set, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material, PlaneTexture, Scene
@@ -117,7 +117,7 @@ def test_tangents_follow_the_uv_transform_of_the_normal_map(graphics: GraphicsCo
     # u of the normal map runs up the sheet, v from right to left: turned by 90 degrees.
     plane = PlaneTexture(0, maps=("normal",), uv_transform=(0.0, -1.0, 0.0, 1.0, 0.0, 0.0))
     scene, bumps = sheet(PLACES["straight"], None, None), texture()
-    bumps = replace(bumps, maps=("normal",), further_maps={"normal": bumps.pixels[..., :2]})
+    bumps = as_set(bumps, ("normal",), {"normal": bumps.pixels[..., :2]})
     scene = replace(scene, materials=(replace(scene.materials[0], surface=plane),), textures=(bumps,))
     normal, tangent, handedness = seen(graphics, scene)
     np.testing.assert_allclose(normal, [0.0, 0.0, 1.0], atol=1e-3)

@@ -17,7 +17,7 @@ from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.support.gltf_builder import noise
-from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
+from tests.support.picture_scenes import WHITE, as_set, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
@@ -44,7 +44,7 @@ def set_of(width: int, height: int, maps: tuple[MapName, ...]) -> SceneTexture:
         for place, name in enumerate(maps)
         if name != "base"
     }
-    return replace(plain, maps=maps, further_maps=further, set_hash=f"set {width} {height}")
+    return as_set(plain, maps, further, f"set {width} {height}")
 
 
 def planes_of(number: int, maps: tuple[MapName, ...], layer: int) -> dict[str, PlaneTexture | None]:

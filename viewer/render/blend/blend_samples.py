@@ -26,7 +26,7 @@ def dithered_materials(scene: Scene) -> frozenset[int]:
     has_colors = scene.geometry.colors is not None
     found = []
     for number, material in enumerate(scene.materials):
-        has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].alpha is not None
+        has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].has_alpha
         if material.alpha_mode == "blend" and (has_alpha or has_colors or 0.0 < material.factor[3] < 1.0):
             found.append(number)
     return frozenset(found)

@@ -55,8 +55,7 @@ def plan_image_arrays(scene: Scene, plane: Plane) -> tuple[tuple[ImageArrayPlan,
     textured = {index: own for index, own in found.items() if own is not None}
     members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
     for own in textured.values():
-        height, width = scene.textures[own.texture_id].pixels.shape[:2]
-        textures = members[((width, height), own.sampler)]
+        textures = members[(scene.textures[own.texture_id].size, own.sampler)]
         if own.texture_id not in textures:
             textures.append(own.texture_id)
     plans: list[ImageArrayPlan] = []

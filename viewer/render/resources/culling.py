@@ -128,7 +128,7 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
     if material.alpha_mode == "opaque":
         alpha = OPAQUE
     else:
-        has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].alpha is not None
+        has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].has_alpha
         alpha = material.texture_id if has_alpha else NO_ALPHA_TEXTURE
     return Bucket(alpha, material.double_sided, mirrored, material.sampler if alpha >= 0 else None)
 

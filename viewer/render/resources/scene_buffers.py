@@ -98,8 +98,8 @@ class SceneBuffers:
         material = np.array([primitive.material for primitive in primitives], np.int64)[instances.primitive]
         texture = np.array([entry.primary_texture for entry in self._scene.materials], np.int64)[material]
         rows["ids"] = (texture + 1) | ((material + 1) << MATERIAL_SHIFT)
-        sizes = [image.pixels.shape[:2] for image in self._scene.textures]
-        aspects = np.array([height / width for height, width in sizes] + [1.0])
+        sizes = [image.size for image in self._scene.textures]
+        aspects = np.array([height / width for width, height in sizes] + [1.0])
         rows["aspect"] = aspects[texture]
         return rows
 

@@ -80,6 +80,8 @@ class GltfFile:
     """Folders, resolved, from which the scene may read files beside its own."""
     converted: ConvertedMesh | None = None
     """What it was made of, where that was no glTF."""
+    keeps: object = None
+    """What must not go while images may still be read from `folder`: an unpacked archive."""
 
     def fail(self, where: str, problem: str) -> InputError:
         """The error to raise for the field `where`."""

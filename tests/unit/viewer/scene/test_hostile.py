@@ -20,8 +20,8 @@ from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene import bounds, images
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.gltf import geometry as gltf_geometry
-from viewer.scene.gltf import images as gltf_images
 from viewer.scene.gltf.container import parse_gltf
+from viewer.scene.gltf.maps import images as gltf_images
 from viewer.scene.images import decode_image
 from viewer.scene.load import build_scene, load_scene
 from viewer.scene.model import Scene

@@ -1,14 +1,12 @@
 """Whole materials in block formats: which pictures there are, what hardware reads back of each map, and what they take."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import compress_texture
-from tests.support.picture_scenes import scene_of, texture_of
+from tests.support.picture_scenes import as_set, scene_of, texture_of
 from viewer.scene.map_pictures import (
     compressed_plane_mips,
     compressed_scene,
@@ -36,7 +34,7 @@ def material_set(maps: tuple[MapName, ...]) -> SceneTexture:
     further: dict[MapName, np.ndarray] = {
         name: smooth(MAP_CHANNELS[name], place) for place, name in enumerate(maps) if name != "base"
     }
-    return replace(texture_of(smooth(3, 7)), maps=maps, further_maps=further)
+    return as_set(texture_of(smooth(3, 7)), maps, further)
 
 
 @pytest.mark.parametrize("block_format", ["bc1", "bc7", "astc-6x6"])

@@ -12,7 +12,7 @@ from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
-from viewer.scene.gltf.map_pixels import resampled
+from viewer.scene.gltf.maps.map_pixels import resampled
 from viewer.scene.model import Material, Sampler, Scene, SceneTexture, SurfaceFactors
 from viewer.scene.report import report_json, report_lines
 from viewer.scene.source_textures import source_textures
@@ -371,8 +371,8 @@ def test_reports_name_the_maps() -> None:
 
 
 def test_small_files_cannot_ask_for_much_memory_by_resampling(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viewer.scene.gltf.images.FREE_PIXEL_BYTES", 1 << 20)
-    monkeypatch.setattr("viewer.scene.gltf.images.LARGE_EXPANSION", 1)
+    monkeypatch.setattr("viewer.scene.gltf.maps.images.FREE_PIXEL_BYTES", 1 << 20)
+    monkeypatch.setattr("viewer.scene.gltf.maps.images.LARGE_EXPANSION", 1)
     maps = Maps()
     large = normals(256, 256)
     large[:] = large[:1, :1]

@@ -1,5 +1,6 @@
 """Scenes in zip archives open like the same files in a folder; hostile archives are refused and leave nothing behind."""
 
+import gc
 import struct
 import tempfile
 import zipfile
@@ -50,6 +51,10 @@ def test_a_scene_in_an_archive_opens_with_its_files(tmp_path: Path, temporary: P
     assert (scene.name, scene.path) == ("town", path)
     np.testing.assert_array_equal(scene.textures[0].pixels, noise())
     assert not scene.report.missing
+    # The unpacked files stay as long as their pixels may be asked for.
+    assert list(temporary.iterdir())
+    del scene
+    gc.collect()
     assert not list(temporary.iterdir())
 
 

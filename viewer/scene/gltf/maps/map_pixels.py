@@ -1,13 +1,12 @@
 """The channels that a material reads of an image as one of its maps, normals brought to unit length."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName
 from ntc.codec.textures import hash_pixels
 from viewer.scene.images import is_constant
+from viewer.scene.pixels.image_facts import MapFacts
 
 CHANNELS: dict[MapName, tuple[int, ...]] = {
     "normal": (0, 1),
@@ -24,20 +23,6 @@ SHORTEST, LONGEST = 0.9, 1.1
 """Lengths of stored normals beyond rounding: others are brought to 1 before z is dropped."""
 ROWS = 256
 """Rows of an image that are looked at together."""
-
-
-@dataclass(frozen=True, eq=False)
-class DecodedMap:
-    """One map as one image holds it."""
-
-    pixels: NDArray[np.uint8] | None
-    """[H, W, channels of the map]; None when there is nothing to sample: it is constant, or not usable."""
-    key: str = ""
-    """Identity of `pixels` (`hash_pixels`)."""
-    constant: tuple[int, ...] | None = None
-    """The only value, 0 to 255, where there is but one."""
-    remark: str = ""
-    """What was wrong with it."""
 
 
 def _unit_normals(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
@@ -66,29 +51,30 @@ def _unit_normals(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     return normal, changed
 
 
-def decoded_map(name: MapName, image: NDArray[np.uint8]) -> DecodedMap:
-    """Map `name` of `image` [H, W, 3 or 4] uint8."""
+def map_channels(name: MapName, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8] | None, str]:
+    """([H, W, channels] of map `name` of `image` [H, W, 3 or 4] uint8, or None where that is not usable; what was wrong with it)."""
     if name != "normal":
         channels = CHANNELS[name]
-        pixels = np.ascontiguousarray(image[..., channels[0] : channels[-1] + 1])
-        return _finished(pixels)
+        return np.ascontiguousarray(image[..., channels[0] : channels[-1] + 1]), ""
     if not is_constant(image[..., :3]) and all(bool((image[..., k] == image[..., 0]).all()) for k in (1, 2)):
-        return DecodedMap(None, remark="is grey, no normals are in it; left out")
+        return None, "is grey, no normals are in it; left out"
     pixels, changed = _unit_normals(image)
-    found = _finished(pixels)
-    if found.constant is not None and found.constant not in FLAT:
-        return DecodedMap(None, remark="has one normal that is not upright; left out")
-    if changed:
-        share = 100.0 * changed / (pixels.shape[0] * pixels.shape[1])
-        remark = f"has normals far from unit length, which were normalised: {share:.3g} % of its texels"
-        return DecodedMap(found.pixels, found.key, found.constant, remark)
-    return found
+    if not changed:
+        return pixels, ""
+    share = 100.0 * changed / (pixels.shape[0] * pixels.shape[1])
+    return pixels, f"has normals far from unit length, which were normalised: {share:.3g} % of its texels"
 
 
-def _finished(pixels: NDArray[np.uint8]) -> DecodedMap:
-    if is_constant(pixels):
-        return DecodedMap(None, constant=tuple(int(value) for value in pixels[0, 0]))
-    return DecodedMap(pixels, hash_pixels(pixels))
+def map_facts(name: MapName, pixels: NDArray[np.uint8] | None, remark: str) -> MapFacts:
+    """What there is to know of what `map_channels` gives."""
+    if pixels is None:
+        return MapFacts(remark=remark)
+    if not is_constant(pixels):
+        return MapFacts(hash_pixels(pixels), None, remark)
+    constant = tuple(int(value) for value in pixels[0, 0])
+    if name == "normal" and constant not in FLAT:
+        return MapFacts(remark="has one normal that is not upright; left out")
+    return MapFacts(constant=constant, remark=remark)
 
 
 def resampled(pixels: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:

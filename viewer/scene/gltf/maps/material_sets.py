@@ -6,30 +6,34 @@ another already: every image is in one texture only, however many materials read
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ntc.codec.color import srgb_to_linear
-from ntc.codec.maps import BASE_ALONE, MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName, Plane
-from ntc.codec.textures import hash_channels
+from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS, MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName, Plane
+from viewer.locations import images_cache
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.gltf.images import (
-    DecodedImage,
-    PixelBudget,
+from viewer.scene.gltf.maps.images import (
+    ImageReader,
+    SceneImage,
     TooManyPixelsError,
-    decode_images,
+    find_images,
     image_uses,
     note_absent,
 )
-from viewer.scene.gltf.map_pixels import DecodedMap, resampled
+from viewer.scene.gltf.maps.texture_content import ImageMap, ImagesOfTexture
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.textures import IDENTITY, Affine, TextureReference
-from viewer.scene.images import map_in_threads
+from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Material, PlaneTexture, Sampler, SceneTexture, SurfaceFactors
+from viewer.scene.pixels.image_facts import FactsFile, MapFacts
+from viewer.scene.pixels.pixel_cache import PixelCache
 from viewer.scene.report import ReportNotes
 
+KEPT_FROM_BYTES = 1 << 26
+"""Scenes whose images decode to less are decoded again each time they are opened."""
 _Size = tuple[int, int]
 _Layout = tuple[Sampler, tuple[bool, Affine]]
 """How a plane is sampled: sampler, whether by the second UVs, and what takes the vertex's UVs to the map's."""
@@ -44,8 +48,8 @@ class _Draft:
     origin: str
     size: _Size
     category: str | None
-    base: DecodedImage | None = None
-    maps: dict[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+    base: SceneImage | None = None
+    maps: dict[MapName, ImageMap] = field(default_factory=dict)
 
     def has_plane(self, plane: Plane) -> bool:
         return any(name in self.maps for name in PLANE_COMPONENTS[plane])
@@ -57,8 +61,8 @@ class _PlaneMaps:
 
     size: _Size
     layout: _Layout
-    maps: dict[MapName, DecodedMap]
-    image: DecodedImage
+    maps: dict[MapName, ImageMap]
+    image: SceneImage
     """Of the first map."""
     category: str | None
 
@@ -92,29 +96,29 @@ def _folded(factors: SurfaceFactors, name: MapName, value: tuple[int, ...], note
 class _Gathering:
     """Puts the maps of one material after another into textures."""
 
-    def __init__(self, images: Mapping[int, DecodedImage], budget: PixelBudget, notes: ReportNotes) -> None:
+    def __init__(self, images: Mapping[int, SceneImage], reader: ImageReader, notes: ReportNotes) -> None:
         self._images = images
-        self._budget = budget
+        self._reader = reader
         self._notes = notes
         self.drafts: list[_Draft] = []
         self._of_base: dict[int, _Draft] = {}
         self._holding: dict[_MapKey, list[_Draft]] = {}
-        self._resampled: dict[tuple[str, _Size], DecodedMap] = {}
+        self._resampled: dict[tuple[str, _Size], ImageMap] = {}
 
     def add_bases(self, categories: Mapping[int, str | None]) -> None:
         """A texture for each distinct base colour, in the order of the images `categories`."""
         by_hash: dict[str, _Draft] = {}
         for index, category in categories.items():
             image = self._images[index]
-            if image.pixels is None:
+            digest = image.facts.pixel_hash
+            if not digest:
                 continue
-            if image.pixel_hash in by_hash:
+            if digest in by_hash:
                 self._notes.note("images with the pixels of another share its texture")
             else:
-                size = image.pixels.shape[1], image.pixels.shape[0]
-                by_hash[image.pixel_hash] = _Draft(image.name, image.origin, size, category, image)
-                self.drafts.append(by_hash[image.pixel_hash])
-            self._of_base[index] = by_hash[image.pixel_hash]
+                by_hash[digest] = _Draft(image.name, image.origin, image.facts.size, category, image)
+                self.drafts.append(by_hash[digest])
+            self._of_base[index] = by_hash[digest]
 
     def base_of(self, source: MaterialSource) -> _Draft | None:
         """The texture of the material's base colour."""
@@ -124,18 +128,18 @@ class _Gathering:
     def planes(self, source: MaterialSource) -> tuple[dict[Plane, tuple[_Draft, _PlaneMaps]], SurfaceFactors]:
         """(by plane besides the base colour: its texture, and what the material reads of it; factors with constants in them)."""
         factors = source.material.factors
-        read: dict[Plane, list[tuple[MapName, TextureReference, DecodedMap]]] = {}
+        read: dict[Plane, list[tuple[MapName, TextureReference, MapFacts]]] = {}
         for name, reference in source.maps.items():
             if name == "base":
                 continue
-            found = self._images[reference.image].maps.get(name)
+            found = self._images[reference.image].facts.maps.get(name)
             if found is None:
                 continue
             if found.constant is not None:
                 factors = _folded(factors, name, found.constant, self._notes)
                 became = "have no effect" if name in ("normal", "occlusion") else "became factors"
                 self._notes.note(f"constant {name} maps {became}: materials")
-            elif found.pixels is not None:
+            elif found.key:
                 read.setdefault(PLANE_OF_MAP[name], []).append((name, reference, found))
         near: list[tuple[_Draft, _Layout]] = []
         base = self.base_of(source)
@@ -152,11 +156,11 @@ class _Gathering:
         return placed, factors
 
     def _agreed(
-        self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, DecodedMap]]
+        self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, MapFacts]]
     ) -> _PlaneMaps | None:
         """The maps of one plane that can be sampled together, at one size; None when none can."""
         layout: _Layout | None = None
-        kept: list[tuple[MapName, TextureReference, DecodedMap]] = []
+        kept: list[tuple[MapName, TextureReference, MapFacts]] = []
         for name, reference, found in maps:
             placement = source.placement(reference)
             if placement is None:
@@ -171,29 +175,27 @@ class _Gathering:
             kept.append((name, reference, found))
         if layout is None:
             return None
-        sizes = [(found.pixels.shape[1], found.pixels.shape[0]) for _, _, found in kept if found.pixels is not None]
+        sizes = [self._images[reference.image].facts.size for _, reference, _ in kept]
         size = max(sizes, key=lambda each: each[0] * each[1])
         first_reference = kept[0][1]
         return _PlaneMaps(
             size,
             layout,
-            {name: self._at_size(name, found, size) for name, _, found in kept},
+            {name: self._at_size(name, found, self._images[reference.image], size) for name, reference, found in kept},
             self._images[first_reference.image],
             first_reference.category or source.category,
         )
 
-    def _at_size(self, name: MapName, found: DecodedMap, size: _Size) -> DecodedMap:
-        pixels = found.pixels
-        assert pixels is not None
-        height, width = pixels.shape[:2]
-        if (width, height) == size:
-            return found
+    def _at_size(self, name: MapName, found: MapFacts, image: SceneImage, size: _Size) -> ImageMap:
+        cache = self._reader.cache
+        if image.facts.size == size:
+            return ImageMap(image, name, found.key, size, cache)
         key = f"{name} {found.key}", size
         if key not in self._resampled:
-            new_bytes = size[0] * size[1] * pixels.shape[2]
-            self._budget.add(0, new_bytes, new_bytes)
+            new_bytes = size[0] * size[1] * MAP_CHANNELS[name]
+            self._reader.budget.add(0, new_bytes, new_bytes)
             self._notes.note(f"{name} maps resampled to the size of another map of their plane")
-            self._resampled[key] = DecodedMap(resampled(pixels, *size), found.key)
+            self._resampled[key] = ImageMap(image, name, found.key, size, cache)
         return self._resampled[key]
 
     def _draft(self, plane: Plane, wanted: _PlaneMaps, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
@@ -211,87 +213,88 @@ class _Gathering:
             chosen = _Draft(wanted.image.name, wanted.image.origin, wanted.size, wanted.category)
             self.drafts.append(chosen)
         for key, (name, found) in zip(keys, wanted.maps.items(), strict=True):
-            assert found.pixels is not None
-            chosen.maps[name] = found.pixels
+            chosen.maps[name] = found
             self._holding.setdefault(key, []).append(chosen)
         return chosen
 
 
-def _picture(name: MapName, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8 that shows a map [H, W, C]: normals with the z of a unit vector, single channels as grey."""
-    if pixels.shape[2] == 1:
-        return np.repeat(pixels, 3, axis=2)
-    if name != "normal":
-        return pixels
-    blue = np.empty(pixels.shape[:2], np.uint8)
-    for source, target in zip(pixels, blue, strict=True):
-        xy = source.astype(np.float32) / np.float32(127.5) - 1
-        z = np.sqrt(np.clip(1 - xy[:, 0] ** 2 - xy[:, 1] ** 2, 0, 1))
-        target[:] = (z * 127.5 + 128.0).astype(np.uint8)
-    return np.dstack([pixels, blue])
-
-
-def _finished_texture(draft: _Draft, name: str) -> SceneTexture:
+def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
     further = {key: draft.maps[key] for key in MAPS if key in draft.maps}
-    base = draft.base
-    if base is not None and base.pixels is not None:
-        if not further:
-            return SceneTexture(name, base.pixels, base.alpha, base.pixel_hash, draft.origin, draft.category)
-        color = base.pixels if base.alpha is None else np.dstack([base.pixels, base.alpha])
-        set_hash = hash_channels([color, *further.values()])
-        maps: tuple[MapName, ...] = (*BASE_ALONE, *further)
-        return SceneTexture(
-            name, base.pixels, base.alpha, base.pixel_hash, draft.origin, draft.category, maps, further, set_hash
-        )
-    set_hash = hash_channels(list(further.values()))
-    first = next(iter(further))
-    picture = _picture(first, further[first])
-    return SceneTexture(name, picture, None, set_hash, draft.origin, draft.category, tuple(further), further, set_hash)
+    base, source = draft.base, ImagesOfTexture(draft.base, further, cache)
+    has_alpha = base is not None and base.facts.has_alpha
+    base_hash = base.facts.pixel_hash if base is not None else ""
+    if base is not None and not further:
+        return SceneTexture(name, draft.size, has_alpha, base_hash, draft.origin, source, draft.category)
+    key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
+    set_hash = facts.set_hash(key)
+    if set_hash is None:
+        set_hash = source.set_hash()
+    facts.add_set(key, set_hash)
+    maps: tuple[MapName, ...] = (*(BASE_ALONE if base is not None else ()), *further)
+    digest = base_hash or set_hash
+    return SceneTexture(name, draft.size, has_alpha, digest, draft.origin, source, draft.category, maps, set_hash)
 
 
-def _with_base(material: Material, image: DecodedImage | None, texture_id: int) -> Material:
-    if image is None or image.constant is None:
+def _with_base(material: Material, image: SceneImage | None, texture_id: int) -> Material:
+    constant = None if image is None else image.facts.constant
+    if constant is None:
         return replace(material, texture_id=texture_id)
-    red, green, blue, alpha = (f * c for f, c in zip(material.factor, image.constant, strict=True))
+    red, green, blue, alpha = (f * c for f, c in zip(material.factor, constant, strict=True))
     return replace(material, factor=(red, green, blue, alpha))
 
 
 def read_textures(
-    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
+    file: GltfFile,
+    buffers: Buffers,
+    sources: Sequence[MaterialSource],
+    drawn: frozenset[int],
+    notes: ReportNotes,
+    scene: Path | None = None,
+    report: ProgressReport | None = None,
 ) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
     """The finished materials, in the order of `sources`, and the textures: those with a base colour in the order in which materials
     use them, then the others.
 
     Only images of the materials `drawn` are read. An image that is missing or broken is reported, and factors stand for it; a
-    map of one value is multiplied into the factor. Raises InputError.
+    map of one value is multiplied into the factor. What is found out about images is kept in the cache folder for `scene`, where
+    that takes long. Raises InputError, and what `report` raises.
     """
     try:
-        return _read(file, buffers, sources, drawn, notes)
+        facts = FactsFile(images_cache(), scene)
+        found = _read(file, ImageReader(file, buffers, facts, PixelCache()), facts, sources, drawn, notes, report)
+        facts.write(KEPT_FROM_BYTES)
+        return found
     except TooManyPixelsError as error:
         raise file.fail("images", "hold too many texels for the bytes there are; the scene is broken") from error
 
 
 def _read(
-    file: GltfFile, buffers: Buffers, sources: Sequence[MaterialSource], drawn: frozenset[int], notes: ReportNotes
+    file: GltfFile,
+    reader: ImageReader,
+    facts: FactsFile,
+    sources: Sequence[MaterialSource],
+    drawn: frozenset[int],
+    notes: ReportNotes,
+    report: ProgressReport | None,
 ) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
     uses = image_uses([source for number, source in enumerate(sources) if number in drawn])
-    budget = PixelBudget()
-    images = decode_images(file, buffers, uses, budget, notes)
+    images = find_images(file, uses, reader, notes, report)
     for index in range(len(file.entries("images"))):
         if index not in images:
             note_absent(file, index, notes)
     decoded = list({id(image): image for image in images.values()}.values())
-    notes.note("constant images became factors", sum(image.constant is not None for image in decoded))
-    notes.honoured("alpha of textures kept as plain textures", sum(image.alpha is not None for image in decoded))
+    notes.note("constant images became factors", sum(image.facts.constant is not None for image in decoded))
+    notes.honoured("alpha of textures kept as plain textures", sum(image.facts.has_alpha for image in decoded))
 
-    gathering = _Gathering(images, budget, notes)
+    gathering = _Gathering(images, reader, notes)
     gathering.add_bases({index: use.category for index, use in uses.items() if "base" in use.maps})
     planes = {number: gathering.planes(source) for number, source in enumerate(sources) if number in drawn}
     drafts = gathering.drafts
     ids = {id(draft): number for number, draft in enumerate(drafts)}
     taken: dict[str, int] = {}
     names = [_unique(draft.name, taken) for draft in drafts]
-    textures = map_in_threads(lambda pair: _finished_texture(*pair), list(zip(drafts, names, strict=True)))
+    pairs = list(zip(drafts, names, strict=True))
+    textures = map_in_threads(lambda pair: _finished_texture(*pair, facts, reader.cache), pairs, report)
     notes.note("textures that are material sets", sum(texture.maps != BASE_ALONE for texture in textures))
 
     def finished(number: int, source: MaterialSource) -> Material:

@@ -1,0 +1,316 @@
+"""Images of the file, taken apart into the maps that materials read: on all cores, with bounds on memory."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from threading import Lock
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import srgb_to_linear
+from ntc.codec.maps import MapName
+from ntc.codec.textures import hash_pixels
+from ntc.errors import InputError
+from ntc.io import read_file
+from viewer.scene.gltf.buffers import Buffers, is_data_uri, read_uri, resolve_uri
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.maps.map_pixels import map_channels, map_facts
+from viewer.scene.gltf.materials import MaterialSource
+from viewer.scene.images import (
+    LARGE_EXPANSION,
+    ProgressReport,
+    decode_image,
+    is_constant,
+    map_in_threads,
+    split_alpha,
+)
+from viewer.scene.pixels.image_facts import FactsFile, ImageFacts, MapFacts
+from viewer.scene.pixels.pixel_cache import PixelCache
+from viewer.scene.report import ReportNotes
+
+FREE_PIXEL_BYTES = 1 << 29
+"""Bytes of pixels that any scene may keep, however small its images are as files; beyond, LARGE_EXPANSION holds."""
+FREE_DECODED_BYTES = 1 << 32
+"""The same for all that is decoded, constant images too, which are not kept but take time."""
+NO_FACTS = ImageFacts((0, 0), 0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageContent:
+    """The pixels of an image that materials read."""
+
+    pixels: NDArray[np.uint8] | None = None
+    """[H, W, 3] where a material reads it as base colour and it is not constant."""
+    alpha: NDArray[np.uint8] | None = None
+    maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+    """[H, W, channels] of those that are not constant."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory."""
+        return sum(part.nbytes for part in (self.pixels, self.alpha, *self.maps.values()) if part is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneImage:
+    """One image of the file; `failure` says why there are no pixels."""
+
+    name: str
+    origin: str
+    facts: ImageFacts = NO_FACTS
+    failure: str = ""
+    read: Callable[[], ImageContent] = ImageContent
+    """Its pixels, from memory or from the file. Raises InputError."""
+
+
+@dataclass
+class ImageUse:
+    """What materials read of an image."""
+
+    maps: set[MapName] = field(default_factory=set)
+    alpha: bool = False
+    category: str | None = None
+
+
+class PixelBudget:
+    """Limits decoded bytes, counted from several threads, to a proportion of the bytes of the image files."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept = self._decoded = self._file_bytes = 0
+
+    def check(self) -> None:
+        """Raises TooManyPixelsError where too much was decoded so far, before yet another image is."""
+        allowed = LARGE_EXPANSION * self._file_bytes
+        if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
+            raise TooManyPixelsError
+
+    def add(self, byte_count: int, decoded: int, kept: int) -> None:
+        """Count an image file of `byte_count` bytes, and the bytes `decoded` and `kept`. Raises TooManyPixelsError."""
+        with self._lock:
+            self._decoded += decoded
+            self._kept += kept
+            self._file_bytes += byte_count
+        self.check()
+
+
+class TooManyPixelsError(Exception):
+    """The images of a scene decode to too many bytes for the size of their files."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ImageFile:
+    """Where the bytes of an image lie."""
+
+    data: bytes | memoryview | None = None
+    """Those of embedded images."""
+    path: Path | None = None
+    keeps: object = None
+    """What must not go before `path` is read."""
+
+    def read(self, label: str) -> bytes:
+        """The bytes. Raises InputError."""
+        if self.data is not None:
+            return bytes(self.data)
+        assert self.path is not None
+        try:
+            return read_file(self.path)
+        except OSError as error:
+            raise InputError(f"{label}: cannot be read any more ({error.strerror}); open the scene again") from error
+
+
+def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, bytes]:
+    """(where image `index` lies, its bytes). Raises InputError."""
+    entry = file.entries("images")[index]
+    where = f"images[{index}]"
+    if "uri" in entry:
+        uri = file.text(entry, "uri", where)
+        data = read_uri(file, uri, f"{where}.uri")
+        path = None if is_data_uri(uri) else resolve_uri(file, uri, f"{where}.uri")
+        return (_ImageFile(data) if path is None else _ImageFile(path=path, keeps=file.keeps)), data
+    if "bufferView" in entry:
+        # No copy: views of one buffer may overlap, and then many copies would take more than the file.
+        view = buffers.view(entry["bufferView"], f"{where}.bufferView")[0]
+        return _ImageFile(view.data), view.tobytes()
+    raise file.fail(where, "has neither a uri nor a bufferView")
+
+
+def _source(file: GltfFile, index: int) -> tuple[str, Any]:
+    """What image `index` is read from: images with the same source are decoded once."""
+    entry = file.entries("images")[index]
+    for key in ("uri", "bufferView"):
+        if key in entry:
+            return key, entry[key] if isinstance(entry[key], str | int) else index
+    return "image", index
+
+
+def _names(file: GltfFile, index: int) -> tuple[str, str]:
+    """(name, origin) of image `index`."""
+    entry = file.entries("images")[index]
+    uri = entry.get("uri")
+    external = isinstance(uri, str) and uri[:5].lower() != "data:"
+    path = file.label({"name": unquote(uri)}, "") if external and isinstance(uri, str) else ""
+    stem = PurePosixPath(path.replace("\\", "/")).stem
+    name = file.label(entry, stem or f"image {index}")
+    return name, path or (f"{name} (embedded)" if name == f"image {index}" else f"image {index} {name!r} (embedded)")
+
+
+def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
+    """By image, what `sources` read of it: base colours first, in the order of their materials."""
+    uses: dict[int, ImageUse] = {}
+    for source in sources:
+        if "base" in source.maps:
+            reference = source.maps["base"]
+            use = uses.setdefault(reference.image, ImageUse({"base"}))
+            use.alpha = use.alpha or source.reads_alpha
+            use.category = use.category or reference.category or source.category
+    for source in sources:
+        for name, reference in source.maps.items():
+            if name != "base":
+                use = uses.setdefault(reference.image, ImageUse())
+                use.maps.add(name)
+                use.category = use.category or reference.category or source.category
+    return uses
+
+
+def _taken_apart(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageContent, ImageFacts]:
+    """What `use` reads of the image `decoded` [H, W, 3 or 4]."""
+    found: dict[MapName, NDArray[np.uint8]] = {}
+    facts: dict[MapName, MapFacts] = {}
+    for name in sorted(use.maps - {"base"}):
+        pixels, remark = map_channels(name, decoded)
+        facts[name] = map_facts(name, pixels, remark)
+        if pixels is not None and facts[name].key:
+            found[name] = pixels
+    size = decoded.shape[1], decoded.shape[0]
+    if "base" not in use.maps:
+        content = ImageContent(maps=found)
+        return content, ImageFacts(size, decoded.nbytes, content.nbytes, maps=facts)
+    pixels, alpha = split_alpha(decoded)
+    if not use.alpha:
+        alpha = None
+    whole = pixels if alpha is None else np.dstack([pixels, alpha])
+    if is_constant(whole):
+        red, green, blue = (float(value) for value in srgb_to_linear(pixels[0, 0] / 255.0))
+        color = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
+        content = ImageContent(maps=found)
+        return content, ImageFacts(size, decoded.nbytes, content.nbytes, constant=color, maps=facts)
+    content = ImageContent(pixels, alpha, found)
+    # Whole images count as kept, as their file holds them.
+    kept = decoded.nbytes + sum(part.nbytes for part in found.values())
+    return content, ImageFacts(size, decoded.nbytes, kept, hash_pixels(whole), alpha is not None, maps=facts)
+
+
+def _read_again(data: bytes, label: str, facts: ImageFacts) -> ImageContent:
+    """The pixels of an image whose facts are known. Raises InputError where it is not there any more, or another."""
+    decoded = decode_image(data, label)
+    if (decoded.shape[1], decoded.shape[0]) != facts.size:
+        raise InputError(f"{label}: has changed since the scene was opened; open it again")
+    maps: dict[MapName, NDArray[np.uint8]] = {}
+    for name, known in facts.maps.items():
+        channels = map_channels(name, decoded)[0] if known.key else None
+        if channels is not None:
+            maps[name] = channels
+    if not facts.pixel_hash:
+        return ImageContent(maps=maps)
+    pixels, alpha = split_alpha(decoded)
+    return ImageContent(pixels, alpha if facts.has_alpha else None, maps)
+
+
+class ImageReader:
+    """Finds out about the images of a file, and reads them again later."""
+
+    def __init__(self, file: GltfFile, buffers: Buffers, facts: FactsFile, cache: PixelCache) -> None:
+        self._file, self._buffers, self._facts, self.cache = file, buffers, facts, cache
+        self.budget = PixelBudget()
+
+    def touch_buffer(self, image: int) -> None:
+        """Read the buffer that an image lies in: buffers are not made for threads."""
+        view = self._file.entries("images")[image].get("bufferView")
+        if view is not None:
+            # What is wrong is met again, and reported, where the image is read.
+            with suppress(InputError):
+                self._buffers.view(view, f"images[{image}].bufferView")
+
+    def find_out(self, index: int, use: ImageUse) -> SceneImage:
+        """Image `index`: what is known of it already, else what its pixels tell. Raises TooManyPixelsError."""
+        self.budget.check()
+        name, origin = _names(self._file, index)
+        label = f"{self._file.name}: images[{index}] ({origin})"
+        content: ImageContent | None = None
+        try:
+            place, data = _found(self._file, self._buffers, index)
+            key = FactsFile.image_key(data, f"{'alpha ' if use.alpha else ''}{' '.join(sorted(use.maps))}")
+            facts = self._facts.image(key)
+            if facts is None:
+                content, facts = _taken_apart(decode_image(data, label), use)
+        except InputError as error:
+            return SceneImage(name, origin, failure=str(error))
+        self.budget.add(len(data), facts.decoded_bytes, facts.kept_bytes)
+        # Not `self`: the file and its buffers need not stay in memory.
+        number, known, cache = object(), facts, self.cache
+        if content is not None:
+            self._facts.add_image(key, facts)
+            self.cache.offer(number, content)
+        return SceneImage(
+            name,
+            origin,
+            known,
+            read=lambda: cache.get(number, lambda: _read_again(place.read(label), label, known)),
+        )
+
+
+def find_images(
+    file: GltfFile,
+    uses: Mapping[int, ImageUse],
+    reader: ImageReader,
+    notes: ReportNotes,
+    report: ProgressReport | None = None,
+) -> dict[int, SceneImage]:
+    """The images that are the keys of `uses`, in their order; those that fail are reported.
+
+    Each source is read once (twice where one material reads its alpha and another does not). Raises TooManyPixelsError, and what
+    `report` raises.
+    """
+    first: dict[tuple[tuple[str, Any], bool], int] = {}
+    of_image: dict[int, int] = {}
+    merged: dict[int, ImageUse] = {}
+    for index, use in uses.items():
+        source = _source(file, index)
+        # A map may come from the same file as a base colour whose alpha is read.
+        alpha = use.alpha or ("base" not in use.maps and (source, True) in first)
+        of_image[index] = first.setdefault((source, alpha), index)
+        whole = merged.setdefault(of_image[index], ImageUse(alpha=alpha))
+        whole.maps |= use.maps
+    for index in first.values():
+        reader.touch_buffer(index)
+    decoded = map_in_threads(lambda index: reader.find_out(index, merged[index]), list(first.values()), report)
+    for index, image in zip(first.values(), decoded, strict=True):
+        if image.failure:
+            reason = image.failure.removeprefix(f"{file.name}: ")
+            base = "base" in merged[index].maps
+            notes.missing(f"{reason} [{'the factor is used' if base else 'factors are used'}]")
+        for key, found in image.facts.maps.items():
+            if found.remark:
+                notes.note(f"{image.name}: {key} map {found.remark}")
+    by_first = dict(zip(first.values(), decoded, strict=True))
+    return {index: by_first[source] for index, source in of_image.items()}
+
+
+def note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
+    """Report a file that the scene names but nothing drawn needs when it is not there."""
+    entry = file.entries("images")[index]
+    uri = entry.get("uri")
+    if not isinstance(uri, str) or uri[:5].lower() == "data:":
+        return
+    try:
+        path = resolve_uri(file, file.text(entry, "uri", f"images[{index}]"), f"images[{index}].uri")
+        absent = path is not None and not path.is_file()
+    except (InputError, OSError, ValueError):
+        absent = True
+    if absent:
+        notes.missing(f"images[{index}]: {_names(file, index)[1]} is not there [nothing that is drawn reads it]")

@@ -1,0 +1,1 @@
+"""Pixels of textures: where they come from, and how many stay in memory."""
