@@ -67,6 +67,7 @@ def texel_list(count: int) -> NDArray[np.void]:
     return texels
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", PACKS)
 @pytest.mark.parametrize(("precision", "tolerance"), [("fp32", FLOATS), ("fp16", HALVES)])
 def test_lists_are_the_float64_decode(name: str, precision: Precision, tolerance: float) -> None:

@@ -25,7 +25,7 @@ SIZES = ((640, 360), (331, 187))
 """The second is odd: blocks at the right and lower edge are partial."""
 
 
-@pytest.mark.parametrize("place", ["courtyard", "bistro"])
+@pytest.mark.parametrize("place", ["courtyard", pytest.param("bistro", marks=pytest.mark.once)])
 def test_every_camera_grouping_and_block_shape(place: str, request: pytest.FixtureRequest) -> None:
     if place == "courtyard":
         path, cameras_file = assets_folder() / "courtyard.glb", assets_folder() / "courtyard.cameras.json"

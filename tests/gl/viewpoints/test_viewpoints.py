@@ -21,6 +21,7 @@ from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Material, Scene
 from viewer.viewpoints import ViewpointConfig, sample_viewpoints
 
+pytestmark = pytest.mark.once
 SIZE = (160, 90)
 See = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
 GROUND = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float32)
