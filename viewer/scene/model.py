@@ -193,8 +193,8 @@ class Geometry:
     """[V, 2] float32: the UV set that the primitive's material reads, texture transform applied."""
     colors: NDArray[np.float32] | None
     """[V, 4] float32 linear RGBA that multiplies the base colour, None when no primitive has vertex colours."""
-    indices: NDArray[np.uint32]
-    """[3 T] uint32, relative to the primitive's `base_vertex`; always triangles, counter-clockwise in front."""
+    indices: NDArray[np.uint16] | NDArray[np.uint32]
+    """[3 T] uint16 or uint32, relative to the primitive's `base_vertex`; always triangles, counter-clockwise in front."""
     normals: NDArray[np.float32] | None = None
     """[V, 3] float32 unit normals in the primitive's local space, zero where the file gives none (then the triangle's own is taken);
     None when no primitive has any."""

@@ -10,7 +10,7 @@ import numpy as np
 from ntc.errors import InputError
 from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
-from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT
+from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT, GL_UNSIGNED_SHORT
 from viewer.render.resources.culling import Bucket, DrawList
 from viewer.render.resources.layout import (
     LARGEST_ID,
@@ -25,6 +25,8 @@ INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
 FIRST_INSTANCE_LOCATION = 3
 """Of the attributes that follow, in shaders/common/scene.vert."""
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
+VERTICES_AT_ONCE = 1 << 20
+"""Vertices that are made ready for the GPU in one piece."""
 
 
 class MaterialsSource(Protocol):
@@ -43,12 +45,12 @@ class SceneBuffers:
         self._context, self._gl, self._memory = context, context.gl, context.memory
         self._scene = scene
         geometry = scene.geometry
+        self._index_bytes = geometry.indices.itemsize
         self._rows = self._instance_rows()
-        vertices = np.concatenate([geometry.positions, geometry.uvs], axis=1).astype("<f4")
         with self._memory.transaction():
-            self._vertices = self._buffer("vertices", vertices)
-            self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors.astype("<f4"))
-            self._indices = self._buffer("indices", geometry.indices.astype("<u4"))
+            self._vertices = self._interleaved("vertices", geometry.positions, geometry.uvs)
+            self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors)
+            self._indices = self._buffer("indices", geometry.indices)
             self._instances = self._buffer("instances", self._rows)
             self._materials = self._buffer("materials", materials)
         self._optional: dict[str, moderngl.Buffer] = {}
@@ -81,13 +83,23 @@ class SceneBuffers:
             if array is None or program.get(name, None) is None:
                 continue
             if name not in self._optional:
-                self._optional[name] = self._buffer(name.replace("_", " ") + "s", array.astype("<f4"))
+                self._optional[name] = self._buffer(name.replace("_", " ") + "s", array)
             content.append((self._optional[name], f"{array.shape[1]}f", name))
         return content
 
     def _buffer(self, kind: str, array: np.ndarray) -> moderngl.Buffer:
         # OpenGL has no empty buffers.
-        return self._memory.buffer(f"{kind} of {self._scene.name}", np.ascontiguousarray(array).tobytes() or bytes(64))
+        content = np.ascontiguousarray(array).reshape(-1).view(np.uint8) if array.size else bytes(64)
+        return self._memory.buffer(f"{kind} of {self._scene.name}", content)
+
+    def _interleaved(self, kind: str, *arrays: np.ndarray) -> moderngl.Buffer:
+        """Rows of `arrays` [V, ...] float32 one after another, written in pieces: a large scene must not be held twice for it."""
+        count, stride = len(arrays[0]), sum(array.shape[1] for array in arrays) * 4
+        buffer = self._memory.buffer(f"{kind} of {self._scene.name}", reserve=max(64, count * stride))
+        for start in range(0, count, VERTICES_AT_ONCE):
+            piece = np.concatenate([array[start : start + VERTICES_AT_ONCE] for array in arrays], axis=1)
+            buffer.write(piece, offset=start * stride)
+        return buffer
 
     def _instance_rows(self) -> np.ndarray:
         instances, primitives = self._scene.instances, self._scene.primitives
@@ -112,7 +124,9 @@ class SceneBuffers:
             if self._context.features.compute:
                 content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
             # A program that reads less than all attributes (no material, say) leaves them out.
-            self._arrays[program] = self._gl.vertex_array(program, content, self._indices, skip_errors=True)
+            self._arrays[program] = self._gl.vertex_array(
+                program, content, self._indices, index_element_size=self._index_bytes, skip_errors=True
+            )
         return self._arrays[program]
 
     def _alpha_texture(self, texture_id: int) -> moderngl.Texture:
@@ -186,6 +200,7 @@ class SceneBuffers:
         call = self._context.functions
         call("glUseProgram", array.program.glo)
         call("glBindVertexArray", array.glo)
+        kind = GL_UNSIGNED_INT if self._index_bytes == 4 else GL_UNSIGNED_SHORT
         for command in self._draw_list.commands[first : first + count]:
             row = self._rows[command["base_instance"]]
             # Attributes without an array have one value for all vertices.
@@ -193,8 +208,8 @@ class SceneBuffers:
                 call("glVertexAttrib4f", FIRST_INSTANCE_LOCATION + number, *values)
             call("glVertexAttribI4ui", FIRST_INSTANCE_LOCATION + 3, int(row["ids"]), 0, 0, 0)
             call("glVertexAttrib4f", FIRST_INSTANCE_LOCATION + 4, float(row["aspect"]), 0.0, 0.0, 0.0)
-            indices, place = int(command["count"]), 4 * int(command["first_index"])
-            call("glDrawElementsBaseVertex", GL_TRIANGLES, indices, GL_UNSIGNED_INT, place, int(command["base_vertex"]))
+            indices, place = int(command["count"]), self._index_bytes * int(command["first_index"])
+            call("glDrawElementsBaseVertex", GL_TRIANGLES, indices, kind, place, int(command["base_vertex"]))
 
     def release(self) -> None:
         """Free everything."""

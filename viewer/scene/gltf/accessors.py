@@ -26,7 +26,7 @@ MAX_IMPLIED_VALUES = 1 << 22
 def normalize(values: NDArray[Any]) -> NDArray[np.float32]:
     """Normalised integers as float32: unsigned to 0..1, signed to -1..1; floats pass."""
     if values.dtype.kind == "f":
-        return values.astype(np.float32)
+        return values.astype(np.float32, copy=False)
     scaled = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
     return np.asarray(np.maximum(scaled, np.float32(-1.0)))
 
@@ -47,9 +47,9 @@ class Accessors:
         return self._values(index, where, kinds)[0]
 
     def floats(self, index: object, where: str, kinds: tuple[str, ...]) -> NDArray[np.float32]:
-        """Like `raw`, as float32, with normalised integers scaled to 0..1 or -1..1."""
+        """Like `raw`, as float32, with normalised integers scaled to 0..1 or -1..1: a view of the file's bytes where those are it."""
         values, normalized = self._values(index, where, kinds)
-        return normalize(values) if normalized else values.astype(np.float32)
+        return normalize(values) if normalized else values.astype(np.float32, copy=False)
 
     def _entry(self, index: object, where: str) -> tuple[dict[str, Any], str]:
         accessors = self._file.entries("accessors")

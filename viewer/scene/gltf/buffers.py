@@ -110,6 +110,7 @@ class Buffers:
         where = f"buffers[{index}]"
         entry = file.entry("buffers", index, where)
         length = file.integer(entry, "byteLength", where)
+        data: bytes | memoryview
         if "uri" in entry:
             data = self._source(file.text(entry, "uri", where), f"{where}.uri")
         elif index == 0 and file.binary is not None:

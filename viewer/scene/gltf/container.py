@@ -74,8 +74,8 @@ class GltfFile:
     """Where relative URIs start; None when there is no file, and external URIs are missing."""
     json: Mapping[str, Any]
     """The whole document."""
-    binary: bytes | None
-    """The GLB's binary chunk."""
+    binary: memoryview | None
+    """The GLB's binary chunk: a part of the file's bytes, not a copy."""
     roots: tuple[Path, ...] = ()
     """Folders, resolved, from which the scene may read files beside its own."""
     converted: ConvertedMesh | None = None
@@ -186,7 +186,7 @@ def _parse_json(data: bytes, name: str) -> dict[str, Any]:
     return content
 
 
-def _glb_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
+def _glb_chunks(data: bytes, name: str) -> tuple[bytes, memoryview | None]:
     if len(data) < 20:
         raise InputError(f"{name}: truncated GLB ({len(data)} bytes); copy or export it again")
     _, version, length = struct.unpack_from("<4sII", data)
@@ -196,15 +196,15 @@ def _glb_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
         raise InputError(f"{name}: truncated GLB ({len(data)} of {length} bytes); copy or export it again")
     offset = 12
     json_chunk: bytes | None = None
-    binary: bytes | None = None
+    binary: memoryview | None = None
     while offset + 8 <= length:
         size, kind = struct.unpack_from("<II", data, offset)
         offset += 8
         if size > length - offset:
             raise InputError(f"{name}: a GLB chunk of {size} bytes where {length - offset} are left; export it again")
-        chunk = data[offset : offset + size]
+        chunk = memoryview(data)[offset : offset + size]
         if kind == CHUNK_JSON and json_chunk is None:
-            json_chunk = chunk
+            json_chunk = bytes(chunk)
         elif kind == CHUNK_BINARY and binary is None:
             binary = chunk
         offset += size

@@ -13,6 +13,7 @@ from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
+from viewer.scene.gltf.joined_arrays import joined, joined_indices
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.motion.deformation import Deformation
 from viewer.scene.gltf.motion.deformed_vertices import VertexFrames, deformed
@@ -25,7 +26,7 @@ from viewer.scene.report import ReportNotes
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 """glTF primitive modes."""
 MODE_NAMES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
-MAX_VALUES = 1 << 27
+MAX_VALUES = 1 << 28
 """Most vertices, and most indices, of a whole scene."""
 FREE_VALUES = 1 << 22
 VALUES_PER_BYTE = 16
@@ -35,7 +36,7 @@ several into one, and accessors may share bytes)."""
 _VertexKey = tuple[Any, ...]
 
 
-def triangle_list(indices: NDArray[np.uint32], mode: int) -> NDArray[np.uint32]:
+def triangle_list(indices: NDArray[Any], mode: int) -> NDArray[Any]:
     """[3 T] indices of the triangles that `indices` [N] stand for in `mode`, wound as glTF says.
 
     Left-over vertices are dropped, and so are strip triangles that join strips (two equal corners).
@@ -84,13 +85,14 @@ class GeometryReader:
         self._accessors = accessors
         self._materials = materials
         self._notes = notes
-        self._positions: list[NDArray[np.float32]] = []
-        self._uvs: list[NDArray[np.float32]] = []
+        self._positions: list[NDArray[np.float32] | None] = []
+        self._uvs: list[NDArray[np.float32] | None] = []
         self._colors: list[NDArray[np.float32] | None] = []
         self._normals: list[NDArray[np.float32] | None] = []
         self._tangents: list[NDArray[np.float32] | None] = []
         self._second_uvs: list[NDArray[np.float32] | None] = []
-        self._indices: list[NDArray[np.uint32]] = []
+        self._indices: list[NDArray[Any] | None] = []
+        self._highest_index = 0
         self._vertex_count = 0
         self._index_count = 0
         self._vertex_ranges: dict[_VertexKey, tuple[int, int]] = {}
@@ -112,30 +114,21 @@ class GeometryReader:
         return tuple(primitives)
 
     def finish(self) -> Geometry:
-        """All vertices and indices read so far."""
+        """All vertices and indices read so far. Lets go of what it was read from: nothing can be read afterwards."""
+        counts = [0 if part is None else len(part) for part in self._positions]
+        colors, normals = joined(self._colors, counts, 4, 1.0), joined(self._normals, counts, 3)
+        tangents, second_uvs = joined(self._tangents, counts, 4), joined(self._second_uvs, counts, 2)
+        indices = joined_indices(self._indices, self._index_count, self._highest_index)
+        uvs, positions = joined(self._uvs, counts, 2), joined(self._positions, counts, 3)
         return Geometry(
-            positions=np.concatenate([np.zeros((0, 3), np.float32), *self._positions]),
-            uvs=np.concatenate([np.zeros((0, 2), np.float32), *self._uvs]),
-            colors=self._joined(self._colors, 4, 1.0),
-            indices=np.concatenate([np.zeros(0, np.uint32), *self._indices]),
-            normals=self._joined(self._normals, 3, 0.0),
-            tangents=self._joined(self._tangents, 4, 0.0),
-            second_uvs=self._joined(self._second_uvs, 2, 0.0),
+            positions=np.zeros((0, 3), np.float32) if positions is None else positions,
+            uvs=np.zeros((0, 2), np.float32) if uvs is None else uvs,
+            colors=colors,
+            indices=indices,
+            normals=normals,
+            tangents=tangents,
+            second_uvs=second_uvs,
         )
-
-    def _joined(
-        self, parts: Sequence[NDArray[np.float32] | None], components: int, absent: float
-    ) -> NDArray[np.float32] | None:
-        """[V, components], `absent` for the vertices that have no such attribute; None when no vertex has."""
-        if all(part is None for part in parts):
-            return None
-        joined = np.full((self._vertex_count, components), absent, np.float32)
-        start = 0
-        for positions, part in zip(self._positions, parts, strict=True):
-            if part is not None:
-                joined[start : start + len(positions)] = part
-            start += len(positions)
-        return joined
 
     def _primitive(
         self, entry: dict[str, Any], where: str, name: str, deformation: Deformation | None
@@ -345,7 +338,7 @@ class GeometryReader:
                 raw = self._accessors.raw(entry["indices"], f"{where}.indices", ("SCALAR",))
                 if raw.dtype.kind != "u":
                     raise file.fail(f"{where}.indices", "must be unsigned integers")
-                indices = raw[:, 0].astype(np.uint32)
+                indices = raw[:, 0]
             else:
                 indices = np.arange(vertex_count, dtype=np.uint32)
                 self._notes.honoured("primitives without indices")
@@ -356,6 +349,7 @@ class GeometryReader:
             highest = int(triangles.max()) if count else 0
             self._index_count += count
             self._check_total(self._index_count, "indices", where)
+            self._highest_index = max(self._highest_index, highest)
             self._indices.append(triangles)
             if draco is None:
                 self._index_ranges[key] = first, count, highest

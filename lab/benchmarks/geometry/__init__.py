@@ -1,0 +1,1 @@
+"""Synthetic scenes of many triangles: making them, opening them, drawing them."""

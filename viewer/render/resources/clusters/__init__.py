@@ -1,0 +1,1 @@
+"""Clusters of triangles: their bounds, and culling them on the GPU."""

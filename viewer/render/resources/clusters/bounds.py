@@ -1,0 +1,96 @@
+"""Clusters: runs of triangles of one primitive, with a box and the cone of their normals."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Geometry, Primitive, Scene
+
+NEVER_BACKFACING = 2.0
+"""A cone cutoff that no angle reaches."""
+PIECE_TRIANGLES = 1 << 18
+"""Triangles that are bounded at once, about."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """All clusters of a scene's primitives, in order; primitive p owns clusters `first[p]` to `first[p + 1]`."""
+
+    first: NDArray[np.int64]
+    """[P + 1]."""
+    first_index: NDArray[np.int64]
+    """[C] position in the index array."""
+    index_count: NDArray[np.int64]
+    """[C]."""
+    centre: Array
+    """[C, 3] centre of the bounding box, local space."""
+    half: Array
+    """[C, 3] half the size of the bounding box."""
+    axis: Array
+    """[C, 3] mean direction of the triangles' normals."""
+    cutoff: Array
+    """[C] sine of the cone's half angle, or NEVER_BACKFACING."""
+
+
+def _corners(geometry: Geometry, primitive: Primitive, before: int, triangles: int) -> tuple[Array, Array, Array]:
+    """[3 coordinates, T] of each of the corners of `triangles` triangles of a primitive, behind its first `before`."""
+    begin = primitive.first_index + 3 * before
+    indices = geometry.indices[begin : begin + 3 * triangles].astype(np.int64) + primitive.base_vertex
+    # Coordinate by coordinate: sums and extremes over rows of three take ten times as long.
+    a, b, c = (np.ascontiguousarray(geometry.positions[indices[corner::3]].T, dtype=np.float64) for corner in range(3))
+    return a, b, c
+
+
+def _normals(a: Array, b: Array, c: Array) -> Array:
+    """[3, T] normals, of twice the triangles' areas."""
+    u, v = b - a, c - a
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+def _cones(normals: Array, starts: NDArray[np.int64]) -> tuple[Array, Array]:
+    lengths = np.sqrt((normals * normals).sum(axis=0))
+    unit = normals / np.maximum(lengths, 1e-30)
+    axis = np.add.reduceat(unit, starts, axis=1)
+    axis_length = np.sqrt((axis * axis).sum(axis=0))
+    axis /= np.maximum(axis_length, 1e-30)
+    sizes = np.diff(np.append(starts, normals.shape[1]))
+    # Degenerate triangles are never seen: they must not widen the cone.
+    cosines = np.where(lengths > 0.0, (unit * np.repeat(axis, sizes, axis=1)).sum(axis=0), 1.0)
+    narrowest = np.minimum.reduceat(cosines, starts)
+    has_cone = (narrowest > 1e-3) & (axis_length > 0.0)
+    return axis.T, np.where(has_cone, np.sqrt(np.maximum(1.0 - narrowest**2, 0.0)), NEVER_BACKFACING)
+
+
+def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
+    """(first triangle, triangles) of runs of whole clusters: a large primitive takes no more memory than a small one."""
+    triangles = primitive.index_count // 3
+    step = max(1, PIECE_TRIANGLES // size) * size
+    for start in range(0, triangles, step):
+        yield start, min(step, triangles - start)
+
+
+def build_clusters(scene: Scene, size: int) -> Clusters:
+    """Clusters of at most `size` consecutive triangles of each primitive."""
+    counts = [max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives]
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    total = int(first[-1])
+    first_index, index_count = np.zeros(total, np.int64), np.zeros(total, np.int64)
+    centre, half, axis = np.zeros((total, 3)), np.zeros((total, 3)), np.zeros((total, 3))
+    cutoff = np.full(total, NEVER_BACKFACING)
+    for number, primitive in enumerate(scene.primitives):
+        for before, triangles in _pieces(primitive, size):
+            corners = _corners(scene.geometry, primitive, before, triangles)
+            starts = np.arange(0, triangles, size)
+            row = int(first[number]) + before // size
+            rows = slice(row, row + len(starts))
+            low = np.minimum.reduceat(np.minimum(np.minimum(*corners[:2]), corners[2]), starts, axis=1).T
+            high = np.maximum.reduceat(np.maximum(np.maximum(*corners[:2]), corners[2]), starts, axis=1).T
+            centre[rows], half[rows] = (low + high) / 2.0, (high - low) / 2.0
+            axis[rows], cutoff[rows] = _cones(_normals(*corners), starts)
+            first_index[rows] = primitive.first_index + 3 * (before + starts)
+            index_count[rows] = np.minimum(3 * size, 3 * (triangles - starts))
+    return Clusters(first, first_index, index_count, centre, half, axis, cutoff)
