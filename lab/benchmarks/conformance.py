@@ -1,6 +1,7 @@
 """Read and draw every scene below a folder, each in a process of its own with a time limit, and write a table.
 
-    python -m lab.benchmarks.conformance DIR --out docs/conformance.md --json lab/benchmarks/results/conformance_llvmpipe.json
+    python -m lab.benchmarks.conformance DIR --out docs/conformance.md --sheet docs/conformance.webp --json \
+        lab/benchmarks/results/conformance_llvmpipe.json
 
 A scene that is refused with one line is no failure; one that ends a process in any other way is.
 """
@@ -14,11 +15,18 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.benchmarks.twins.sheet import write_sheet
 from ntc.io import write_text
 from viewer.cli.info_all import KINDS, files_below
 from viewer.cli.table import Column, Table
+from viewer.scene.images import read_image
+from viewer.scene.scene_files import CAMERAS_FILE
 
 SIZE = "320x180"
+SHEET_WIDTH, SHEET_COLUMNS = 240, 5
 BAD_INPUT = 2
 COLUMNS = (
     Column("file", "file"),
@@ -30,6 +38,7 @@ COLUMNS = (
     Column("honoured", "honoured"),
     Column("ignored", "ignored"),
     Column("missing", "missing"),
+    Column("notes", "notes"),
 )
 
 
@@ -58,19 +67,23 @@ def _outcome(status: int | None, line: str, done: str, path: Path) -> str:
     return f"failed: {line}" if status is None else f"crashed (exit {status}): {line}"
 
 
-def examine(path: Path, folder: Path, limit: float) -> dict[str, Any]:
-    """Read the scene at `path`, draw it on the reference path, and return what happened."""
+def examine(path: Path, folder: Path, limit: float) -> tuple[dict[str, Any], NDArray[np.uint8] | None]:
+    """(what happened when the scene at `path` was read and drawn on the reference path, its picture lit by the sky)."""
+    picture = None
     row: dict[str, Any] = {"file": path.relative_to(folder).as_posix(), "render": "-"}
     status, text, line = _command(["info", str(path), "--json"], limit)
     row["result"] = _outcome(status, line, "read", path)
     if status != 0:
-        return row
+        return row, None
     information = json.loads(text)
     row |= {key: information["used"][key] for key in ("triangles", "textures")}
-    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing")}
+    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing", "notes")}
     with tempfile.TemporaryDirectory() as out:
         started = time.monotonic()
-        arguments = ["render", str(path), "--grouping", "reference", "--size", SIZE, "--out", out]
+        arguments = ["render", str(path), "--grouping", "reference", "--view", "lit", "--size", SIZE, "--out", out]
+        cameras = path.parent / CAMERAS_FILE
+        if cameras.is_file():
+            arguments += ["--cameras", str(cameras)]
         status, _, line = _command(arguments, limit)
         row["seconds"] = time.monotonic() - started
         row["render"] = _outcome(status, line, "ok", path)
@@ -80,7 +93,8 @@ def examine(path: Path, folder: Path, limit: float) -> dict[str, Any]:
             row["covered"] = stats["pixels"]["covered"]
             if row["covered"] == 0:
                 row["render"] = "ok, the first camera sees nothing"
-    return row
+            picture = read_image(Path(out) / "color.png")[..., :3]
+    return row, picture
 
 
 def main() -> None:
@@ -89,13 +103,18 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, help="write the table to this Markdown file")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--sheet", type=Path, help="write the pictures to this WebP")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds for each process")
     options = parser.parse_args()
-    rows = []
+    rows: list[dict[str, Any]] = []
+    pictures: list[tuple[str, NDArray[np.uint8]]] = []
     for path in files_below(options.folder):
         if KINDS[path.suffix.lower()] == "pack":
             continue
-        rows.append(examine(path, options.folder, options.limit))
+        row, picture = examine(path, options.folder, options.limit)
+        rows.append(row)
+        if picture is not None:
+            pictures.append((row["file"], picture))
         print(rows[-1]["file"], rows[-1]["result"], rows[-1]["render"], flush=True)
     table = Table(COLUMNS, rows)
     read = sum(row["result"] == "read" for row in rows)
@@ -108,8 +127,12 @@ def main() -> None:
     )
     text = (
         f"# Conformance\n\n{summary}\nMade by `python -m lab.benchmarks.conformance DIR --out F.md`. Time is that of one"
-        " `ntc-viewer render`, start of the program included.\nWhat the columns honoured and ignored mean: gltf.md.\n\n"
+        " `ntc-viewer render`, start of the program included.\nWhat the columns honoured and ignored mean: gltf.md."
+        " Compressed twins of plain scenes: twins.md.\n\n"
     )
+    if options.sheet is not None:
+        write_sheet(options.sheet, pictures, SHEET_WIDTH, SHEET_COLUMNS)
+        text += f"![the scenes, lit by the sky]({options.sheet.name})\n\n"
     if options.out is not None:
         write_text(options.out, text + table.markdown())
     else:

@@ -3,12 +3,20 @@
 import tempfile
 import weakref
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ntc.errors import InputError
 from viewer.scene.json_text import printable
-from viewer.scene.scene_files import MESH_SUFFIXES, SCENE_SUFFIXES, one_scene
+from viewer.scene.scene_files import (
+    ARCHIVE_SUFFIX,
+    MESH_SUFFIXES,
+    OTHER_ARCHIVES,
+    OTHER_SCENES,
+    SCENE_SUFFIXES,
+    one_scene,
+)
 
 MOST_FILES = 1 << 16
 FREE_BYTES = 1 << 28
@@ -49,7 +57,10 @@ def _unpack_all(archive: Path, folder: Path) -> Path:
     try:
         with zipfile.ZipFile(archive) as content:
             files = _checked_files(content, archive)
-            inner = one_scene([Path(name) for name in files if _is_scene(name)], archive, "archive")
+            scenes = [Path(name) for name in files if _is_scene(name)]
+            if not scenes:
+                _refuse_others(archive, files)
+            inner = one_scene(scenes, archive, "archive")
             for name, file in files.items():
                 _unpack(content, file, folder / name)
             return folder / inner
@@ -70,6 +81,17 @@ def _is_scene(name: str) -> bool:
     # macOS puts a hidden twin of each file beside it.
     hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
     return not hidden and path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES)
+
+
+def _refuse_others(archive: Path, names: Iterable[str]) -> None:
+    """Name a scene in a format that is not read, or an archive, where one lies in `archive`. Raises InputError."""
+    for name in names:
+        suffix = PurePosixPath(name).suffix.lower()
+        if suffix in (ARCHIVE_SUFFIX, *OTHER_ARCHIVES):
+            raise InputError(f"{archive}: holds another archive, {printable(name)}; unpack it, then open that")
+        if suffix in OTHER_SCENES:
+            remedy = "export it as glTF (.glb), for example with Blender"
+            raise InputError(f"{archive}: holds {printable(name)}; {suffix[1:].upper()} is not read: {remedy}")
 
 
 def _checked_files(content: zipfile.ZipFile, archive: Path) -> dict[str, zipfile.ZipInfo]:

@@ -16,7 +16,7 @@ from ntc.codec.color import linear_to_srgb
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import atomic_path, is_partial, read_file
-from viewer.scene.ktx2 import is_ktx2, read_ktx2
+from viewer.scene.ktx2 import is_ktx, read_ktx2
 
 LARGEST_EXCESS = 1e-3
 """Floating-point values may lie this far above 1, by rounding."""
@@ -171,7 +171,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
     """
     if not data:
         raise InputError(f"{name}: the image is empty (0 bytes); replace it")
-    if is_ktx2(data):
+    if is_ktx(data):
         content = read_ktx2(data, name, MAX_SIDE, values_allowed(len(data)))
         if not isinstance(content, bytes):
             return _as_colors(content, red_green=True)

@@ -33,6 +33,17 @@ BLOCKS: Final = {
     146: (16, 99, "BC7"),
 }
 """By VkFormat: bytes of a block of 4 x 4 texels, the same format as a DXGI_FORMAT, its name."""
+OTHERS: Final = (
+    (1, 8, "packed bits"),
+    (70, 122, "more than 8 bits a channel"),
+    (135, 136, "BC2"),
+    (140, 140, "signed BC4"),
+    (142, 142, "signed BC5"),
+    (143, 144, "BC6H"),
+    (147, 156, "ETC2 or EAC"),
+    (157, 184, "ASTC"),
+)
+"""First and last VkFormat of formats that are not read."""
 SCHEMES: Final = {0: "none", 1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
 """Supercompression."""
 _DDS: Final = struct.Struct("<4s7I44x8I5I5I")
@@ -52,9 +63,9 @@ class _Container:
     """Bytes of mip 0."""
 
 
-def is_ktx2(data: bytes) -> bool:
-    """Whether `data` starts as a KTX2 file does."""
-    return data.startswith(SIGNATURE)
+def is_ktx(data: bytes) -> bool:
+    """Whether `data` starts as a KTX file does, of version 2 or another one."""
+    return data.startswith(SIGNATURE[:4])
 
 
 def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> NDArray[np.uint8] | bytes:
@@ -79,13 +90,16 @@ def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> ND
         blocks = -(-found.width // 4) * -(-found.height // 4)
         level = _level(data, found, blocks * block_bytes)
         return _dds_header(found.width, found.height, len(level), format_number) + level
+    other = next((f" ({what})" for first, last, what in OTHERS if first <= found.format <= last), "")
     known = ", ".join(sorted({block[2] for block in BLOCKS.values()}))
     raise InputError(
-        f"{name}: KTX2 of VkFormat {found.format} is not read; give Basis Universal, {known} or 8-bit pixels"
+        f"{name}: KTX2 of VkFormat {found.format}{other} is not read; give Basis Universal, {known} or 8-bit pixels"
     )
 
 
 def _container(data: bytes, name: str) -> _Container:
+    if not data.startswith(SIGNATURE):
+        raise InputError(f"{name}: KTX of another version than 2 is not read; convert it to KTX2 or PNG")
     if len(data) < _HEADER.size + _LEVEL.size:
         raise InputError(f"{name}: truncated KTX2 file ({len(data)} bytes); copy or export it again")
     _, vk_format, _, width, height, depth, layers, faces, _, scheme, *_ = _HEADER.unpack_from(data)

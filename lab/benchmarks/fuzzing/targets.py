@@ -58,7 +58,7 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
     from viewer.scene.gltf.container import parse_gltf
     from viewer.scene.images import decode_image
     from viewer.scene.load import build_scene, load_scene
-    from viewer.scene.model import Pose
+    from viewer.scene.model import Pose, Scene
     from viewer.scene.report import report_json, report_lines
     from viewer.state.settings import parse_settings
 
@@ -97,6 +97,7 @@ class Readers:
         scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
         report_json(scene)
         "\n".join(report_lines(scene)).encode()
+        _read_pixels(scene)
 
     def moving_scene(self, data: bytes) -> None:
         """Read `data` as a scene, once as it stands and once at a moment of its first animation."""
@@ -108,7 +109,7 @@ class Readers:
         """Read `data` as a zip archive with a scene."""
         path = self._folder / "fuzz.zip"
         path.write_bytes(data)
-        load_scene(path)
+        _read_pixels(load_scene(path))
 
     def pack(self, data: bytes) -> None:
         """Read `data` as a pack."""
@@ -150,6 +151,14 @@ class Readers:
         path = self._folder / "fuzz.bin"
         path.write_bytes(data)
         return path
+
+
+def _read_pixels(scene: Scene) -> None:
+    """What is read when a texture is needed."""
+    for texture in scene.textures:
+        assert texture.pixels.shape[1::-1] == texture.size
+        assert (texture.alpha is None) == (not texture.has_alpha)
+        assert set(texture.further_maps) == set(texture.maps) - {"base"}
 
 
 def main() -> None:

@@ -49,16 +49,33 @@ SUPPORTED = frozenset(
 
 WITHOUT_EFFECT = frozenset(
     {
+        "EXT_instance_features",
+        "EXT_lights_ies",
+        "EXT_lights_image_based",
+        "EXT_mesh_features",
+        "EXT_mesh_manifold",
+        "EXT_structural_metadata",
+        "GODOT_single_root",
         "KHR_animation_pointer",
+        "KHR_audio_emitter",
+        "KHR_interactivity",
         "KHR_materials_anisotropy",
+        "KHR_materials_diffuse_transmission",
         "KHR_materials_dispersion",
         "KHR_materials_iridescence",
         "KHR_materials_sheen",
         "KHR_materials_volume",
+        "KHR_materials_volume_scatter",
+        "KHR_node_hoverability",
+        "KHR_node_selectability",
+        "KHR_xmp",
         "KHR_xmp_json_ld",
+        "MSFT_lod",
+        "VRMC_springBone",
+        "VRMC_vrm",
     }
 )
-"""Finer effects of light, animated properties, and metadata: a file may require them and still be drawn without."""
+"""Finer effects of light, other shapes of lights, behaviour, and metadata: a file may require them and still be drawn without."""
 
 MOST_NAMED = 4
 """Extensions that one message names."""

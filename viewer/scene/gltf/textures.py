@@ -123,12 +123,15 @@ def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: Rep
     """Image of a texture: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
     count = len(file.entries("images"))
     for name in IMAGE_EXTENSIONS:
-        # What Basis Universal or AVIF holds was compressed from the plain image, which is nearer to what was made.
-        preferred = name not in COPIES or "source" not in texture
-        extension = file.extension(texture, name, where) if preferred else None
-        if extension is not None and "source" in extension:
-            notes.honoured(f"{name}: textures")
-            return file.index(extension["source"], count, f"{where}.{name}.source")
+        extension = file.extension(texture, name, where)
+        if extension is None or "source" not in extension:
+            continue
+        if name in COPIES and "source" in texture:
+            # What Basis Universal or AVIF holds was compressed from the plain image, which is nearer to what was made.
+            notes.note(f"{name}: textures whose plain image is read instead")
+            continue
+        notes.honoured(f"{name}: textures")
+        return file.index(extension["source"], count, f"{where}.{name}.source")
     if "source" in texture:
         return file.index(texture["source"], count, f"{where}.source")
     notes.missing(f"{where}: no image; its factor is used")

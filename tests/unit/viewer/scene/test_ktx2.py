@@ -97,6 +97,9 @@ def test_the_plain_image_is_preferred_to_its_compressed_copy() -> None:
     for expected in (noise(seed=1), noise(seed=2)):
         scene = build_scene(parse_gltf(builder.glb(), "a.glb", None), "a", None)
         np.testing.assert_array_equal(scene.textures[0].pixels, expected)
+        plain_is_read = "KHR_texture_basisu: textures whose plain image is read instead" in scene.report.notes
+        assert plain_is_read == ("source" in texture)
+        assert plain_is_read != ("KHR_texture_basisu: textures" in scene.report.honoured)
         texture.pop("source", None)
 
 
@@ -118,7 +121,11 @@ def test_a_folder_of_ktx2_is_read(tmp_path: Path) -> None:
         (ktx2(bytes(63), (4, 4), 37), "mip 0 does not hold the 64 bytes"),
         (ktx2(b"broken", (4, 4), 37, scheme=2), "mip 0 does not hold"),
         (ktx2(zlib.compress(bytes(65)), (4, 4), 37, scheme=3), "mip 0 does not hold"),
-        (ktx2(bytes(64), (4, 4), 157), "VkFormat 157 is not read"),
+        (ktx2(bytes(64), (4, 4), 157), r"VkFormat 157 \(ASTC\) is not read"),
+        (ktx2(bytes(64), (4, 4), 143), r"VkFormat 143 \(BC6H\) is not read"),
+        (ktx2(bytes(64), (4, 4), 97), r"VkFormat 97 \(more than 8 bits a channel\) is not read"),
+        (ktx2(bytes(64), (4, 4), 4000), "VkFormat 4000 is not read"),
+        (b"\xabKTX 11\xbb\r\n\x1a\n" + bytes(64), "KTX of another version than 2 is not read; convert it"),
         (ktx2(bytes(64), (4, 4), 37, level_length=1 << 40), "truncated KTX2"),
         (ktx2(bytes(1024), (32768, 32768), 37), "the image is broken"),
         (ktx2(bytes(1024), (1 << 31, 1), 37), "sides are 1 to"),

@@ -73,6 +73,19 @@ def test_meshes_in_an_archive_are_read_where_there_is_no_gltf(tmp_path: Path) ->
     assert len(load_scene(archive_of(tmp_path / "b.zip", {"a.obj": mesh, "b.glb": glb})).textures) == 2
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("source/model.zip", "holds another archive, source/model.zip; unpack it"),
+        ("source/model.fbx", "holds source/model.fbx; FBX is not read: export it as glTF"),
+        ("model.7z", "holds another archive, model.7z; unpack it"),
+    ],
+)
+def test_what_an_archive_holds_instead_of_a_scene_is_named(tmp_path: Path, name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_scene(archive_of(tmp_path / "a.zip", {"readme.txt": b"", name: b"?"}))
+
+
 HOSTILE = ("no archive", "no scene", "several", "outside", "bomb", "broken", "encrypted", "nameless", "not utf-8")
 
 
