@@ -18,7 +18,7 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext, wrap_context
 from viewer.gl.context_loss import SimulatedLosses
 from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION
-from viewer.gl.systems import SYSTEM
+from viewer.gl.systems import SYSTEM, set_up_drivers
 
 TITLE = "ntc-viewer"
 
@@ -39,6 +39,7 @@ def _open(size: tuple[int, int], version: int, robust: bool) -> Window:
 
 def _open_best(size: tuple[int, int]) -> Window:
     """A window with what its driver has: losses that are told rather than not, else an older version."""
+    set_up_drivers()
     problem: Exception | None = None
     for version in (COMPUTE_VERSION, DRAWING_VERSION):
         for robust in (True, False):

@@ -1,7 +1,8 @@
 """What differs between operating systems: how a context is made without a window, and what to advise where none can be made."""
 
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,6 +13,9 @@ FunctionLoader = Callable[[str], int]
 """Name of an OpenGL function -> its address, 0 if there is none."""
 NO_ADDRESS: Final = frozenset({1, 2, 3, (1 << 64) - 1})
 """What some drivers' wglGetProcAddress returns, besides 0, for a function that they lack."""
+DRIVER_SETTINGS: Final = {"ZINK_DESCRIPTORS": "lazy"}
+"""Environment variables that drivers read. zink of Mesa 25.0 and 26.2, left to choose, computes wrong results from the second frame on
+that no wait divides from the first (docs/decode-paths.md)."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,12 @@ def system_of(platform: str) -> GraphicsSystem:
 SYSTEM: Final = system_of(sys.platform)
 
 
+def set_up_drivers(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Set DRIVER_SETTINGS where the user has not: to be called before a context is made."""
+    for name, value in DRIVER_SETTINGS.items():
+        environment.setdefault(name, value)
+
+
 def make_context(
     version: int, device: int = 0, system: GraphicsSystem = SYSTEM
 ) -> tuple[moderngl.Context, FunctionLoader]:
@@ -73,6 +83,7 @@ def make_context(
     `device`: number of the GPU in EGL's list; only 0 where the system has no EGL. Raises whatever moderngl and glcontext raise, plain
     Exception included.
     """
+    set_up_drivers()
     back_end = glcontext.get_backend_by_name("egl") if system.has_egl else glcontext.default_backend()
     made: Any = back_end(mode="standalone", glversion=version, device_index=device)
     gl = moderngl.create_context(require=version, standalone=True, context=made)

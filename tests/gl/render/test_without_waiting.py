@@ -57,16 +57,11 @@ def exact(graphics: GraphicsContext) -> Iterator[Renderer]:
 @pytest.mark.parametrize("path", get_args(DecodePath))
 @pytest.mark.parametrize("texel_filter", get_args(TexelFilter))
 def test_a_view_at_rest_is_the_same_picture(
-    request: pytest.FixtureRequest,
-    graphics: GraphicsContext,
     late: Renderer,
     exact: Renderer,
     path: DecodePath,
     texel_filter: TexelFilter,
 ) -> None:
-    if graphics.info.renderer.startswith("zink") and (path, texel_filter) == ("binned", "stochastic"):
-        # Open: a twelfth of the pixels differ there, and on no other driver. docs/decode-paths.md says so.
-        request.applymarker(pytest.mark.xfail(reason="samples of binned differ on zink; the cause is not known"))
     slot = Slot("p", path, filter=texel_filter)
     for number in range(3):
         view = ViewState(turned(FRONT, 20.0 * number), SIZE, slot, overlay=Overlay("divergence", opacity=0.3))
