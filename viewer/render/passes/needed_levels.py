@@ -109,8 +109,9 @@ class VisibleLatents:
         if self._make_pass is None or store.has(dict.fromkeys(textures, 0)):
             self._shown = self._known = inputs
         elif self._waits or whole:
-            self._ask(inputs)
-            self._take(waits=True)
+            if self._known != inputs:
+                self._ask(inputs)
+                self._take(waits=True)
             self._shown = inputs
         else:
             self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
