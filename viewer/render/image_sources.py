@@ -1,17 +1,20 @@
 """Sources that are shown as images: the originals, and what the formats of graphics hardware make of them."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES, Plane
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.passes.reference import ReferencePass
+from viewer.render.passes.reference import MipsOf, ReferencePass
+from viewer.render.resources.images.image_places import DEFAULT_BYTES, ImagePlaces, plane_bytes
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.scene.map_pictures import compressed_plane_mips
+from viewer.scene.map_pictures import compressed_plane_mips, plane_mips
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
@@ -19,13 +22,56 @@ from viewer.state.view_state import REFERENCE
 class ImageSources:
     """A pass for each source and plane of maps, over one visibility buffer. Images are uploaded when they are seen first."""
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, scene: Scene, materials: np.ndarray) -> None:
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        scene: Scene,
+        materials: np.ndarray,
+        write_materials: Callable[[np.ndarray], None],
+        most_bytes: int = DEFAULT_BYTES,
+    ) -> None:
+        """`write_materials` uploads the records `materials` where places of images have changed; `most_bytes` is for all images of a
+        source: beyond it those in sight are there, as large as there is room for."""
         self._context, self._programs, self._scene, self._materials = context, programs, scene, materials
-        self._reference = {
-            plane: ReferencePass(context, programs, scene, materials, reading=self._reading(plane)) for plane in PLANES
+        self._write_materials = write_materials
+        sizes = {plane: plane_bytes(scene, plane) for plane in PLANES}
+        total = max(sum(sizes.values()), 1)
+        # Each plane has its share of the budget.
+        self._places = {
+            plane: ImagePlaces(scene, plane, size if total <= most_bytes else most_bytes * size // total)
+            for plane, size in sizes.items()
         }
+        for places in self._places.values():
+            places.write(materials)
+        write_materials(materials)
+        self._reference = {plane: self._pass(REFERENCE, plane, partial(self._mips, plane)) for plane in PLANES}
         self._compressed: Mapping[str, CompressedTextures] = {}
         self._passes: dict[tuple[str, Plane], ReferencePass] = {}
+
+    def _pass(self, source: str, plane: Plane, mips: MipsOf) -> ReferencePass:
+        return ReferencePass(
+            self._context,
+            self._programs,
+            self._places[plane],
+            mips,
+            partial(self._write_places, plane),
+            source,
+            self._reading(plane),
+        )
+
+    def _mips(self, plane: Plane, texture_id: int) -> Sequence[NDArray[np.uint8]]:
+        return plane_mips(self._scene.textures[texture_id], plane)
+
+    def _write_places(self, plane: Plane) -> None:
+        self._places[plane].write(self._materials)
+        self._write_materials(self._materials)
+
+    @property
+    def largest_side(self) -> int | None:
+        """Texels a side that images in sight are reduced to where there is no room for all of them; None where nothing is."""
+        sides = [places.side for places in self._places.values() if places.is_bounded]
+        return min(sides, default=None)
 
     def _reading(self, plane: Plane) -> PlaneReading:
         geometry = self._scene.geometry
@@ -47,15 +93,8 @@ class ImageSources:
         key = source, plane
         if key not in self._passes:
             textures = self._compressed[source]
-            self._passes[key] = ReferencePass(
-                self._context,
-                self._programs,
-                self._scene,
-                self._materials,
-                lambda texture_id: compressed_plane_mips(textures, texture_id, plane),
-                source,
-                self._reading(plane),
-            )
+            mips = partial(compressed_plane_mips, textures, plane=plane)
+            self._passes[key] = self._pass(source, plane, mips)
         return self._passes[key]
 
     def set_compressed(self, compressed: Mapping[BlockFormat, CompressedTextures]) -> None:

@@ -74,12 +74,13 @@ class Renderer:
         """The driver's name of the GPU, or of the software renderer."""
         self._programs = scene_programs(context)
         materials = material_records(scene)
-        self.images = ImageSources(context, self._programs, scene, materials)
         self._timer = PassTimer(context, waits)
         self._blocked = context.memory.blocking.count
         self._scheduler = PassScheduler(self._timer)
         with context.memory.transaction():
             self._scene_buffers = SceneBuffers(context, scene, materials)
+            write_materials = self._scene_buffers.write_materials
+            self.images = ImageSources(context, self._programs, scene, materials, write_materials)
             self._compositor = Compositor(context, self._programs, scene, self._scheduler, divergence_stage)
         self._drawer = SceneDrawer(context, self._programs, scene, self._scene_buffers, self._scheduler)
         tile_cache = tile_cache or TileCacheConfig()
@@ -94,7 +95,7 @@ class Renderer:
         light = LightDrawer(context, self._programs, scene, self._scene_buffers, self._drawer.culling, self._scheduler)
         self.shading = PictureShading(context, self._programs, light, self._scheduler)
         """Tells what is wrong with the light."""
-        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading)
+        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading, waits)
         self._blend = BlendSamples(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
         self.paths = PathChooser(context, self._drawer, self._packs, self._scheduler)
         self._targets: PictureTargets | None = None

@@ -36,9 +36,10 @@ class SlotDrawer:
         packs: GpuPacks,
         images: ImageSources,
         shading: PictureShading,
+        waits: bool = True,
     ) -> None:
         self._context, self._scheduler, self._packs, self._images = context, scheduler, packs, images
-        self._shading = shading
+        self._shading, self._waits = shading, waits
         self._draws = 0
         self.prepared: set[Slot] = set()
         """Slots whose programs have been used."""
@@ -74,18 +75,21 @@ class SlotDrawer:
             return None
         return self._packs.on_gpu(slot).path(slot.path, slot.filter, key.plane)
 
-    def _version(self, slot: Slot) -> int:
-        return 0 if is_image_source(slot.source) else self._packs.version(slot)
+    def _version(self, key: PlaneKey) -> int:
+        source = key.slot.source
+        return self._images.of(source, key.plane).version if is_image_source(source) else self._packs.version(key.slot)
 
     def _is_plane_drawn(self, key: PlaneKey, targets: PictureTargets) -> bool:
         drawn = targets.drawn.get(key)
-        return drawn is not None and (drawn.inputs, drawn.version) == (targets.inputs_of(key), self._version(key.slot))
+        return drawn is not None and (drawn.inputs, drawn.version) == (targets.inputs_of(key), self._version(key))
 
     def _is_plane_complete(self, key: PlaneKey, targets: PictureTargets) -> bool:
         if not self._is_plane_drawn(key, targets):
             return False
         path = self._path(key)
-        return path is None or not path.is_waiting
+        if path is None:
+            return not self._images.of(key.slot.source, key.plane).is_waiting
+        return not path.is_waiting
 
     def _picture_key(self, slot: Slot, targets: PictureTargets) -> PictureKey | None:
         """None before all planes are there."""
@@ -152,7 +156,12 @@ class SlotDrawer:
             if path is None:
                 images = self._images.of(slot.source, key.plane)
                 with timer.measure("upload"):
-                    images.upload(inputs.visible_materials)
+                    images.upload(inputs.visible_materials, whole or self._waits)
+                if same_view and drawn is not None and drawn.version == images.version:
+                    # What is still to come has not come yet.
+                    targets.drawn[key] = drawn
+                    self._scheduler.skipped["passes"] += 1
+                    return
                 with timer.owned_by(key), timer.measure(images.name):
                     images.run(inputs, target)
             else:
@@ -164,7 +173,7 @@ class SlotDrawer:
             if drawn is not None:
                 targets.drawn[key] = drawn
             return
-        targets.drawn[key] = DrawnPlane(inputs, self._version(slot), self.next_number())
+        targets.drawn[key] = DrawnPlane(inputs, self._version(key), self.next_number())
 
     def next_number(self) -> int:
         """A number for what is drawn next: positive, and no other drawing's."""

@@ -35,7 +35,8 @@ void main() {
     vec4 texel = textureLod(images, at, footprint_lod(place.z, float(textureSize(images, 0).x)));
 #endif
 #if FIRST
-    bool textured = surface.material >= 0 && plane.texture_id >= 0;
+    // Without an array the image is still to come.
+    bool textured = surface.material >= 0 && plane.texture_id >= 0 && plane.image_array >= 0;
     target = plane_content(surface, textured ? plane.components : 0, texel);
 #if SORTS
     gl_FragDepth = textured && plane.image_array != first_array ? float(plane.image_array + 1) / BUCKET_DEPTHS : 0.0;

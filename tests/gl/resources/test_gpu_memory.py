@@ -277,19 +277,21 @@ def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) 
     held = memory.objects_given
     # Images of one size are one array: the second is refused while another one is there.
     reference = renderer.images.of("reference", "base")
-    sizes = {plan.size for plan in reference._plans}
+    places = reference._places
+    sizes = {plan.size for plan in places.plans.values()}
     assert len(sizes) > 1
 
     def allows(what: str, _size: int) -> bool:
         return "source images" not in what or not reference._arrays
 
     array = next(iter(reference._arrays))
-    material = next(index for index, place in reference._places.items() if place.array == array)
+    materials = [index for index in range(len(scene.materials)) if places.of([index])]
+    material = next(index for index in materials if {place.array for place in places.of([index])} == {array})
     reference._drop(array)
     memory.allows = allows  # type: ignore[method-assign, assignment]
     reference.upload([material])
     assert set(reference._arrays) == {array}
-    others = [index for index in reference._places if index != material]
+    others = [index for index in materials if index != material]
     with pytest.raises(GpuMemoryError):
         reference.upload([material, *others])
     del memory.allows

@@ -3,70 +3,34 @@
 Each plane of maps (`ntc.codec.maps`) has arrays of its own, in the format that is filtered as its maps are: sRGB or linear.
 """
 
-from collections import defaultdict
+import math
+import os
+import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import PLANES, Plane
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
 from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.images.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs
-from viewer.scene.map_pictures import plane_mips
-from viewer.scene.model import Sampler, Scene
 from viewer.state.view_state import REFERENCE
 
 MipsOf = Callable[[int], Sequence[NDArray[np.uint8]]]
 """Texture id -> every mip down to 1x1 texel, as `plane_mips` gives them."""
 DEFAULT_READING = PlaneReading()
-LAYERS_AT_MOST = 256
-"""Every OpenGL 4.3 driver has at least this many layers."""
-
-
-@dataclass(frozen=True)
-class ImagePlace:
-    """Where a material finds its original image."""
-
-    array: int
-    layer: int
-
-
-@dataclass(frozen=True)
-class ImageArrayPlan:
-    """Textures of one size that are sampled alike."""
-
-    size: tuple[int, int]
-    sampler: Sampler
-    textures: tuple[int, ...]
-
-
-def plan_image_arrays(scene: Scene, plane: Plane) -> tuple[tuple[ImageArrayPlan, ...], Mapping[int, ImagePlace]]:
-    """Texture arrays of a plane for a scene, and the place of each textured material's image, by material index."""
-    found = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
-    textured = {index: own for index, own in found.items() if own is not None}
-    members: dict[tuple[tuple[int, int], Sampler], list[int]] = defaultdict(list)
-    for own in textured.values():
-        textures = members[(scene.textures[own.texture_id].size, own.sampler)]
-        if own.texture_id not in textures:
-            textures.append(own.texture_id)
-    plans: list[ImageArrayPlan] = []
-    place: dict[tuple[int, Sampler], ImagePlace] = {}
-    for (size, sampler), textures in members.items():
-        for start in range(0, len(textures), LAYERS_AT_MOST):
-            part = textures[start : start + LAYERS_AT_MOST]
-            place.update({(texture, sampler): ImagePlace(len(plans), layer) for layer, texture in enumerate(part)})
-            plans.append(ImageArrayPlan(size, sampler, tuple(part)))
-    places = {index: place[(own.texture_id, own.sampler)] for index, own in textured.items()}
-    return tuple(plans), places
+MOST_AHEAD = 2 * (os.cpu_count() or 1)
+"""Images that are read before they are uploaded."""
+SECONDS_BETWEEN_NEWS = 0.25
+"""Images that come one after the other are shown together so often: each time the whole plane is drawn again."""
 
 
 class ReferencePass:
@@ -79,43 +43,67 @@ class ReferencePass:
         self,
         context: GraphicsContext,
         programs: ProgramFactory,
-        scene: Scene,
-        materials: np.ndarray,
-        mips: MipsOf | None = None,
+        places: ImagePlaces,
+        mips: MipsOf,
+        write_places: Callable[[], None],
         name: str = REFERENCE,
         reading: PlaneReading = DEFAULT_READING,
     ) -> None:
-        """`mips` gives the images by texture id, in threads; None: the scene's own. `name` is that of the source."""
-        self._context, self.name, self._reading, plane = context, name, reading, reading.plane
-        self._mips: MipsOf = mips or (lambda texture_id: plane_mips(scene.textures[texture_id], plane))
-        self._plans, self._places = plan_image_arrays(scene, plane)
-        for index, place in self._places.items():
-            own = materials[index]["planes"][PLANES.index(plane)]
-            own["image_array"], own["image_layer"] = place.array, place.layer
-        self._arrays: dict[int, ImageArray] = {}
+        """`mips` gives the images by texture id, in threads. `write_places` hands the places to shaders, when they have changed.
+
+        `name` is that of the source.
+        """
+        self._context, self.name, self._reading = context, name, reading
+        self._mips, self._places, self._write_places = mips, places, write_places
+        self._arrays: dict[int, tuple[ImageArrayPlan, ImageArray]] = {}
         self._samplers = SamplerCache(context)
-        self._uploaded: set[tuple[int, int]] = set()
+        self._uploaded: dict[ImagePlace, ImageContent] = {}
         self._programs = programs
         self._depth: moderngl.Texture | None = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._coming: dict[ImageContent, Future[Sequence[NDArray[np.uint8]]]] = {}
+        self._arrived: list[ImagePlace] = []
+        """Uploaded, not shown yet."""
+        self._news_at = -math.inf
+        self.version = 0
+        """Changes when images have come that a picture drawn before lacks."""
 
     @property
     def images_not_uploaded(self) -> int:
-        """Images that no frame has needed so far."""
-        return len(set(self._places.values())) - len(self._uploaded)
+        """Images that no frame has needed so far, or that are not there any more."""
+        return self._places.images - len(self._uploaded)
 
-    def upload(self, visible_materials: Iterable[int]) -> None:
+    @property
+    def is_waiting(self) -> bool:
+        """Whether images are still to come."""
+        return bool(self._places.pending)
+
+    def upload(self, visible_materials: Sequence[int], whole: bool = True) -> None:
         """Upload the images of these materials that are not on the GPU yet, with their mip chains.
+
+        Where images are bounded, and this is not to be the `whole` picture, those that have been read so far.
 
         Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
         reference.
         """
-        wanted = {self._places[index] for index in visible_materials if index in self._places}
+        self._places.want(visible_materials)
+        self._forget_what_is_gone()
+        wanted = self._places.of(visible_materials)
         try:
             self._upload(wanted)
+            self._upload_coming(whole)
         except GpuMemoryError:
             if not self._drop_all_but({place.array for place in wanted}):
                 raise
             self._upload(wanted)
+            self._upload_coming(whole)
+
+    def _forget_what_is_gone(self) -> None:
+        for array in [array for array, (plan, _) in self._arrays.items() if self._places.plans.get(array) is not plan]:
+            self._drop(array)
+        content = self._places.content
+        self._uploaded = {place: own for place, own in self._uploaded.items() if content.get(place) == own}
+        self._arrived = [place for place in self._arrived if place in self._uploaded]
 
     def _drop_all_but(self, wanted: Collection[int]) -> bool:
         """Free all other arrays; whether there were any."""
@@ -125,28 +113,68 @@ class ReferencePass:
         return bool(others)
 
     def _drop(self, array: int) -> None:
-        self._arrays.pop(array).release()
-        self._uploaded = {place for place in self._uploaded if place[0] != array}
+        self._arrays.pop(array)[1].release()
+        self._uploaded = {place: own for place, own in self._uploaded.items() if place.array != array}
 
-    def _upload(self, wanted: Collection[ImagePlace]) -> None:
-        fresh = sorted((p.array, p.layer) for p in wanted if (p.array, p.layer) not in self._uploaded)
-        if not fresh:
+    def _mips_of(self, content: ImageContent) -> Sequence[NDArray[np.uint8]]:
+        return self._mips(content.texture)[content.level :]
+
+    def _threads(self) -> ThreadPoolExecutor:
+        self._pool = self._pool or ThreadPoolExecutor(os.cpu_count() or 1)
+        return self._pool
+
+    def _upload(self, wanted: Iterable[ImagePlace]) -> None:
+        """Upload what is not there, waiting for it."""
+        content = self._places.content
+        fresh = sorted((place for place in wanted if place not in self._uploaded), key=lambda p: (p.array, p.layer))
+        for start in range(0, len(fresh), MOST_AHEAD):
+            # A few at a time: their pixels take memory until they are uploaded.
+            part = fresh[start : start + MOST_AHEAD]
+            chains = self._threads().map(self._mips_of, [content[place] for place in part])
+            for place, chain in zip(part, chains, strict=True):
+                self._write(place, chain)
+
+    def _write(self, place: ImagePlace, chain: Sequence[NDArray[np.uint8]]) -> None:
+        if place.array not in self._arrays:
+            plan = self._places.plans[place.array]
+            made = ImageArray(self._context, plan.size, plan.layers, srgb=self._reading.plane != "surface")
+            self._arrays[place.array] = plan, made
+        try:
+            self._arrays[place.array][1].write(place.layer, chain)
+        except GpuMemoryError:
+            self._drop(place.array)
+            raise
+        self._uploaded[place] = self._places.content[place]
+
+    def _upload_coming(self, whole: bool) -> None:
+        """Upload pending images: all, or those that threads have read by now."""
+        pending = self._places.pending
+        if whole:
+            self._upload(pending)
+            self._arrived = list(pending)
+        elif pending:
+            self._read_ahead(pending)
+        if not self._arrived:
             return
-        textures = [self._plans[array].textures[layer] for array, layer in fresh]
-        with ThreadPoolExecutor() as pool:
-            chains = pool.map(self._mips, textures)
-            for (array, layer), chain in zip(fresh, chains, strict=True):
-                if array not in self._arrays:
-                    plan = self._plans[array]
-                    self._arrays[array] = ImageArray(
-                        self._context, plan.size, len(plan.textures), srgb=self._reading.plane != "surface"
-                    )
-                try:
-                    self._arrays[array].write(layer, chain)
-                except GpuMemoryError:
-                    self._drop(array)
-                    raise
-                self._uploaded.add((array, layer))
+        now = time.monotonic()
+        if whole or len(self._arrived) == len(pending) or now - self._news_at >= SECONDS_BETWEEN_NEWS:
+            self._places.arrived(self._arrived)
+            self._arrived, self._news_at = [], now
+            self.version += not whole
+            self._forget_what_is_gone()
+            self._write_places()
+
+    def _read_ahead(self, pending: Mapping[ImagePlace, ImageContent]) -> None:
+        for gone in self._coming.keys() - set(pending.values()):
+            self._coming.pop(gone).cancel()
+        for place, own in pending.items():
+            if place in self._uploaded:
+                continue
+            if own in self._coming and self._coming[own].done():
+                self._write(place, self._coming.pop(own).result())
+                self._arrived.append(place)
+            elif own not in self._coming and len(self._coming) < MOST_AHEAD:
+                self._coming[own] = self._threads().submit(self._mips_of, own)
 
     def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         if self._depth is None or self._depth.size != size:
@@ -160,7 +188,7 @@ class ReferencePass:
         """Draw the plane, once the visible materials have been uploaded."""
         visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl
-        arrays = sorted({self._places[index].array for index in inputs.visible_materials if index in self._places})
+        arrays = sorted({place.array for place in self._places.of(inputs.visible_materials)})
         # One array, the common case, needs no depth to tell pixels apart.
         sorts = len(arrays) > 1
         framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
@@ -188,18 +216,19 @@ class ReferencePass:
         if array < 0:
             triangle.render(moderngl.TRIANGLES, vertices=3)
             return
-        self._arrays[array].use(unit)
-        set_uniforms(
-            triangle.program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in self._plans[array].sampler.wrap)}
-        )
-        sampler = self._samplers.get(self._plans[array].sampler, anisotropy)
+        plan, images = self._arrays[array]
+        images.use(unit)
+        set_uniforms(triangle.program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in plan.sampler.wrap)})
+        sampler = self._samplers.get(plan.sampler, anisotropy)
         sampler.use(unit)
         triangle.render(moderngl.TRIANGLES, vertices=3)
         sampler.clear(unit)
 
     def release(self) -> None:
         """Free images, samplers and depth."""
-        for array in self._arrays.values():
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+        for _, array in self._arrays.values():
             array.release()
         self._samplers.release()
         if self._depth is not None:

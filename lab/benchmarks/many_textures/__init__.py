@@ -1,0 +1,1 @@
+"""Scenes of many textures: made here, opened, drawn, measured."""

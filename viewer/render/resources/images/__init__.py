@@ -1,0 +1,1 @@
+"""Original images on the GPU: where each lies, within a budget."""

@@ -1,0 +1,232 @@
+"""Where the images of one plane of maps lie in texture arrays: all of them, or what a budget allows of those in sight."""
+
+from collections import OrderedDict, defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ntc.codec.maps import PLANES, Plane
+from viewer.scene.model import Sampler, Scene
+
+LAYERS_AT_MOST = 256
+"""Every OpenGL 4.3 driver has at least this many layers."""
+ARRAY_BYTES = 1 << 24
+"""Of an array whose layers come and go, unless one layer takes more: what is left of it unused is lost."""
+DEFAULT_BYTES = 1 << 30
+"""Of all images of one source."""
+TEXEL_BYTES = 4
+
+_Key = tuple[int, Sampler]
+"""Texture and how it is sampled."""
+
+
+@dataclass(frozen=True)
+class ImagePlace:
+    """Where a material finds its original image."""
+
+    array: int
+    layer: int
+
+
+@dataclass(frozen=True)
+class ImageContent:
+    """What lies in a layer: a texture from one of its mips on."""
+
+    texture: int
+    level: int = 0
+    number: int = 0
+    """Tells content apart that came to one place at different times."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageArrayPlan:
+    """An array of images of one size that are sampled alike."""
+
+    size: tuple[int, int]
+    sampler: Sampler
+    layers: int
+
+
+def image_bytes(size: tuple[int, int]) -> int:
+    """Bytes of an image of (width, height) texels with its mips."""
+    return size[0] * size[1] * TEXEL_BYTES * 4 // 3
+
+
+def plane_bytes(scene: Scene, plane: Plane) -> int:
+    """Bytes of all images of a plane, each as often as it is sampled in another way."""
+    return sum(image_bytes(scene.textures[texture].size) for texture, _ in set(_keys(scene, plane).values()))
+
+
+def _keys(scene: Scene, plane: Plane) -> dict[int, _Key]:
+    """By material: its image of the plane."""
+    found = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
+    return {index: (own.texture_id, own.sampler) for index, own in found.items() if own is not None}
+
+
+def _reduced(size: tuple[int, int], level: int) -> tuple[int, int]:
+    return max(1, size[0] >> level), max(1, size[1] >> level)
+
+
+def _level(size: tuple[int, int], side: int) -> int:
+    """The first mip of at most `side` texels a side."""
+    return max(0, (max(size) - 1).bit_length() - (side - 1).bit_length())
+
+
+class ImagePlaces:
+    """The places of a plane's images, which all sources that are shown as images share.
+
+    If all images fit into `most_bytes`, each has its place for good. Else those in sight have, at the largest size at which all of
+    them fit: mips above that are left out. An image that is coming finer, or for the first time, is pending until it is `arrived`.
+    """
+
+    def __init__(self, scene: Scene, plane: Plane, most_bytes: int = DEFAULT_BYTES) -> None:
+        self._scene, self._plane, self._most_bytes = scene, PLANES.index(plane), most_bytes
+        self._keys = _keys(scene, plane)
+        self.is_bounded = plane_bytes(scene, plane) > most_bytes
+        self.plans: dict[int, ImageArrayPlan] = {}
+        """By number of array."""
+        self.content: dict[ImagePlace, ImageContent] = {}
+        self._current: OrderedDict[_Key, ImagePlace] = OrderedDict()
+        """Those seen last at the end."""
+        self._pending: dict[_Key, ImagePlace] = {}
+        self._free: dict[int, list[int]] = {}
+        """By array, its layers without content."""
+        self._bytes = self._placed = 0
+        self._wanted: frozenset[_Key] = frozenset()
+        self.side = max((max(scene.textures[texture].size) for texture, _ in self._keys.values()), default=1)
+        """Largest side in texels at which the images in sight are there."""
+        if not self.is_bounded:
+            self._place_all()
+
+    def _place_all(self) -> None:
+        members: dict[tuple[tuple[int, int], Sampler], list[_Key]] = defaultdict(list)
+        for key in dict.fromkeys(self._keys.values()):
+            members[(self._scene.textures[key[0]].size, key[1])].append(key)
+        for (size, sampler), keys in members.items():
+            for start in range(0, len(keys), LAYERS_AT_MOST):
+                part = keys[start : start + LAYERS_AT_MOST]
+                self.plans[len(self.plans)] = ImageArrayPlan(size, sampler, len(part))
+                for layer, key in enumerate(part):
+                    place = ImagePlace(len(self.plans) - 1, layer)
+                    self._current[key], self.content[place] = place, ImageContent(key[0])
+
+    @property
+    def images(self) -> int:
+        """Images of the plane."""
+        return len(set(self._keys.values()))
+
+    @property
+    def pending(self) -> Mapping[ImagePlace, ImageContent]:
+        """What is coming."""
+        return {place: self.content[place] for place in self._pending.values()}
+
+    @property
+    def bytes_placed(self) -> int:
+        """Bytes of what is there or coming, where that is bounded."""
+        return self._bytes
+
+    def of(self, materials: Iterable[int]) -> set[ImagePlace]:
+        """Places of the images of `materials`, those that are there."""
+        keys = {self._keys[index] for index in materials if index in self._keys}
+        return {self._current[key] for key in keys if key in self._current}
+
+    def want(self, materials: Iterable[int]) -> None:
+        """Have places for the images of these materials, which are in sight; others lose theirs where there is no room."""
+        if not self.is_bounded:
+            return
+        wanted = frozenset(self._keys[index] for index in materials if index in self._keys)
+        if wanted == self._wanted:
+            return
+        self._wanted = wanted
+        for key in [key for key in self._pending if key not in wanted]:
+            self._drop(self._pending.pop(key))
+        self.side = self._fitting_side(wanted)
+        levels = {key: _level(self._scene.textures[key[0]].size, self.side) for key in wanted}
+        kept = 0
+        missing: list[_Key] = []
+        for key in sorted(wanted, key=lambda each: each[0]):
+            place = self._pending.get(key, self._current.get(key))
+            if key in self._current:
+                self._current.move_to_end(key)
+            if place is None or self.content[place].level > levels[key]:
+                missing.append(key)
+            else:
+                kept += self._bytes_of(place)
+        needed = sum(self._size_bytes(key, levels[key]) for key in missing)
+        if kept + needed > self._most_bytes:
+            # Finer than there is room for: they come again, coarser.
+            missing = [key for key in wanted if not self._is_at(key, levels[key])]
+            needed = sum(self._size_bytes(key, levels[key]) for key in missing)
+        for key in missing:
+            if key in self._pending:
+                self._drop(self._pending.pop(key))
+        self._make_room(needed, set(missing))
+        for key in sorted(missing, key=lambda each: each[0]):
+            self._pending[key] = self._placed_at(key, levels[key])
+
+    def _is_at(self, key: _Key, level: int) -> bool:
+        place = self._pending.get(key, self._current.get(key))
+        return place is not None and self.content[place].level == level
+
+    def _fitting_side(self, wanted: Iterable[_Key]) -> int:
+        sizes = [self._scene.textures[texture].size for texture, _ in wanted]
+        side = 1 << (max((max(size) for size in sizes), default=1) - 1).bit_length()
+        while side > 1 and sum(image_bytes(_reduced(size, _level(size, side))) for size in sizes) > self._most_bytes:
+            side //= 2
+        return side
+
+    def _size_bytes(self, key: _Key, level: int) -> int:
+        return image_bytes(_reduced(self._scene.textures[key[0]].size, level))
+
+    def _bytes_of(self, place: ImagePlace) -> int:
+        return image_bytes(self.plans[place.array].size)
+
+    def _make_room(self, needed: int, coming: set[_Key]) -> None:
+        """Drop what is out of sight, then what comes anew, in the order in which it was seen last."""
+        for key in [key for key in self._current if key not in self._wanted] + [
+            key for key in self._current if key in coming
+        ]:
+            if self._bytes + needed <= self._most_bytes:
+                return
+            self._drop(self._current.pop(key))
+
+    def _drop(self, place: ImagePlace) -> None:
+        self._bytes -= self._bytes_of(place)
+        del self.content[place]
+        free = self._free[place.array]
+        free.append(place.layer)
+        if len(free) == self.plans[place.array].layers:
+            del self.plans[place.array], self._free[place.array]
+
+    def _placed_at(self, key: _Key, level: int) -> ImagePlace:
+        size = _reduced(self._scene.textures[key[0]].size, level)
+        fitting = (array for array, free in self._free.items() if free)
+        found = next(
+            (array for array in fitting if (self.plans[array].size, self.plans[array].sampler) == (size, key[1])), None
+        )
+        if found is None:
+            layers = min(LAYERS_AT_MOST, max(1, ARRAY_BYTES // image_bytes(size)))
+            found = next(number for number in range(len(self.plans) + 1) if number not in self.plans)
+            self.plans[found] = ImageArrayPlan(size, key[1], layers)
+            self._free[found] = list(range(layers))
+        self._placed += 1
+        place = ImagePlace(found, self._free[found].pop())
+        self.content[place] = ImageContent(key[0], level, self._placed)
+        self._bytes += self._bytes_of(place)
+        return place
+
+    def arrived(self, places: Iterable[ImagePlace]) -> None:
+        """These are there now: what was shown in their stead goes."""
+        there = set(places)
+        for key in [key for key, place in self._pending.items() if place in there]:
+            before = self._current.get(key)
+            self._current[key] = self._pending.pop(key)
+            if before is not None:
+                self._drop(before)
+
+    def write(self, records: np.ndarray) -> None:
+        """Put the places into the materials' records (`MATERIAL_RECORD`): array -1 where there is none."""
+        for index, key in self._keys.items():
+            own, place = records[index]["planes"][self._plane], self._current.get(key)
+            own["image_array"], own["image_layer"] = (-1, 0) if place is None else (place.array, place.layer)
