@@ -29,7 +29,7 @@ LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
 LARGEST_INPUT = 1 << 14
 MEMORY = Path("/dev/shm")
 READERS = (
-    *("scene", "compressed scene", "moving scene", "archive", "pack", "image", "ktx2", "cameras", "settings"),
+    *("scene", "compressed scene", "moving scene", "mesh", "archive", "pack", "image", "ktx2", "cameras", "settings"),
     *("worker messages", "script", "view"),
 )
 MOST_FINDINGS = 20
@@ -58,6 +58,7 @@ def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
         "scene": [*seeds.scenes(), *seeds.real(folder, (".gltf", ".glb"))],
         "compressed scene": [*seeds.compressed_scenes()],
         "moving scene": [*seeds.moving_scenes()],
+        "mesh": [*seeds.meshes()],
         "archive": [*seeds.archives()],
         "pack": [*seeds.packs(), *seeds.real(folder, (".ntc",))],
         "image": [*seeds.images(), *seeds.real(folder, seeds.IMAGE_SUFFIXES)],

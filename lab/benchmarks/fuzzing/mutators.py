@@ -217,3 +217,20 @@ def mutate_archive(data: bytes, limit: int, source: random.Random, mutate: Mutat
         return buffer.getvalue()
     except Exception:  # noqa: BLE001 (zipfile lets many exceptions through on broken archives)
         return mutate(data, limit)
+
+
+def mutate_mesh(data: bytes, limit: int, source: random.Random, mutate: Mutate) -> bytes:
+    """A mesh in text with a word replaced or a line repeated; else changed anywhere."""
+    lines = data.split(b"\n")
+    if source.random() < 0.4 or len(lines) < 3:
+        return mutate(data, limit)
+    at = source.randrange(1, len(lines))
+    words = lines[at].split(b" ")
+    if source.random() < 0.7:
+        words[source.randrange(len(words))] = str(
+            source.choice((*WORDS, -1, 0.5, "nan", "1e400", "a/b/c", "//"))
+        ).encode()
+        lines[at] = b" ".join(words)
+    else:
+        lines[at:at] = [lines[source.randrange(1, len(lines))]] * source.choice((1, 2, 50))
+    return b"\n".join(lines)

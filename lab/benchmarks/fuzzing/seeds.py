@@ -19,6 +19,7 @@ from ntc.codec.config import CodecConfig
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.meshopt_twins import meshopt_twin
+from viewer.scene.scene_files import MESH_SUFFIXES
 from viewer.state.settings import ViewerSettings
 
 LARGEST_REAL = 1 << 13
@@ -73,6 +74,21 @@ def moving_scenes() -> Iterator[bytes]:
         builder.add("animations", name="move", samplers=samplers, channels=channels)
         builder.json["scenes"] = [{"nodes": [0, 1]}]
         yield builder.glb()
+
+
+def meshes() -> Iterator[bytes]:
+    """Meshes in other formats than glTF, behind a byte that says which; the OBJ is its own material library."""
+    import trimesh
+
+    library = b"newmtl m\nKd 1 0 0\nd 0.5\nmap_Kd -s 1 1 1 a.png\nmap_Bump -bm 2 b.png\n"
+    face = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nusemtl m\nf 1/1/1 2/2/1 3/3/1\n"
+    yield b"\0mtllib fuzz.mtl\n" + library + face
+    box = trimesh.creation.box()
+    for number, suffix in enumerate(MESH_SUFFIXES):
+        data = box.export(file_type=suffix[1:])
+        yield bytes([number]) + (data.encode() if isinstance(data, str) else data)
+    yield bytes([MESH_SUFFIXES.index(".ply")]) + box.export(file_type="ply", encoding="ascii")
+    yield bytes([MESH_SUFFIXES.index(".stl")]) + box.export(file_type="stl_ascii").encode()
 
 
 def archives() -> Iterator[bytes]:

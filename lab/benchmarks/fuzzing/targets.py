@@ -20,6 +20,7 @@ from lab.benchmarks.fuzzing.mutators import (
     mutate_image,
     mutate_json,
     mutate_ktx2,
+    mutate_mesh,
     mutate_pack,
 )
 from ntc.errors import InputError
@@ -60,6 +61,7 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
     from viewer.scene.load import build_scene, load_scene
     from viewer.scene.model import Pose, Scene
     from viewer.scene.report import report_json, report_lines
+    from viewer.scene.scene_files import MESH_SUFFIXES
     from viewer.state.settings import parse_settings
 
 Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
@@ -79,6 +81,7 @@ class Readers:
             "scene": (self.scene, mutate_gltf),
             "compressed scene": (self.scene, mutate_gltf),
             "moving scene": (self.moving_scene, mutate_gltf),
+            "mesh": (self.mesh, mutate_mesh),
             "archive": (self.archive, mutate_archive),
             "pack": (self.pack, mutate_pack),
             "image": (self.image, mutate_image),
@@ -104,6 +107,14 @@ class Readers:
         file = parse_gltf(data, "fuzz.glb", self._folder)
         build_scene(file, "fuzz", None)
         build_scene(file, "fuzz", None, pose=Pose("", zlib.crc32(data) % MOMENTS / MOMENTS_A_SECOND))
+
+    def mesh(self, data: bytes) -> None:
+        """Read `data` behind its first byte, which says what kind of mesh it is, as a mesh and as the materials beside it."""
+        suffix = MESH_SUFFIXES[(data[0] if data else 0) % len(MESH_SUFFIXES)]
+        path = self._folder / f"fuzz{suffix}"
+        for place in (path, path.with_suffix(".mtl")):
+            place.write_bytes(data[1:])
+        _read_pixels(load_scene(path))
 
     def archive(self, data: bytes) -> None:
         """Read `data` as a zip archive with a scene."""

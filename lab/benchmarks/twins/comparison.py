@@ -33,8 +33,11 @@ def draw_base(context: GraphicsContext, scene: Scene, camera: Camera, size: tupl
     """[H, W, 3] uint8 sRGB: base colours of the original images, black where nothing is."""
     renderer = Renderer(context, scene)
     view = ViewState(camera=camera, size=size, slot_a=Slot(REFERENCE), material_view="base")
-    renderer.render(view, whole=True)
-    return linear_to_srgb8(renderer.picture(view.slot_a))
+    try:
+        renderer.render(view, whole=True)
+        return linear_to_srgb8(renderer.picture(view.slot_a))
+    finally:
+        renderer.release()
 
 
 def picture_bound(scene: Scene, camera: Camera, size: tuple[int, int], error: Error) -> Bound:
