@@ -1,12 +1,18 @@
 """Meshes in other formats than glTF, turned into GLB by trimesh: OBJ with its materials and pictures, PLY, STL and OFF."""
 
+import base64
 import io
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import srgb_to_linear
 from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.scene.images import decode_image
@@ -137,6 +143,43 @@ def _is_number(word: str) -> bool:
     return True
 
 
+def _as_surfaces(geometry: Mapping[str, Any], tree: dict[str, Any]) -> None:
+    """Change a glTF document of `geometry`: these formats know no metal, which is glTF's default, and no sides.
+
+    Their vertex colours are sRGB, those of glTF linear; 16 bits keep what is dark apart.
+    """
+    materials = tree.setdefault("materials", [])
+    for mesh in tree["meshes"]:
+        visual = geometry[mesh["name"]].visual if mesh.get("name") in geometry else None
+        for primitive in mesh["primitives"]:
+            color = primitive["attributes"].get("COLOR_0")
+            if color is not None and visual is not None and visual.kind == "vertex":
+                _recolour(tree, tree["accessors"][color], np.asarray(visual.vertex_colors))
+            if "material" not in primitive:
+                primitive["material"] = len(materials)
+                materials.append({})
+    for material in materials:
+        material.setdefault("pbrMetallicRoughness", {}).setdefault("metallicFactor", 0.0)
+        material["doubleSided"] = True
+
+
+def _recolour(tree: dict[str, Any], accessor: dict[str, Any], colors: NDArray[np.uint8]) -> None:
+    """Let `accessor` hold `colors` [V, 4], sRGB, as linear numbers of 16 bits."""
+    if len(colors) != accessor["count"]:
+        return
+    shares = colors / 255.0
+    shares[:, :3] = srgb_to_linear(shares[:, :3])
+    data = np.round(shares * 65535.0).astype("<u2").tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    tree["buffers"].append({"uri": uri, "byteLength": len(data)})
+    tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(data)})
+    place = {"bufferView": len(tree["bufferViews"]) - 1, "byteOffset": 0}
+    accessor |= {**place, "componentType": 5123, "type": "VEC4", "normalized": True}
+    # They were those of bytes.
+    for key in ("min", "max"):
+        accessor.pop(key, None)
+
+
 def convert_mesh(path: Path) -> ConvertedMesh:
     """The OBJ, PLY, STL or OFF file at `path` as GLB. Raises InputError where it cannot be read or holds no triangles."""
     import trimesh
@@ -153,7 +196,8 @@ def convert_mesh(path: Path) -> ConvertedMesh:
         resolver: Any = folder
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False)
         meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
-        glb = scene.export(file_type="glb") if any(len(mesh.faces) for mesh in meshes) else None
+        drawn = any(len(mesh.faces) for mesh in meshes)
+        glb = scene.export(file_type="glb", tree_postprocessor=partial(_as_surfaces, scene.geometry)) if drawn else None
     except MemoryError:
         raise
     except Exception as error:  # trimesh's readers let any exception through on broken files.

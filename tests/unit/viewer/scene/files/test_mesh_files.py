@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import ktx2, noise, png
@@ -86,3 +87,22 @@ def test_a_broken_picture_is_missing_and_one_in_another_format_is_read(tmp_path:
     assert "b.png" in broken.report.missing[0]
     other = opened(tmp_path, "newmtl m\nKd 1 1 1\nmap_Kd c.ktx2\n")
     np.testing.assert_array_equal(other.textures[0].pixels, noise(seed=3))
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off"])
+def test_surfaces_are_no_metal_and_have_two_sides(tmp_path: Path, suffix: str) -> None:
+    trimesh.creation.box().export(tmp_path / f"a{suffix}")
+    scene = load_scene(tmp_path / f"a{suffix}")
+    assert [(m.factors.metalness, m.double_sided) for m in scene.materials] == [(0.0, True)]
+    library = opened(tmp_path, "newmtl m\nKd 1 0 0\n")
+    assert [(m.factors.metalness, m.double_sided, m.factor) for m in library.materials] == [(0.0, True, (1, 0, 0, 1))]
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_vertex_colours_become_linear(tmp_path: Path, suffix: str) -> None:
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.tile(np.array([[255, 128, 2, 255]], np.uint8), (len(box.vertices), 1))
+    box.export(tmp_path / f"a{suffix}")
+    colors = load_scene(tmp_path / f"a{suffix}").geometry.colors
+    assert colors is not None
+    np.testing.assert_allclose(colors[:, :3], np.tile([[1.0, 0.2158605, 0.000607]], (len(colors), 1)), atol=2e-5)
