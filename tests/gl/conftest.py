@@ -16,6 +16,13 @@ def graphics() -> Iterator[GraphicsContext]:
     context.gl.release()
 
 
+@pytest.fixture(autouse=True)
+def _stays_current(graphics: GraphicsContext) -> Iterator[None]:
+    """Tests may make contexts of their own, which are current from then on: names of this one mean others there."""
+    yield
+    graphics.gl.__enter__()
+
+
 @pytest.fixture(scope="session")
 def programs(graphics: GraphicsContext) -> tuple[AssembledProgram, ...]:
     """Every program that can be assembled; collecting them takes about 20 s."""

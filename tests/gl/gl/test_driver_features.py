@@ -14,7 +14,6 @@ from ntc.errors import InputError
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.gl.features import NAMES, WITHOUT_VARIABLE, features_without, find_features
-from viewer.gl.texture_buffers import TextureBuffers
 from viewer.gl.timer import PassTimer
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import DecodePath, Slot, ViewState
@@ -53,8 +52,7 @@ def expected(graphics: GraphicsContext) -> dict[str, Any]:
 @pytest.mark.parametrize("name", [*NAMES, "uniform-decoders,weights-in-image"])
 def test_each_optional_feature_can_be_missing(graphics: GraphicsContext, expected: dict[str, Any], name: str) -> None:
     without = find_features(graphics.gl, graphics.info.is_software, {WITHOUT_VARIABLE: name})
-    # Names of textures that stand in for storage buffers are the context's own: those of earlier tests are not taken over.
-    reduced = replace(graphics, features=without, texture_buffers=TextureBuffers(graphics.functions))
+    reduced = replace(graphics, features=without)
     assert PassTimer(reduced).kind == "wall time around finish" or name != "timer-queries"
     for key, picture in pictures(reduced).items():
         np.testing.assert_allclose(picture, expected[key], atol=1e-6, err_msg=key)

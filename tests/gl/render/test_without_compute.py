@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from tests.support.every_program import CAMERA, packs, scenes
 from viewer.gl.context import GraphicsContext
-from viewer.gl.texture_buffers import TextureBuffers
 from viewer.render.frame_result import read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
@@ -25,8 +24,7 @@ SIZE: Final = (60, 40)
 def without_compute(graphics: GraphicsContext) -> GraphicsContext:
     """The same context, of which only what OpenGL 4.1 has is used."""
     features = replace(graphics.features, compute=False, weights_in_image=True, half_arithmetic=None)
-    # Names of textures that stand in for storage buffers are the context's own: those of earlier tests are not taken over.
-    return replace(graphics, features=features, texture_buffers=TextureBuffers(graphics.functions))
+    return replace(graphics, features=features)
 
 
 @pytest.fixture(scope="module")
