@@ -8,7 +8,7 @@ import pytest
 from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
-from viewer.gl.context import create_headless_context
+from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import assets_folder, shaders_folder
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
@@ -26,25 +26,26 @@ SIZES = ((640, 360), (331, 187))
 
 
 @pytest.mark.parametrize("place", ["courtyard", pytest.param("bistro", marks=pytest.mark.once)])
-def test_every_camera_grouping_and_block_shape(place: str, request: pytest.FixtureRequest) -> None:
+def test_every_camera_grouping_and_block_shape(
+    graphics: GraphicsContext, place: str, request: pytest.FixtureRequest
+) -> None:
     if place == "courtyard":
         path, cameras_file = assets_folder() / "courtyard.glb", assets_folder() / "courtyard.cameras.json"
     else:
         data: Path = request.getfixturevalue("data_folder")
         path, cameras_file = (data / "scenes" / "bistro" / name for name in ("bistro.gltf", "cameras.json"))
     scene, cameras = load_scene(path), read_cameras(cameras_file)
-    context = create_headless_context()
-    renderer = Renderer(context, scene)
+    renderer = Renderer(graphics, scene)
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    counting = DivergencePass(context, ProgramFactory(context.gl, library))
+    counting = DivergencePass(graphics, ProgramFactory(graphics.gl, library))
     textures = source_textures(scene, 32)
     views = [renderer.texture_ids_from(camera, (320, 180)) for camera in cameras]
     groupings = [
         make_grouping(GroupingConfig(name, seed=3), textures, GroupingInputs(views=views)).groups for name in NAMES
     ]
-    tables = DecoderTables(context, groupings)
+    tables = DecoderTables(graphics, groupings)
     for size in SIZES:
-        targets = [DivergenceTarget(context, size, block, len(NAMES)) for block in BLOCKS.values()]
+        targets = [DivergenceTarget(graphics, size, block, len(NAMES)) for block in BLOCKS.values()]
         for camera in cameras:
             renderer.render(ViewState(camera, size))
             ids = renderer.texture_ids()

@@ -1,13 +1,11 @@
 """The divergence pass counts what numpy counts."""
 
-from collections.abc import Iterator
-
 import moderngl
 import numpy as np
 import pytest
 
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
-from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
@@ -16,22 +14,15 @@ from viewer.render.resources.layout import MATERIAL_SHIFT, scene_layout_glsl
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 
 
-@pytest.fixture(scope="module")
-def context() -> Iterator[GraphicsContext]:
-    made = create_headless_context()
-    yield made
-    made.gl.release()
-
-
 @pytest.fixture(scope="module", params=["compute", "fragment"])
-def counting(context: GraphicsContext, request: pytest.FixtureRequest) -> DivergencePass:
+def counting(graphics: GraphicsContext, request: pytest.FixtureRequest) -> DivergencePass:
     library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    return DivergencePass(context, ProgramFactory(context.gl, library), request.param)
+    return DivergencePass(graphics, ProgramFactory(graphics.gl, library), request.param)
 
 
-def visibility_of(context: GraphicsContext, texture_ids: np.ndarray) -> VisibilityTarget:
+def visibility_of(graphics: GraphicsContext, texture_ids: np.ndarray) -> VisibilityTarget:
     """A visibility buffer in which these texture ids [H, W], row 0 on top, are seen."""
-    target = VisibilityTarget(context, texture_ids.shape[::-1], SurfaceContent(colors=False, gradients=False))
+    target = VisibilityTarget(graphics, texture_ids.shape[::-1], SurfaceContent(colors=False, gradients=False))
     words = np.zeros((*texture_ids.shape, 4), np.uint32)
     words[..., 0] = np.where(texture_ids < 0, 0, (texture_ids + 1) | (1 << MATERIAL_SHIFT))
     image = target.framebuffer.color_attachments[0]
@@ -44,7 +35,7 @@ def visibility_of(context: GraphicsContext, texture_ids: np.ndarray) -> Visibili
 @pytest.mark.parametrize("size", [(64, 48), (33, 17), (1, 1), (131, 90)])
 @pytest.mark.parametrize("decoders", [1, 5, 2000])
 def test_it_equals_numpy(
-    context: GraphicsContext, counting: DivergencePass, block: tuple[int, int], size: tuple[int, int], decoders: int
+    graphics: GraphicsContext, counting: DivergencePass, block: tuple[int, int], size: tuple[int, int], decoders: int
 ) -> None:
     random = np.random.default_rng(decoders)
     textures = 2500
@@ -53,9 +44,9 @@ def test_it_equals_numpy(
     ids = random.integers(-1, textures, size[::-1])
     # Patches as well as noise.
     ids[: size[1] // 2] = ids[: size[1] // 2, :1]
-    visibility = visibility_of(context, ids)
-    target = DivergenceTarget(context, size, block)
-    counting.run(DivergenceInputs(visibility, None, DecoderTables(context, [table.tolist()])), target)
+    visibility = visibility_of(graphics, ids)
+    target = DivergenceTarget(graphics, size, block)
+    counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, [table.tolist()])), target)
     expected = divergence_map(np.append(table, -1)[ids].astype(np.int32), (block[1], block[0]))
     np.testing.assert_array_equal(target.read(), expected)
     assert_equal_statistics(target.statistics(), DivergenceStatistics.of(expected))
@@ -72,25 +63,25 @@ def assert_equal_statistics(found: DivergenceStatistics, expected: DivergenceSta
 
 
 def test_several_groupings_at_once_from_one_visibility_buffer(
-    context: GraphicsContext, counting: DivergencePass
+    graphics: GraphicsContext, counting: DivergencePass
 ) -> None:
     ids = np.random.default_rng(0).integers(-1, 40, (50, 70))
-    visibility = visibility_of(context, ids)
+    visibility = visibility_of(graphics, ids)
     tables = [[texture % groups for texture in range(40)] for groups in (1, 3, 40)]
-    target = DivergenceTarget(context, (70, 50), (8, 8), groupings=3)
+    target = DivergenceTarget(graphics, (70, 50), (8, 8), groupings=3)
     for _ in range(2):
         # Twice: nothing of the first count may be left in the second.
-        counting.run(DivergenceInputs(visibility, None, DecoderTables(context, tables)), target)
+        counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, tables)), target)
     for row, table in enumerate(tables):
         expected = divergence_map(np.append(table, -1)[ids].astype(np.int32))
         np.testing.assert_array_equal(target.read(row), expected)
         assert_equal_statistics(target.statistics(row), DivergenceStatistics.of(expected))
 
 
-def test_nothing_seen_is_no_divergence(context: GraphicsContext, counting: DivergencePass) -> None:
-    visibility = visibility_of(context, np.full((20, 20), -1))
-    target = DivergenceTarget(context, (20, 20), (8, 8))
-    counting.run(DivergenceInputs(visibility, None, DecoderTables(context, [[]])), target)
+def test_nothing_seen_is_no_divergence(graphics: GraphicsContext, counting: DivergencePass) -> None:
+    visibility = visibility_of(graphics, np.full((20, 20), -1))
+    target = DivergenceTarget(graphics, (20, 20), (8, 8))
+    counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, [[]])), target)
     figures = target.statistics()
     assert (figures.excess, figures.maximum, figures.covered_blocks, figures.blocks) == (0, 0, 0, 9)
     assert (figures.score, figures.mean, figures.wave_efficiency) == (0.0, 0.0, 1.0)
