@@ -18,9 +18,11 @@ from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scen
 from viewer.gl.context import ContextInformation, GraphicsContext
 from viewer.gl.features import Features
 from viewer.render.passes.composite import COMPARISONS
+from viewer.render.passes.cull_clusters import cluster_programs
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.precision import LEVELS
 from viewer.render.resources.texel_lists import SharedBuffer
 from viewer.render.variants.measurement import VariantMeasurement
@@ -248,6 +250,8 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                 renderer.release()
             with_lists = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
             _assemble(recorder, with_lists, opened, ("binned", "cached"), ("fp32",))
+            for padded in (False, True):
+                cluster_programs(scene_programs(context), padded)
             # In GLSL 4.10, where nothing computes.
             drawing = replace(
                 context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16

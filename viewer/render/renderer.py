@@ -193,11 +193,11 @@ class Renderer:
         divergence: Mapping[str, DivergenceStatistics],
         upload: UploadCounts,
     ) -> FrameResult:
-        draw_list, skipped = self._drawer.draw_list, self._scheduler.skipped
+        counts, skipped = self._drawer.draw_counts(self._timer.waits), self._scheduler.skipped
         skipped["images_not_uploaded"] = self.images.images_not_uploaded
         skipped["planes_not_drawn"] = len(PLANES) - len(targets.materials.planes)
-        skipped["clusters_culled"] = draw_list.culled_clusters
-        skipped["triangles_culled"] = draw_list.culled_triangles
+        skipped["clusters_culled"] = counts.clusters_culled
+        skipped["triangles_culled"] = counts.triangles_culled
         tiles, short_latents = self._packs.tile_counts(shown_slots(view), skipped)
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
         if upload.kept:
@@ -215,7 +215,7 @@ class Renderer:
             self._timer.kind,
             self._scheduler.take_skipped(),
             divergence,
-            {"triangles": draw_list.drawn_triangles, "commands": len(draw_list.commands)},
+            {"triangles": counts.triangles, "commands": counts.commands},
             tiles,
             {slot: own.path for slot, own in chosen.items()},
             self._slots.samples(chosen),
@@ -393,5 +393,6 @@ class Renderer:
             self._picture = None
         for part in (self._packs, self._compositor, self.images, self.shading):
             part.release()
+        self._drawer.release()
         self._scene_buffers.release()
         self._programs.release()

@@ -9,12 +9,28 @@ from ntc.codec.maps import PLANES
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
-from viewer.render.resources.culling import Culling, DrawList
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.clusters.bounds import build_clusters, cluster_count
+from viewer.render.resources.clusters.records import CLUSTER_RECORD, CLUSTER_TRIANGLES
+from viewer.render.resources.culling import Culling, DrawCounts, DrawList
+from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import view_projection
+
+LEAST_CLUSTERS = 1 << 14
+"""Clusters of all instances from which on they are culled on the GPU: 2 million triangles (docs/geometry-scale.md)."""
+LEAST_OF_INSTANCE = 8
+"""Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
+
+
+def pays_on_gpu(scene: Scene, storage_bytes: int) -> bool:
+    """Whether culling `scene` on the GPU is worth its three steps, and fits into buffers of `storage_bytes`."""
+    clusters = cluster_count(scene, CLUSTER_TRIANGLES)
+    if clusters * CLUSTER_RECORD.itemsize > storage_bytes:
+        return False
+    return clusters >= max(LEAST_CLUSTERS, LEAST_OF_INSTANCE * len(scene.instances.primitive))
 
 
 class SceneDrawer:
@@ -29,7 +45,9 @@ class SceneDrawer:
         scheduler: PassScheduler,
     ) -> None:
         self._context, self._scene, self._buffers, self._scheduler = context, scene, scene_buffers, scheduler
-        self._culling = Culling(scene)
+        on_gpu = context.features.compute and pays_on_gpu(scene, context.memory.limits.storage_block_bytes)
+        self._culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
+        self._clusters = ClusterCulling(context, programs, scene, self._culling) if on_gpu else None
         self._pass = VisibilityPass(context, programs, scene_buffers)
         self._texture_of_material = {
             plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
@@ -43,10 +61,16 @@ class SceneDrawer:
         """Bounds of the scene's parts, for other views of it."""
         return self._culling
 
-    @property
-    def draw_list(self) -> DrawList:
-        """What the last visibility buffer was drawn from. Raises RuntimeError before the first."""
-        return self._last.draw_list
+    def draw_counts(self, waits: bool) -> DrawCounts:
+        """What the last visibility buffer was drawn from; unless this `waits`, perhaps one before.
+
+        Raises RuntimeError before the first.
+        """
+        draw_list = self._last.draw_list
+        if isinstance(draw_list, DrawList):
+            return draw_list.counts
+        assert self._clusters is not None
+        return self._clusters.counts(waits)
 
     @property
     def _last(self) -> CulledScene:
@@ -64,7 +88,7 @@ class SceneDrawer:
             self._culled = None
             with self._scheduler.timer.measure_cpu("cull"):
                 matrix = view_projection(camera, target.size, self._scene.bounds)
-                draw_list = self._culling.draw_list(camera, matrix)
+                draw_list = self._draw_list(camera, target.size, matrix)
                 self._buffers.upload(draw_list)
             culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
         if blend_sample:
@@ -78,9 +102,26 @@ class SceneDrawer:
         return self._drawn
 
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
-        """Draw the last view into `target`, which may have another size: nothing is culled for it."""
-        self._pass.run(self._last, target)
-        return self._inputs(self._last, target)
+        """Draw the last view into `target`, which may have another size."""
+        last = self._last
+        if self._clusters is None or target.size == last.size:
+            self._pass.run(last, target)
+        else:
+            # Of small clusters other ones are seen where pixels are others.
+            self._buffers.upload(self._draw_list(last.camera, target.size, last.matrix))
+            self._pass.run(last, target)
+            self._buffers.upload(self._draw_list(last.camera, last.size, last.matrix))
+        return self._inputs(last, target)
+
+    def _draw_list(self, camera: Camera, size: tuple[int, int], matrix: NDArray[np.float64]) -> AnyDrawList:
+        if self._clusters is None:
+            return self._culling.draw_list(camera, matrix)
+        return self._clusters.draw_list(ClusterView(camera, size, matrix))
+
+    def release(self) -> None:
+        """Free everything."""
+        if self._clusters is not None:
+            self._clusters.release()
 
     def texture_ids(self, camera: Camera, size: tuple[int, int], content: SurfaceContent) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture ids that `camera` sees, drawn now and read back."""

@@ -1,27 +1,33 @@
-"""Measures one scene in this process: python -m lab.benchmarks.geometry.measure SCENE OUT.json [--frames N] [--without-culling]."""
+"""Measures one scene in this process: python -m lab.benchmarks.geometry.measure SCENE OUT.json [--frames N]."""
 
 import argparse
 import json
 import os
-import resource
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import median, size_of
 from ntc.io import write_text
-from viewer.gl.context import create_headless_context
+from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.render import scene_drawer
+from viewer.render.passes import cull_clusters
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import ViewState
 
 MIB = 1 << 20
+MEANS = ("gpu", "cpu", "none")
+"""By what is culled; the first is what the viewer does."""
 
 
 def resident_bytes() -> int:
@@ -67,31 +73,24 @@ def cameras(scene: Scene) -> tuple[Camera, ...]:
     return tuple(Camera(name, tuple(eye.tolist()), tuple(target.tolist())) for name, (eye, target) in spots.items())
 
 
-def measured(path: Path, size: tuple[int, int], frames: int) -> dict[str, Any]:
-    """Seconds to open and to the first picture, peak memory of both, and for each camera the frame's times."""
-    peak, before, start = PeakMemory(), resident_bytes(), time.perf_counter()
-    scene = load_scene(path)
-    opened = time.perf_counter()
-    record: dict[str, Any] = {
-        "file_mib": path.stat().st_size / MIB,
-        "triangles": scene.report.used["triangles"],
-        "triangles_drawn": scene.report.used["triangles drawn"],
-        "instances": len(scene.instances.primitive),
-        "before_mib": before / MIB,
-        "open_seconds": opened - start,
-        "open_peak_mib": peak.take() / MIB,
-        "opened_mib": resident_bytes() / MIB,
-    }
-    views = cameras(scene)
-    context = create_headless_context()
-    renderer = Renderer(context, scene)
-    renderer.render(ViewState(views[0], size, material_view="base"))
-    renderer.picture_bytes() if hasattr(renderer, "picture_bytes") else context.gl.finish()
-    record["first_picture_seconds"] = time.perf_counter() - start
-    record["first_picture_peak_mib"] = peak.take() / MIB
-    record["renderer"] = context.info.renderer
+@contextmanager
+def culled_by(means: str) -> Iterator[None]:
+    """Renderers made within the block cull on the `gpu` (where that pays), on the `cpu`, or draw everything (`none`)."""
+    with ExitStack() as patches:
+        if means == "cpu":
+            patches.enter_context(patch.object(scene_drawer, "LEAST_CLUSTERS", 1 << 60))
+        if means == "none":
+            patches.enter_context(patch.object(cull_clusters, "ALL_TESTS", 0))
+            patches.enter_context(patch.object(scene_drawer, "LEAST_CLUSTERS", 0))
+        yield
+
+
+def frame_rows(
+    context: GraphicsContext, renderer: Renderer, scene: Scene, size: tuple[int, int], frames: int
+) -> list[dict[str, Any]]:
+    """Median times in ms of `frames` frames of each camera, which moves a little, and what was left out."""
     rows = []
-    for camera in views:
+    for camera in cameras(scene):
         found: dict[str, list[float]] = {}
         for number in range(-1, frames):
             began = time.perf_counter()
@@ -99,16 +98,53 @@ def measured(path: Path, size: tuple[int, int], frames: int) -> dict[str, Any]:
             context.gl.finish()
             if number >= 0:
                 found.setdefault("frame", []).append(1000.0 * (time.perf_counter() - began))
-                for name, milliseconds in frame.timings_ms.items():
-                    found.setdefault(name, []).append(milliseconds)
-        row = {"camera": camera.name} | {f"{name}_ms": median(values) for name, values in found.items()}
-        culled = {name: frame.skipped[name] for name in ("clusters_culled", "triangles_culled")}
-        rows.append(row | culled | dict(frame.drawn))
-    record["cameras"] = rows
-    record["drawing_peak_mib"] = peak.take() / MIB
-    record["peak_mib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / MIB
+                for name in ("cull", "visibility"):
+                    found.setdefault(name, []).append(frame.timings_ms[name])
+        row: dict[str, Any] = {"camera": camera.name}
+        row |= {f"{name}_ms": round(median(values), 1) for name, values in found.items()}
+        row |= {name: frame.skipped[name] for name in ("clusters_culled", "triangles_culled")}
+        rows.append(row | dict(frame.drawn))
+    return rows
+
+
+def measured(path: Path, size: tuple[int, int], frames: int) -> dict[str, Any]:
+    """Seconds to open and to the first picture, peak memory of both, and frames by every means of culling."""
+    peak, before, start = PeakMemory(), resident_bytes(), time.perf_counter()
+    scene = load_scene(path)
+    opened = time.perf_counter()
+    geometry = scene.geometry
+    arrays = (geometry.positions, geometry.uvs, geometry.indices, geometry.normals)
+    record: dict[str, Any] = {
+        "scene": path.stem,
+        "file_mib": path.stat().st_size / MIB,
+        "triangles": scene.report.used["triangles"],
+        "triangles_drawn": scene.report.used["triangles drawn"],
+        "instances": len(scene.instances.primitive),
+        "open_seconds": opened - start,
+        "before_mib": before / MIB,
+        "open_peak_mib": peak.take() / MIB,
+        "opened_mib": resident_bytes() / MIB,
+        "arrays_bytes_a_triangle": sum(array.nbytes for array in arrays if array is not None)
+        / scene.report.used["triangles"],
+        "gpu_bytes_a_triangle": (geometry.positions.nbytes + geometry.uvs.nbytes + geometry.indices.nbytes)
+        / scene.report.used["triangles"],
+    }
+    context = create_headless_context()
+    rows: list[dict[str, Any]] = []
+    for means in MEANS:
+        with culled_by(means):
+            renderer = Renderer(context, scene)
+        renderer.render(ViewState(cameras(scene)[0], size, material_view="base"))
+        context.gl.finish()
+        if means == MEANS[0]:
+            record["first_picture_seconds"] = time.perf_counter() - start
+            record["first_picture_peak_mib"] = peak.take() / MIB
+        rows += [{"culled_by": means} | row for row in frame_rows(context, renderer, scene, size, frames)]
+        if means == MEANS[0]:
+            record["drawing_peak_mib"] = peak.take() / MIB
+        renderer.release()
     peak.end()
-    return record
+    return {**record, "renderer": context.info.renderer, "size": list(size), "frames": frames, "rows": rows}
 
 
 def main() -> int:

@@ -33,7 +33,7 @@ def _indices() -> NDArray[np.uint16]:
     column, row = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
     order = np.lexsort((column.ravel(), row.ravel(), column.ravel() // STRIP))
     first = (row.ravel() * (SIDE + 1) + column.ravel())[order]
-    corners = np.stack([first, first + 1, first + SIDE + 2, first, first + SIDE + 2, first + SIDE + 1], axis=1)
+    corners = np.stack([first, first + SIDE + 2, first + 1, first, first + SIDE + 1, first + SIDE + 2], axis=1)
     return corners.reshape(-1).astype(np.uint16)
 
 
@@ -44,8 +44,14 @@ def _vertices(random: np.random.Generator) -> tuple[NDArray[np.float32], NDArray
     direction = np.stack([np.sin(down) * np.sin(around), np.cos(down), np.sin(down) * np.cos(around)], axis=-1)
     radius = np.ones_like(u)
     for _ in range(6):
-        turns, amount = random.integers(2, 24), random.uniform(0.02, 0.06)
-        radius += amount * np.sin(down) * np.sin(turns * around + random.uniform(0.0, 6.0)) * np.sin(turns * down)
+        turns = random.integers(2, 24)
+        radius += (
+            random.uniform(0.1, 0.3)
+            / turns
+            * np.sin(down)
+            * np.sin(turns * around + random.uniform(0.0, 6.0))
+            * np.sin(turns * down)
+        )
     positions = direction * radius[..., None]
     step_u, step_v = np.gradient(positions, axis=1), np.gradient(positions, axis=0)
     normals = np.cross(step_v, step_u)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.resources.culling import DrawList
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Camera
 
@@ -23,7 +22,7 @@ class CulledScene:
     """(width, height) in pixels."""
     matrix: NDArray[np.float64] = field(compare=False)
     """[4, 4] float64, world to clip."""
-    draw_list: DrawList = field(compare=False)
+    draw_list: AnyDrawList = field(compare=False)
     sample: int = 0
     """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
 

@@ -40,6 +40,16 @@ class Bucket:
         return self.alpha_texture, self.double_sided, self.mirrored, repr(self.alpha_sampler)
 
 
+@dataclass(frozen=True)
+class DrawCounts:
+    """What of a scene is drawn."""
+
+    clusters_culled: int
+    triangles_culled: int
+    triangles: int
+    commands: int
+
+
 @dataclass(frozen=True, eq=False)
 class DrawList:
     """What to draw for one camera."""
@@ -50,9 +60,7 @@ class DrawList:
     """(bucket, first command, number of commands)."""
     materials: NDArray[np.bool_]
     """[materials] whether an instance with the material may be seen."""
-    culled_clusters: int
-    drawn_triangles: int
-    culled_triangles: int
+    counts: DrawCounts
 
 
 def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
@@ -69,16 +77,17 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
 class Culling:
     """World-space bounds of every cluster of every instance, and the test of a frustum against them."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._clusters: Clusters = build_clusters(scene, CLUSTER_TRIANGLES)
+    def __init__(self, scene: Scene, clusters: Clusters | None = None) -> None:
+        """`clusters`: those of the scene; None: as it is best on the CPU."""
+        self.clusters = clusters or build_clusters(scene, CLUSTER_TRIANGLES)
         primitive = scene.instances.primitive.astype(np.int64)
-        counts = np.diff(self._clusters.first)[primitive]
+        counts = np.diff(self.clusters.first)[primitive]
         self._instance = np.repeat(np.arange(len(primitive)), counts)
         within = np.arange(len(self._instance)) - np.repeat(np.cumsum(counts) - counts, counts)
-        self._cluster = self._clusters.first[primitive[self._instance]] + within
+        self._cluster = self.clusters.first[primitive[self._instance]] + within
         transforms = scene.instances.transform.astype(np.float64)
         rotations = transforms[:, :3, :3]
-        centre, half = self._clusters.centre[self._cluster], self._clusters.half[self._cluster]
+        centre, half = self.clusters.centre[self._cluster], self.clusters.half[self._cluster]
         of_row = rotations[self._instance]
         self._centre = np.einsum("nij,nj->ni", of_row, centre) + transforms[self._instance, :3, 3]
         self._half = np.einsum("nij,nj->ni", np.abs(of_row), half)
@@ -87,26 +96,33 @@ class Culling:
         inverse = np.zeros_like(rotations)
         inverse[invertible] = np.linalg.inv(rotations[invertible])
         self._inverse, self._translation = inverse, transforms[:, :3, 3]
+        self.has_inverse = invertible
+        """[N] whether an instance's transform has an inverse."""
         buckets = [instance_bucket(scene, index, bool(determinant[index] < 0.0)) for index in range(len(primitive))]
         self.buckets = tuple(sorted(set(buckets), key=Bucket.sort_key))
         numbers = {bucket: number for number, bucket in enumerate(self.buckets)}
-        self._bucket_of_instance = np.array([numbers[bucket] for bucket in buckets], np.int64)
-        self._bucket = self._bucket_of_instance[self._instance]
+        self.bucket_of_instance = np.array([numbers[bucket] for bucket in buckets], np.int64)
+        """[N] index into `buckets`."""
+        self._bucket = self.bucket_of_instance[self._instance]
         single_sided = np.array([not bucket.double_sided for bucket in buckets], bool) & invertible
-        self._may_face_away = single_sided[self._instance] & (self._clusters.cutoff[self._cluster] <= 1.0)
+        self._may_face_away = single_sided[self._instance] & (self.clusters.cutoff[self._cluster] <= 1.0)
         self._radius = np.linalg.norm(half, axis=1)
         self._base_vertex = np.array([p.base_vertex for p in scene.primitives], np.int64)[primitive]
         self._material = np.array([p.material for p in scene.primitives], np.int64)[primitive]
         self._materials = len(scene.materials)
-        self._triangles = self._clusters.index_count[self._cluster] // 3
+        self._triangles = self.clusters.index_count[self._cluster] // 3
+
+    def local_eyes(self, eye: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[N, 3] `eye` in the local space of each instance."""
+        return np.asarray(np.einsum("nij,nj->ni", self._inverse, eye - self._translation))
 
     def _faces_away(self, eye: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.bool_]:
         """[rows] whether all triangles of a cluster turn their backs; tested in local space, where the cones are."""
         instance, cluster = self._instance[rows], self._cluster[rows]
-        local_eyes = np.einsum("nij,nj->ni", self._inverse, eye - self._translation)
-        towards = self._clusters.centre[cluster] - local_eyes[instance]
-        along = np.einsum("ij,ij->i", towards, self._clusters.axis[cluster])
-        reach = self._clusters.cutoff[cluster] * np.linalg.norm(towards, axis=1) + self._radius[rows]
+        local_eyes = self.local_eyes(eye)
+        towards = self.clusters.centre[cluster] - local_eyes[instance]
+        along = np.einsum("ij,ij->i", towards, self.clusters.axis[cluster])
+        reach = self.clusters.cutoff[cluster] * np.linalg.norm(towards, axis=1) + self._radius[rows]
         return np.asarray(self._may_face_away[rows] & (along >= reach), np.bool_)
 
     def draw_list(self, camera: Camera, matrix: NDArray[np.float64]) -> DrawList:
@@ -122,7 +138,7 @@ class Culling:
         visible_materials = np.zeros(self._materials, bool)
         visible_materials[self._material[self._instance[rows]]] = True
         away = np.maximum(np.abs(eye - self._centre[rows]) - self._half[rows], 0.0)
-        nearest = np.full(len(self._bucket_of_instance), np.inf)
+        nearest = np.full(len(self.bucket_of_instance), np.inf)
         np.minimum.at(nearest, self._instance[rows], np.einsum("ij,ij->i", away, away))
         order = np.lexsort((rows, nearest[self._instance[rows]], self._bucket[rows]))
         rows = rows[order]
@@ -133,12 +149,12 @@ class Culling:
             if len(rows)
             else rows
         )
-        counts = self._clusters.index_count[cluster]
+        counts = self.clusters.index_count[cluster]
         commands = np.zeros(len(starts), COMMAND)
         if len(rows):
             commands["count"] = np.add.reduceat(counts, starts)
             commands["instances"] = 1
-            commands["first_index"] = self._clusters.first_index[cluster[starts]]
+            commands["first_index"] = self.clusters.first_index[cluster[starts]]
             commands["base_vertex"] = self._base_vertex[instance[starts]]
             commands["base_instance"] = instance[starts]
         bucket = self._bucket[rows[starts]] if len(rows) else np.zeros(0, np.int64)
@@ -153,7 +169,5 @@ class Culling:
             commands,
             tuple(ranges),
             visible_materials,
-            culled_clusters=len(self._cluster) - len(rows),
-            drawn_triangles=drawn,
-            culled_triangles=int(self._triangles.sum()) - drawn,
+            DrawCounts(len(self._cluster) - len(rows), int(self._triangles.sum()) - drawn, drawn, len(commands)),
         )

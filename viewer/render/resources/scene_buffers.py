@@ -11,6 +11,7 @@ from ntc.errors import InputError
 from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT, GL_UNSIGNED_SHORT
+from viewer.render.resources.cluster_draws.gpu_draw_list import GpuDrawList
 from viewer.render.resources.culling import Bucket, DrawList
 from viewer.render.resources.layout import (
     LARGEST_ID,
@@ -27,6 +28,8 @@ FIRST_INSTANCE_LOCATION = 3
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
 VERTICES_AT_ONCE = 1 << 20
 """Vertices that are made ready for the GPU in one piece."""
+
+AnyDrawList = DrawList | GpuDrawList
 
 
 class MaterialsSource(Protocol):
@@ -58,7 +61,7 @@ class SceneBuffers:
         self._alpha: dict[int, moderngl.Texture] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
-        self._draw_list: DrawList | None = None
+        self._draw_list: AnyDrawList | None = None
         self._ranges: tuple[tuple[Bucket, int, int], ...] = ()
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
@@ -140,7 +143,7 @@ class SceneBuffers:
         return self._alpha[texture_id]
 
     @contextmanager
-    def drawing(self, draw_list: DrawList) -> Iterator[None]:
+    def drawing(self, draw_list: AnyDrawList) -> Iterator[None]:
         """Draw another list within the block; the list before is back after it."""
         before = self._draw_list
         self.upload(draw_list)
@@ -150,9 +153,11 @@ class SceneBuffers:
             if before is not None:
                 self.upload(before)
 
-    def upload(self, draw_list: DrawList) -> None:
-        """Take over the commands of a draw list."""
-        self._draw_list = draw_list
+    def upload(self, draw_list: AnyDrawList) -> None:
+        """Take over the commands of a draw list; those that the GPU has written stay where they are."""
+        self._draw_list, self._ranges = draw_list, draw_list.ranges
+        if isinstance(draw_list, GpuDrawList):
+            return
         data = draw_list.commands.tobytes()
         if data:
             if self._commands is None or self._commands.size < len(data):
@@ -162,7 +167,6 @@ class SceneBuffers:
                     self._commands.release()
                 self._commands = made
             replace_content(self._commands, data)
-        self._ranges = draw_list.ranges
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""
@@ -174,10 +178,8 @@ class SceneBuffers:
 
     def draw(self, opaque: moderngl.Program, alpha_tested: moderngl.Program) -> None:
         """Draw the uploaded list: opaque buckets with one program, those that need an alpha test with the other."""
-        if self._commands is None:
-            return
-        gl = self._gl
-        for bucket, first, count in self._ranges:
+        gl, draw_list = self._gl, self._draw_list
+        for number, (bucket, first, count) in enumerate(self._ranges):
             needs_alpha = bucket.alpha_texture >= -1
             if needs_alpha:
                 self._alpha_texture(bucket.alpha_texture).use(int(TextureUnit.ALPHA))
@@ -185,7 +187,10 @@ class SceneBuffers:
             (gl.disable if bucket.double_sided else gl.enable)(moderngl.CULL_FACE)
             gl.front_face = "cw" if bucket.mirrored else "ccw"
             array = self._vertex_array(alpha_tested if needs_alpha else opaque)
-            if self._context.features.compute:
+            if isinstance(draw_list, GpuDrawList):
+                draw_list.draw(array, self._index_bytes, number)
+            elif self._context.features.compute:
+                assert self._commands is not None
                 array.render_indirect(self._commands, moderngl.TRIANGLES, count=count, first=first)
             else:
                 self._draw_one_by_one(array, first, count)
@@ -196,7 +201,7 @@ class SceneBuffers:
 
     def _draw_one_by_one(self, array: moderngl.VertexArray, first: int, count: int) -> None:
         """Draw commands of the list without indirect draws: OpenGL 4.1 has none that begin at another instance than the first."""
-        assert self._draw_list is not None
+        assert isinstance(self._draw_list, DrawList)
         call = self._context.functions
         call("glUseProgram", array.program.glo)
         call("glBindVertexArray", array.glo)

@@ -1,1 +1,1 @@
-"""Clusters of triangles: their bounds, and culling them on the GPU."""
+"""Clusters of triangles: their bounds, and what Python and GLSL share of them."""

@@ -73,6 +73,12 @@ def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
         yield start, min(step, triangles - start)
 
 
+def cluster_count(scene: Scene, size: int) -> int:
+    """Clusters of at most `size` triangles that all instances have."""
+    counts = np.array([max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives], np.int64)
+    return int(counts[scene.instances.primitive].sum())
+
+
 def build_clusters(scene: Scene, size: int) -> Clusters:
     """Clusters of at most `size` consecutive triangles of each primitive."""
     counts = [max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives]

@@ -1,0 +1,164 @@
+"""Culling by clusters on the GPU: three steps in compute shaders that write the draw commands of what a camera may see."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.indirect import COMMAND_BYTES, IndirectDraws
+from viewer.gl.limits import rows_of_work_groups
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.read_back import ReadBack
+from viewer.render.resources.cluster_draws.draw_items import InstanceCulling, placement_records
+from viewer.render.resources.cluster_draws.gpu_draw_list import GpuDrawList
+from viewer.render.resources.clusters.records import (
+    BUCKET_RECORD,
+    CLUSTER_RECORD,
+    ITEM_RECORD,
+    ClusterBinding,
+    ClusterTest,
+    cluster_layout_glsl,
+)
+from viewer.render.resources.culling import Culling, DrawCounts
+from viewer.scene.model import Camera, Scene
+
+FOLDER = "passes/cull_clusters"
+ALL_TESTS = ClusterTest.FRUSTUM | ClusterTest.CONE | ClusterTest.SIZE
+
+
+@dataclass(frozen=True)
+class ClusterView:
+    """Whose view is culled."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """(width, height) of the picture in pixels: clusters between the centres of pixels are left out."""
+    matrix: NDArray[np.float64]
+    """[4, 4] float64, world to clip."""
+
+
+def cluster_programs(programs: ProgramFactory, padded: bool) -> tuple[moderngl.ComputeShader, ...]:
+    """The three steps; `padded`: commands behind the last one are made empty, because the CPU draws as many as there may be."""
+    own = programs.with_generated({"generated/clusters.glsl": cluster_layout_glsl()})
+    test, write = (own.compute(f"{FOLDER}/{name}.comp") for name in ("test", "write"))
+    return test, own.compute(f"{FOLDER}/scan.comp", {"PADDED": int(padded)}), write
+
+
+class ClusterCulling:
+    """The clusters of a scene on the GPU, and the commands of the last view."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        scene: Scene,
+        culling: Culling,
+        tests: int | None = None,
+    ) -> None:
+        """`tests`: bits of ClusterTest, ALL_TESTS unless given; with 0 all of the scene is drawn. Raises GpuMemoryError."""
+        self._context, self._memory, self._culling = context, context.memory, culling
+        self._tests = ALL_TESTS if tests is None else tests
+        self._draws = IndirectDraws(context)
+        self._test, self._scan, self._write = cluster_programs(programs, padded=not self._draws.are_counted)
+        self.instances = InstanceCulling(scene, culling)
+        self.item_count = 0
+        """Items of the last list."""
+        self._what = f"clusters of {scene.name}"
+        placements = placement_records(scene, culling)
+        with self._memory.transaction():
+            self._clusters = self._memory.buffer(self._what, self._records(), storage=True)
+            self._placements = self._memory.buffer(self._what, placements.view(np.uint8), storage=True)
+            self._items = self._memory.buffer(self._what, reserve=ITEM_RECORD.itemsize, dynamic=True)
+            self._buckets = self._memory.buffer(
+                self._what, reserve=BUCKET_RECORD.itemsize * max(1, len(culling.buckets)), dynamic=True
+            )
+            self._commands = self._memory.buffer(self._what, reserve=COMMAND_BYTES)
+        self._back = ReadBack[int](context, f"counts of the {self._what}")
+        self._told = DrawCounts(0, 0, 0, 0)
+        self._is_new = False
+
+    def _records(self) -> NDArray[np.uint8]:
+        clusters = self._culling.clusters
+        records = np.zeros(len(clusters.cutoff), CLUSTER_RECORD)
+        records["centre"][:, :3], records["extent"][:, :3] = clusters.centre, clusters.half
+        # Rounded to float32 the box must still hold its triangles.
+        lost = np.abs(clusters.centre - records["centre"][:, :3]) + np.spacing(np.abs(records["extent"][:, :3]))
+        records["extent"][:, :3] += lost.astype(np.float32)
+        records["axis"][:, :3], records["axis"][:, 3] = clusters.axis, clusters.cutoff
+        records["first_index"], records["index_count"] = clusters.first_index, clusters.index_count
+        return records.view(np.uint8)
+
+    def draw_list(self, view: ClusterView) -> GpuDrawList:
+        """What `view` may see, in the place of the list before. Raises GpuMemoryError."""
+        work = self.instances.items(view.camera, view.matrix, all_instances=not self._tests)
+        self.item_count = len(work.items)
+        ranges = tuple(
+            (self._culling.buckets[number], int(record["first_command"]), int(record["capacity"]))
+            for number, record in zip(work.numbers, work.buckets, strict=True)
+        )
+        if self.item_count:
+            self._run(view, work.items, work.buckets, work.capacity)
+        self._back_copy(len(ranges))
+        return GpuDrawList(ranges, work.materials, self._commands, self._buckets, self._draws)
+
+    def _run(self, view: ClusterView, items: NDArray[np.void], buckets: NDArray[np.void], capacity: int) -> None:
+        self._items = self._memory.grown(self._what, self._items, items.nbytes, dynamic=True, storage=True)
+        self._commands = self._memory.grown(self._what, self._commands, COMMAND_BYTES * capacity, storage=True)
+        for buffer, records in ((self._items, items), (self._buckets, buckets)):
+            buffer.orphan()
+            buffer.write(records.view(np.uint8))
+        bound = (self._clusters, self._placements, self._items, self._commands, self._buckets)
+        for binding, buffer in zip(ClusterBinding, bound, strict=True):
+            buffer.bind_to_storage_buffer(int(binding))
+        flat = view.camera.orthographic_height is not None
+        values = {
+            "view_projection": view.matrix.T.astype("<f4").tobytes(),
+            "picture_size": tuple(float(side) for side in view.size),
+            "tests": self._tests & ~ClusterTest.CONE if flat else self._tests,
+            "item_count": len(items),
+        }
+        groups = rows_of_work_groups(len(items))
+        set_uniforms(self._test, values)
+        self._test.run(*groups)
+        self._context.gl.memory_barrier()
+        self._scan.run(len(buckets))
+        self._context.gl.memory_barrier()
+        set_uniforms(self._write, {"item_count": len(items)})
+        self._write.run(*groups)
+        self._context.gl.memory_barrier()
+
+    def _back_copy(self, buckets: int) -> None:
+        self._is_new = buckets > 0
+        if not buckets:
+            self._told = self._counts(b"")
+            return
+        self._back.copy([(self._buckets, BUCKET_RECORD.itemsize * buckets)], buckets)
+
+    def counts(self, waits: bool) -> DrawCounts:
+        """Of the last list; unless this `waits`, of one before where the GPU has not come so far."""
+        if self._is_new:
+            arrived = self._back.wait() if waits else self._back.newest()
+            if arrived is not None:
+                self._told = self._counts(arrived[0])
+                self._is_new = self._back.is_pending
+        return self._told
+
+    def _counts(self, content: bytes) -> DrawCounts:
+        records = np.frombuffer(content, BUCKET_RECORD)
+        clusters, triangles, commands = (
+            int(records[name].sum(dtype=np.int64)) for name in ("clusters", "triangles", "commands")
+        )
+        whole = self.instances
+        return DrawCounts(whole.clusters - clusters, whole.triangles - triangles, triangles, commands)
+
+    def items(self, count: int) -> NDArray[np.void]:
+        """[count] ITEM_RECORD of the last list as the GPU left them: reads them back, which drawing never does."""
+        return np.frombuffer(self._items.read(count * ITEM_RECORD.itemsize), ITEM_RECORD)
+
+    def release(self) -> None:
+        """Free everything."""
+        self._back.release()
+        for buffer in (self._clusters, self._placements, self._items, self._commands, self._buckets):
+            buffer.release()
