@@ -4,6 +4,7 @@ Whatever is neither read nor refused with InputError ends the process, and libFu
 """
 
 import contextlib
+import importlib
 import random
 import sys
 import tempfile
@@ -63,6 +64,9 @@ with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_S
     from viewer.scene.report import report_json, report_lines
     from viewer.scene.scene_files import MESH_SUFFIXES
     from viewer.state.settings import parse_settings
+
+# Readers import it when they first need it, which is no file's fault.
+importlib.import_module("trimesh")
 
 Mutator = Callable[[bytes, int, random.Random, Mutate], bytes]
 PLAIN_SHARE = 0.3
