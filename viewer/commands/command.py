@@ -135,7 +135,8 @@ class Parameter:
         """`value`, or what is taken in its place. Raises InputError where it cannot be now."""
         if self.is_choice:
             options = self.options(session) if self.arg.choices is not None else tuple(self.fixed.values())
-            if value not in options:
+            # Nothing stands for what the command takes by itself, where that may be left out.
+            if value not in options and not value == self.default == "":
                 raise InputError(
                     f"{self.name} {value!r}: must be one of {', '.join(map(str, options)) or 'nothing yet'}"
                 )

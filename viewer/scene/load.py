@@ -34,12 +34,20 @@ MOST_NAMED = 6
 """Animations that one message names."""
 
 
-def load_scene(path: Path, variant: str = "", pose: Pose | None = None, report: ProgressReport | None = None) -> Scene:
+def load_scene(
+    path: Path,
+    variant: str = "",
+    pose: Pose | None = None,
+    report: ProgressReport | None = None,
+    before: Scene | None = None,
+) -> Scene:
     """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
 
     `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
     themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. `report` is told
-    how many images are known. Pixels are read again from their files when they are needed and not in memory any more.
+    how many images are known. Pixels are read again from their files when they are needed and not in memory any more. `before`: the
+    same scene in another variant or pose; unless its file has changed since, materials and textures are taken from it, with what its
+    load report says of them, and no image is read.
 
     Raises what `report` raises, and InputError where there is no such variant or animation, or the file is missing, is none of
     these, broken, requires an extension that is not supported, holds no triangles or does not fit into memory. Missing and broken
@@ -48,18 +56,31 @@ def load_scene(path: Path, variant: str = "", pose: Pose | None = None, report: 
     path = scene_file(Path(path))
     require_scene(path)
     try:
-        return _load(path, variant, pose, report)
+        return _load(path, variant, pose, report, before)
     except MemoryError as error:
         raise InputError(f"{path}: takes more memory than there is; split the scene or reduce its textures") from error
 
 
-def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | None) -> Scene:
+def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | None, before: Scene | None) -> Scene:
+    # Before the file is read: what changes it meanwhile makes it another one.
+    stamp = _stamp(path)
+    if before is not None and (before.path, before.file_stamp) != (path, stamp):
+        before = None
     if path.suffix.lower() == ARCHIVE_SUFFIX:
         unpacked = unpacked_scene(path)
         file = replace(_container(unpacked.scene, f"{path}/{unpacked.scene.name}"), keeps=unpacked)
     else:
         file = _container(path, str(path))
-    return build_scene(file, path.stem, path, variant, pose, report)
+    return replace(build_scene(file, path.stem, path, variant, pose, report, before), file_stamp=stamp)
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """(bytes, nanoseconds of the last change) of a file. Raises InputError."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    return state.st_size, state.st_mtime_ns
 
 
 def _container(path: Path, name: str) -> GltfFile:
@@ -76,8 +97,12 @@ def build_scene(
     variant: str = "",
     pose: Pose | None = None,
     report: ProgressReport | None = None,
+    before: Scene | None = None,
 ) -> Scene:
-    """The scene in the glTF container `file`, called `name`, in a material variant and a pose. Raises InputError."""
+    """The scene in the glTF container `file`, called `name`, in a material variant and a pose.
+
+    `before`: the scene in the same container, in another variant or pose, as `load_scene` takes it. Raises InputError.
+    """
     check_required(file)
     notes = ReportNotes()
     buffers = Buffers(file)
@@ -96,9 +121,14 @@ def build_scene(
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
     drawn = frozenset(geometry_reader.all_materials)
-    materials, textures = read_textures(file, buffers, sources, drawn, notes, path, report)
-    if len(sources) - 1 not in drawn:
-        materials = materials[:-1]
+    # The last source stands for primitives without a material.
+    kept = len(sources) if len(sources) - 1 in drawn else len(sources) - 1
+    if before is not None and len(before.materials) == kept:
+        materials, textures = before.materials, before.textures
+    else:
+        before = None
+        materials, textures = read_textures(file, buffers, sources, drawn, notes, path, report)
+        materials = materials[:kept]
     bounds = world_bounds(geometry, primitives, instances)
     cameras = read_cameras(file, placements, bounds.astype(np.float64).mean(axis=0), notes)
     lights = read_lights(file, placements, notes)
@@ -130,7 +160,7 @@ def build_scene(
         cameras=cameras,
         node_names=node_names,
         bounds=bounds,
-        report=notes.report(used),
+        report=notes.report(used) if before is None else replace(before.report, used=used),
         lights=lights,
         variants=variants,
         variant=variant,

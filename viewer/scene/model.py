@@ -286,3 +286,5 @@ class Scene:
     animations: tuple[AnimationFacts, ...] = ()
     pose: Pose | None = None
     """The moment at which the scene stands; None: as its nodes say, without an animation."""
+    file_stamp: tuple[int, int] | None = None
+    """(bytes, nanoseconds of the last change) of the file when it was read; None where no file was."""

@@ -169,11 +169,11 @@ def show_pose(session: Session, pose: Pose | None) -> None:
 
 
 def _read_again(session: Session, variant: str, pose: Pose | None) -> bool:
-    """Whether the scene had to be read again."""
+    """Whether the scene had to be read again; its images are not."""
     before = session.scene
     if before.path is None or (variant, pose) == (before.variant, before.pose):
         return False
-    loaded = load_scene(before.path, variant, pose)
+    loaded = load_scene(before.path, variant, pose, before=before)
     session.scene = replace(loaded, cameras=before.cameras)
     return True
 

@@ -12,6 +12,7 @@ from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
 from viewer.commands import run
 from viewer.commands.command import Context
+from viewer.scene.images import decode_image
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.open_files import InitialView, new_session
@@ -72,6 +73,41 @@ def test_the_command_changes_the_variant_and_keeps_what_is_open(tmp_path: Path) 
     assert session.view == view
     run(context, "materials.variant", "default")
     assert session.scene.variant == ""
+
+
+def test_another_variant_or_moment_reads_no_image_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    builder = shoe()
+    times, places = np.array([0, 2], np.float32), np.array([[0, 0, 0], [4, 0, 0]], np.float32)
+    sampler = {"input": builder.accessor(times), "output": builder.accessor(places)}
+    builder.add(
+        "animations", samplers=[sampler], channels=[{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+    )
+    scene = load_scene(builder.write(tmp_path / "shoe.glb"))
+    context = Context(new_session(scene, {}, ViewerSettings(), InitialView(), tmp_path))
+    decoded: list[str] = []
+
+    def counted(data: bytes, name: str) -> Any:
+        decoded.append(name)
+        return decode_image(data, name)
+
+    monkeypatch.setattr("viewer.scene.gltf.maps.images.decode_image", counted)
+    run(context, "materials.variant", "blue")
+    np.testing.assert_array_equal(drawn_pixels(context.session.scene), noise(seed=2))
+    run(context, "animation.time", 1.0)
+    np.testing.assert_array_equal(context.session.scene.instances.transform[0, :3, 3], [2, 0, 0])
+    assert (context.session.scene.variant, context.session.scene.report) == ("blue", scene.report)
+    assert decoded == []
+
+
+def test_a_file_that_has_changed_is_read_whole(tmp_path: Path) -> None:
+    path = shoe().write(tmp_path / "shoe.glb")
+    before = load_scene(path)
+    changed = GltfBuilder()
+    changed.material(changed.image(png(noise(8, 8, seed=9))))
+    changed.drawn(changed.triangle(0)).write(path)
+    scene = load_scene(path, before=before)
+    assert [len(scene.materials), len(scene.textures)] == [1, 1]
+    np.testing.assert_array_equal(drawn_pixels(scene), noise(8, 8, seed=9))
 
 
 def test_the_names_are_told_by_info(tmp_path: Path) -> None:
