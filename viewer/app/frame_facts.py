@@ -11,11 +11,12 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
-from viewer.inspect.block_content import BlockContent, BlockReader
+from viewer.inspect.block_content import BlockContent, read_block
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.map_errors import errors_by_map
 from viewer.inspect.measurement import SlotPicture, measure_slot
-from viewer.inspect.pixel_content import PixelContent, PixelReader
+from viewer.inspect.pixel_content import PixelContent, read_pixel
+from viewer.inspect.place_reader import PlaceReader
 from viewer.render.frame_times import FrameTimes
 from viewer.render.viewport import Viewport
 from viewer.state.session import Session, SlotMeasurement
@@ -26,13 +27,21 @@ from viewer.ui.facts import FrameFacts
 class FactsReader:
     """Reads a picture for the panels, and no more of it than they show."""
 
-    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes) -> None:
+    def __init__(
+        self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes, waits: bool
+    ) -> None:
+        """`waits`: whether what is read at the mouse is waited for, and so is of this frame."""
         self._renderer_name = context.info.renderer
         self._session, self._picture, self._times = session, picture, times
         self._images = NamedImages(context)
-        self._blocks = BlockReader()
+        self._blocks = PlaceReader[BlockContent](context, "the block under the mouse", waits)
         self._counted: Mapping[str, DivergenceStatistics] = {}
-        self.pixels = PixelReader()
+        self.pixels = PlaceReader[PixelContent](context, "the pixel under the mouse", waits)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether something for a panel is on its way from the GPU."""
+        return self.pixels.is_pending or self._blocks.is_pending
 
     def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> FrameFacts:
         """The facts of the last frame; `live` is what comparing A with B has found, `encoding` how far block formats are."""
@@ -116,7 +125,8 @@ class FactsReader:
 
     def release(self) -> None:
         """Free the images of panels."""
-        self._images.release()
+        for part in (self._images, self.pixels, self._blocks):
+            part.release()
 
     def _image(self, name: str, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
         return imgui.ImTextureRef(self._images.get(name, pixels).glo)
@@ -131,16 +141,19 @@ class FactsReader:
             or at is None
             or not ("Pixel" in session.window.open_panels and session.window.show_panels)
         ):
+            self.pixels.forget()
             return None
-        return self.pixels.read(renderer, view, at)
+        return read_pixel(self.pixels, renderer, view, at)
 
     def _block(self) -> BlockContent | None:
         """The block that the panel Divergence shows, while the map is shown."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.block or session.inspection.hovered
         if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
+            self._blocks.forget()
             return None
         if view.coarseness > 1:
             # Its few pixels would say that it has fewer textures than at rest.
+            self._blocks.forget()
             return None
-        return self._blocks.read(renderer, session.packs, view, at)
+        return read_block(self._blocks, renderer, session.packs, view, at)

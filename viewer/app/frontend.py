@@ -72,7 +72,7 @@ class Frontend:
         self._waits = waits
         self._times = FrameTimes(waits)
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit, waits)
-        self.reader = FactsReader(graphics, session, self.picture, self._times)
+        self.reader = FactsReader(graphics, session, self.picture, self._times, waits)
         self._writer = PictureWriter(graphics, session, self.picture)
         self._first_view = FirstView(self.interface.background, emit)
         self._precision = PrecisionSearch(
@@ -316,5 +316,5 @@ class Frontend:
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
-        requested = requested or self._first_view.is_due(session)
+        requested = requested or self._first_view.is_due(session) or self.reader.is_pending
         return found or self.picture.is_due(room) or (requested and not self.picture.is_undrawable(room))

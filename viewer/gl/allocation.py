@@ -120,6 +120,17 @@ class GpuMemory:
         self.blocking.watch(thing)
         return thing
 
+    def write(self, buffer: moderngl.Buffer, data: bytes, offset: int = 0) -> None:
+        """Write a part of a buffer that the GPU may be reading: by way of another, so that nothing waits for it to be done."""
+        try:
+            staged = self.buffer("what is uploaded", reserve=len(data))
+        except GpuMemoryError:
+            buffer.write(data, offset=offset)
+            return
+        staged.write(data)
+        self.gl.copy_buffer(buffer, staged, len(data), 0, offset)
+        staged.release()
+
     def check(self, what: str, size: int, thing: Releasable) -> None:
         """Free `thing` and raise GpuMemoryError where OpenGL reports that an allocation has failed."""
         errors = self._take_errors().intersection(REFUSALS)

@@ -3,9 +3,11 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
@@ -55,6 +57,38 @@ class Fence:
 
 
 @dataclass(frozen=True, eq=False)
+class PicturePart:
+    """A rectangle of a picture with four numbers a pixel, that of the first attachment."""
+
+    framebuffer: moderngl.Framebuffer
+    pixels: tuple[int, int, int, int]
+    """Left, top, right, bottom from the upper left corner; inside the picture, not empty."""
+    kind: Literal["u4", "f2", "f4"]
+    """Of each number."""
+
+    @property
+    def byte_count(self) -> int:
+        """Of the rectangle."""
+        left, top, right, bottom = self.pixels
+        return (right - left) * (bottom - top) * 4 * np.dtype(self.kind).itemsize
+
+    @property
+    def viewport(self) -> tuple[int, int, int, int]:
+        """Left, bottom, width, height as OpenGL counts, from the lower left corner."""
+        left, top, right, bottom = self.pixels
+        return left, self.framebuffer.height - bottom, right - left, bottom - top
+
+    def array(self, content: bytes) -> NDArray[Any]:
+        """[bottom - top, right - left, 4] of `kind`, row 0 on top: what has been read."""
+        _, _, width, height = self.viewport
+        return np.frombuffer(content, self.kind).reshape(height, width, 4)[::-1]
+
+    def read(self) -> NDArray[Any]:
+        """The same, waited for."""
+        return self.array(self.framebuffer.read(self.viewport, components=4, alignment=1, dtype=self.kind))
+
+
+@dataclass(frozen=True, eq=False)
 class _Copy(Generic[Tag]):
     buffer: moderngl.Buffer
     size: int
@@ -98,6 +132,18 @@ class ReadBack(Generic[Tag]):
         buffer = self._buffer(size)
         # The class's own method: into a buffer nothing waits.
         moderngl.Texture.read_into(texture, buffer, alignment=1)
+        self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
+
+    def copy_parts(self, parts: Sequence[PicturePart], tag: Tag) -> None:
+        """The same for parts of pictures, one after the other."""
+        size = sum(part.byte_count for part in parts)
+        buffer, at = self._buffer(size), 0
+        for part in parts:
+            # The class's own method: into a buffer nothing waits.
+            moderngl.Framebuffer.read_into(
+                part.framebuffer, buffer, part.viewport, 4, alignment=1, dtype=part.kind, write_offset=at
+            )
+            at += part.byte_count
         self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
 
     def _buffer(self, size: int) -> moderngl.Buffer:

@@ -1,13 +1,16 @@
 """The textures in one block of the picture with their decoders; read back when the block or the picture has changed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
+from viewer.inspect.place_reader import Asked, PlaceReader
 from viewer.render.renderer import Renderer
+from viewer.render.resources.layout import texture_ids_of
 from viewer.scene.model import Scene
 from viewer.state.view_state import ViewState, is_image_source
 
@@ -98,22 +101,26 @@ def block_content(
     return BlockContent(place, in_order)
 
 
-class BlockReader:
-    """Remembers the last block."""
+def read_block(
+    reader: PlaceReader[BlockContent],
+    renderer: Renderer,
+    packs: Mapping[str, Pack],
+    view: ViewState,
+    at: tuple[float, float],
+) -> BlockContent | None:
+    """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
 
-    def __init__(self) -> None:
-        self._key: object = None
-        self._content: BlockContent | None = None
+    None where it has not been read yet.
+    """
+    place = BlockPlace.at(at, view.block, view.size)
+    sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
 
-    def read(
-        self, renderer: Renderer, packs: Mapping[str, Pack], view: ViewState, at: tuple[float, float]
-    ) -> BlockContent | None:
-        """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn."""
-        place = BlockPlace.at(at, view.block, view.size)
-        sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
-        key = (renderer, packs, view.camera, place, sources)
-        if key != self._key:
-            decoders = {source: renderer.decoders(source) for source in sources}
-            ids = renderer.texture_ids_in(place.pixels)
-            self._content, self._key = block_content(ids, place, renderer.scene, decoders), key
-        return self._content
+    def ask() -> Asked[BlockContent]:
+        scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
+
+        def make(read: Sequence[NDArray[Any]]) -> BlockContent:
+            return block_content(texture_ids_of(read[0][..., 0]), place, scene, decoders)
+
+        return Asked((renderer.visibility.words_in(place.pixels),), make)
+
+    return reader.read((renderer, sources), (packs, view.camera, place), ask)

@@ -1,17 +1,19 @@
 """One pixel of the picture and the pixels around it in both slots; read back when the place or the picture has changed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
 from viewer.inspect.block_content import BlockPlace, block_content, pixel_at
+from viewer.inspect.place_reader import Asked, PlaceReader
 from viewer.render.renderer import Renderer
 from viewer.render.resources.layout import materials_of, texture_ids_of
-from viewer.state.view_state import Slot, ViewState, is_image_source
+from viewer.state.view_state import ViewState, is_image_source
 
 LEAST_FOOTPRINT = 1e-10
 REACH = 7
@@ -111,44 +113,36 @@ class PixelContent:
     """D of the pixel's block by the source's name."""
 
 
-class PixelReader:
-    """Remembers the last pixel."""
+def read_pixel(
+    reader: PlaceReader[PixelContent], renderer: Renderer, view: ViewState, at: tuple[float, float]
+) -> PixelContent | None:
+    """The pixel at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
 
-    def __init__(self) -> None:
-        self._key: object = None
-        self._content: PixelContent | None = None
-        self.reads = 0
-        """Times that something was read back."""
+    None where it has not been read yet.
+    """
+    place = PatchPlace.at(at, view.size)
+    sources = tuple(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
+    key = (place, view.camera, view.block, renderer.pair_key())
+    return reader.read((renderer, sources), key, lambda: _asked(renderer, view, place, sources))
 
-    def read(self, renderer: Renderer, view: ViewState, at: tuple[float, float]) -> PixelContent | None:
-        """The pixel at `at` (shares of the picture from its upper left corner) of the last view that was drawn."""
-        place = PatchPlace.at(at, view.size)
-        key = (renderer, place, view.camera, view.block, renderer.pair_key())
-        if key != self._key:
-            self._content = self._read(renderer, view, place)
-            self._key = key
-            self.reads += 1
-        return self._content
 
-    def _read(self, renderer: Renderer, view: ViewState, place: PatchPlace) -> PixelContent:
-        scene = renderer.scene
-        words = renderer.visibility.words_at(place.x, place.y)
+def _asked(renderer: Renderer, view: ViewState, place: PatchPlace, sources: Sequence[str]) -> Asked[PixelContent]:
+    scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
+    block = BlockPlace.at(((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), view.block, view.size)
+    patches = [renderer.picture_part(slot, place.pixels) for slot in (view.slot_a, view.slot_b)]
+
+    def make(read: Sequence[NDArray[Any]]) -> PixelContent:
+        in_block, drawn = read[0], iter(read[1:])
+        words = np.ascontiguousarray(in_block[place.y - block.pixels[1], place.x - block.pixels[0]], np.uint32)
         texture_id, material = int(texture_ids_of(words[:1])[0]), int(materials_of(words[:1])[0])
         u, v, footprint = words[1:].view(np.float32).tolist() if material >= 0 else (0.0, 0.0, 0.0)
         texture = scene.textures[texture_id] if texture_id >= 0 else None
-        sources = list(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
-        decoders = {source: renderer.decoders(source) for source in sources}
-        block = BlockPlace.at(((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), view.block, view.size)
-        content = block_content(renderer.texture_ids_in(block.pixels), block, scene, decoders)
-
-        def patch(slot: Slot) -> PixelPatch | None:
-            read = renderer.picture_in(slot, place.pixels)
-            return place.patch(read) if read is not None else None
-
+        content = block_content(texture_ids_of(in_block[..., 0]), block, scene, decoders)
+        a, b = (None if part is None else place.patch(next(drawn)[..., :3]) for part in patches)
         return PixelContent(
             place=place,
-            a=patch(view.slot_a),
-            b=patch(view.slot_b),
+            a=a,
+            b=b,
             material_name=scene.materials[material].name if material >= 0 else None,
             texture_id=texture_id,
             texture_name=texture.name if texture is not None else "",
@@ -157,3 +151,6 @@ class PixelReader:
             decoders={source: table[texture_id] if texture_id >= 0 else -1 for source, table in decoders.items()},
             block_decoders={source: content.decoder_count(source) for source in sources},
         )
+
+    drawn = (part for part in patches if part is not None)
+    return Asked((renderer.visibility.words_in(block.pixels), *drawn), make)

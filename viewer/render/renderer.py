@@ -12,6 +12,7 @@ from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
+from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
 from viewer.render.blend.blend_samples import BlendSamples
 from viewer.render.compositor import Compositor
@@ -346,13 +347,18 @@ class Renderer:
 
         `pixels` are left, top, right, bottom from the upper left corner. Nothing but the part is read back.
         """
+        part = self.picture_part(slot, pixels)
+        return None if part is None else np.ascontiguousarray(part.read()[..., :3], np.float32)
+
+    def picture_part(self, slot: Slot, pixels: tuple[int, int, int, int]) -> PicturePart | None:
+        """The same, still on the GPU and with alpha."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None
         slot = self.paths.chosen(slot, view)
         if not self._slots.is_drawn(slot, targets):
             return None
-        return targets.picture(slot).read_in(*pixels)
+        return targets.picture(slot).part(pixels)
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
@@ -371,14 +377,6 @@ class Renderer:
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
         return self.visibility.texture_ids()
-
-    @checks_context
-    def texture_ids_in(self, pixels: tuple[int, int, int, int]) -> NDArray[np.int32]:
-        """[h, w] int32: texture ids of a part of the last view (left, top, right, bottom), -1 for none.
-
-        Pixels count from the upper left corner. Nothing but the part is read back.
-        """
-        return self.visibility.texture_ids_in(*pixels)
 
     @checks_context
     def covered(self) -> NDArray[np.bool_]:

@@ -1,13 +1,14 @@
 """Copies of what the GPU has computed: they arrive later, the newest counts, and nothing waits unless it is asked to."""
 
 import time
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from viewer.gl.allocation import is_released
 from viewer.gl.context import GraphicsContext
-from viewer.gl.read_back import Fence, ReadBack
+from viewer.gl.read_back import Fence, PicturePart, ReadBack
 
 DOUBLE = """#version 430
 layout(local_size_x = 1) in;
@@ -74,6 +75,53 @@ def test_waiting_is_counted_and_an_arrived_copy_is_not(
     assert memory.blocking.count == before + 1
     back.release()
     values.release()
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4"])
+def test_parts_of_pictures_arrive_as_they_are_read(graphics: GraphicsContext, kind: Literal["f2", "f4"]) -> None:
+    width, height = 7, 5
+    pixels = np.arange(width * height * 4, dtype=kind).reshape(height, width, 4)
+    words = pixels.astype("u4") << 20
+    drawn = graphics.memory.texture("a test", (width, height), 4, pixels.tobytes(), dtype=kind)
+    found = graphics.memory.texture("a test", (width, height), 4, words.tobytes(), dtype="u4")
+    first, second = (graphics.memory.framebuffer("a test", [texture]) for texture in (drawn, found))
+    everything = (0, 0, width, height)
+    parts = (
+        PicturePart(second, (6, 4, 7, 5), "u4"),
+        PicturePart(first, (2, 1, 5, 3), kind),
+        PicturePart(second, everything, "u4"),
+    )
+    back = ReadBack[str](graphics, "a test")
+    before = graphics.memory.blocking.count
+    back.copy_parts(parts, "tag")
+    content, tag = arrived(back)
+    assert tag == "tag"
+    assert graphics.memory.blocking.count == before
+    at = 0
+    for part, whole in zip(parts, (words, pixels, words), strict=True):
+        left, top, right, bottom = part.pixels
+        read = part.array(content[at : at + part.byte_count])
+        np.testing.assert_array_equal(read, whole[::-1][top:bottom, left:right])
+        np.testing.assert_array_equal(read, part.read())
+        at += part.byte_count
+    assert at == len(content)
+    back.release()
+    for framebuffer in (first, second):
+        framebuffer.release()
+    for texture in (drawn, found):
+        texture.release()
+
+
+def test_what_replaces_a_part_of_a_buffer_goes_by_way_of_another(
+    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    buffer = graphics.memory.buffer("a test", bytes(8))
+    graphics.memory.write(buffer, b"abcd", 2)
+    assert buffer.read() == bytes(2) + b"abcd" + bytes(2)
+    monkeypatch.setattr(graphics.memory, "allows", lambda what, size: False)
+    graphics.memory.write(buffer, b"ef", 6)
+    assert buffer.read() == bytes(2) + b"abcdef", "without memory for another it is written at once"
+    buffer.release()
 
 
 def test_buffers_are_used_again_and_freed(graphics: GraphicsContext) -> None:

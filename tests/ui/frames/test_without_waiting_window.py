@@ -9,6 +9,7 @@ import pytest
 from lab.bench.scene import nudged
 from tests.support.blocking_watch import watched_calls
 from tests.support.driven_app import DrivenApp
+from viewer.inspect.pixel_content import REACH
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
@@ -45,6 +46,10 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[WindowLike
         app.close()
 
 
+MIDDLE = (0.5, 0.5)
+"""Of the picture, as shares."""
+
+
 def rest(app: WindowLikeApp) -> None:
     """Draw until the picture is whole."""
     for _ in range(MOST_FRAMES):
@@ -54,15 +59,22 @@ def rest(app: WindowLikeApp) -> None:
     raise AssertionError("the picture does not come to rest")
 
 
-@pytest.mark.parametrize("panel", ["Memory", "Timings"])
-def test_nothing_waits_in_motion(drawn: tuple[WindowLikeApp, list[str]], panel: str) -> None:
+@pytest.mark.parametrize("asks", [False, True])
+def test_nothing_waits_in_motion(drawn: tuple[WindowLikeApp, list[str]], asks: bool) -> None:
+    """`asks`: with times, the pixel and the block at a place, and the map of decoders."""
     app, calls = drawn
     camera = app.session.view.camera
-    app.show_panel(panel)
+    app.show_panel("Memory")
+    overlay = app.session.view.overlay
+    if asks:
+        app.session.view = replace(app.session.view, overlay=replace(overlay, kind="divergence"))
+        app.session.inspection.pixel = app.session.inspection.block = MIDDLE
+        app.show_panel("Pixel")
+        app.show_panel("Timings")
     app.run("camera.set", turned(camera, 0.2))
     rest(app)
     calls.clear()
-    counts, timed = list[int](), 0
+    counts, timed, reads = list[int](), 0, app.frontend.reader.pixels.reads
     for number in range(FRAMES):
         app.run("camera.set", nudged(turned(camera, 0.2 * min(number, FRAMES - number)), number))
         app.frame()
@@ -72,10 +84,35 @@ def test_nothing_waits_in_motion(drawn: tuple[WindowLikeApp, list[str]], panel: 
         timed += bool(last.timings_ms)
     assert calls == []
     assert counts == [0] * FRAMES
-    assert app.frontend.facts().blocking_calls == 0
+    facts = app.frontend.facts()
+    assert facts.blocking_calls == 0
     # Without the panel nothing is measured; with it times arrive, some frames later.
-    assert (timed == 0) if panel == "Memory" else (timed > 0)
+    assert (timed > 0) == asks
+    assert (facts.pixel is not None) == asks
+    assert (facts.block is not None) == asks
+    assert app.frontend.reader.pixels.reads - reads >= (FRAMES - 1) * asks
+    app.session.view = replace(app.session.view, overlay=overlay)
+    app.session.inspection.pixel = app.session.inspection.block = None
     app.run("camera.set", camera)
+
+
+def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[WindowLikeApp, list[str]]) -> None:
+    app, _ = drawn
+    app.show_panel("Pixel")
+    app.session.inspection.pixel = MIDDLE
+    rest(app)
+    pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
+    assert pixel is not None
+    assert pixel.a is not None
+    assert renderer is not None
+    x, y = pixel.place.x, pixel.place.y
+    np.testing.assert_array_equal(
+        pixel.a.linear, renderer.picture(SLOT)[y - REACH : y + REACH + 1, x - REACH : x + REACH + 1]
+    )
+    assert pixel.texture_id == renderer.texture_ids()[y, x]
+    app.session.inspection.pixel = None
+    app.frame()
+    assert not app.frontend.reader.is_pending, "who does not look waits for nothing"
 
 
 def test_the_picture_at_rest_is_that_of_a_renderer_that_waits(drawn: tuple[WindowLikeApp, list[str]]) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import PicturePart
 
 
 class ColorTarget:
@@ -54,13 +55,9 @@ class ColorTarget:
         """RGBA of `pixel_type`, row 0 at the bottom: what `read` gives, before anything is done to it."""
         return bytes(self.texture.read())
 
-    def read_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.float32]:
-        """[bottom - top, right - left, 3] float32 linear: a part of the picture, in pixels from the upper left corner."""
-        width, height = right - left, bottom - top
-        viewport = (left, self.size[1] - bottom, width, height)
-        words = self.framebuffer.read(viewport, components=4, alignment=1, dtype=f"f{self._type.itemsize}")
-        pixels = np.frombuffer(words, self._type).reshape(height, width, 4)
-        return np.ascontiguousarray(pixels[::-1, :, :3], np.float32)
+    def part(self, pixels: tuple[int, int, int, int]) -> PicturePart:
+        """Linear RGBA of a part of the picture: left, top, right, bottom from the upper left corner."""
+        return PicturePart(self.framebuffer, pixels, "f2" if self._type.itemsize == 2 else "f4")
 
     def read_all(self) -> NDArray[np.float32]:
         """[H, W, 4] float32, row 0 on top: all four channels as they are."""

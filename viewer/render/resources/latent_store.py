@@ -188,8 +188,8 @@ class LatentStore:
             self._budget_cells = max(1, self.buffer.size // self.cell_bytes)
             missing, cells = self._begin_anew(wanted)
             self._reserve(cells)
-        for index, level in missing.items():
-            self._upload(index, level)
+        start = self._used * self.cell_bytes
+        self.memory.write(self.buffer, b"".join(self._place(index, level) for index, level in missing.items()), start)
         return True
 
     def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
@@ -227,21 +227,19 @@ class LatentStore:
         self.buffer.release()
         self.buffer = grown
 
-    def _upload(self, index: int, finest: int) -> None:
-        """Upload a texture's mips from `finest` to those that are there."""
+    def _place(self, index: int, finest: int) -> bytes:
+        """A texture's mips from `finest` to those that are there, which come behind what is used and count as used from now on."""
         texture, rows = self._textures[index], self.rows[index]
         assert texture is not None
         present = int(self.finest[index])
         start = rows[finest].first
         end = rows[present].first if present < len(rows) else len(texture.latents)
-        self.buffer.write(
-            stored_words(texture, self.config, slice(start, end)).tobytes(), offset=self._used * self.cell_bytes
-        )
         for number in range(finest, present):
             row = int(self.first_level[index]) + number
             self.levels[row]["first_cell"] = self._used + rows[number].first - start
         self._used += end - start
         self.finest[index] = finest
+        return stored_words(texture, self.config, slice(start, end)).tobytes()
 
     def release(self) -> None:
         """Free the buffer."""

@@ -80,7 +80,7 @@ class LatentUpdate:
             return store.reload(self._textures)
         for part in self._missing():
             data = self._words(part)
-            store.buffer.write(data, offset=self._offset(part))
+            store.memory.write(store.buffer, data, self._offset(part))
             uploaded += len(data)
         for buffer, batch in self._batches:
             start = 0

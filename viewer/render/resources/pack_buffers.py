@@ -153,7 +153,7 @@ class PackBuffers:
             self._weights.release()
             self._weights = weights
             self._fill_records()
-            self._tables[StorageBinding.TEXTURES].write(self._records.tobytes())
+            replace_content(self._tables[StorageBinding.TEXTURES], self._records.tobytes())
             return self._records.nbytes + self._weight_bytes
         self._fill_records()
         uploaded = 0
@@ -162,7 +162,7 @@ class PackBuffers:
             uploaded += self._write_weights(first, self._decoders.of_decoder(pack, group))
         size = self._records.itemsize
         for slot, texture in self.slots_of_groups(groups, pack).items():
-            self._tables[StorageBinding.TEXTURES].write(self._records[slot].tobytes(), offset=slot * size)
+            self._memory.write(self._tables[StorageBinding.TEXTURES], self._records[slot].tobytes(), slot * size)
             uploaded += size
             if texture.adapter is not None:
                 adapter = self._decoders.of_adapter(pack, texture.adapter)
@@ -173,7 +173,7 @@ class PackBuffers:
         """Write `weights` from block `first_block` on; the bytes."""
         block_bytes = self._decoders.block_bytes
         if isinstance(self._weights, moderngl.Buffer):
-            self._weights.write(weights, offset=first_block * block_bytes)
+            self._memory.write(self._weights, weights, first_block * block_bytes)
             return len(weights)
         columns, start, end = 1 << WEIGHT_COLUMN_BITS, first_block, first_block + len(weights) // block_bytes
         while start < end:

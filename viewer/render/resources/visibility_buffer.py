@@ -13,6 +13,7 @@ from ntc.codec.maps import PLANES, Plane
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import PicturePart
 from viewer.render.resources.layout import TextureUnit, materials_of, texture_ids_of
 from viewer.render.resources.scene_buffers import MaterialsSource
 from viewer.scene.model import Camera
@@ -147,24 +148,13 @@ class VisibilityTarget:
         """First word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
         return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
 
-    def words_at(self, x: int, y: int) -> NDArray[np.uint32]:
-        """[4] uint32 of one pixel, counted from the upper left corner: ids, uv and footprint (docs/decode-paths.md)."""
-        viewport = (x, self.size[1] - 1 - y, 1, 1)
-        return np.frombuffer(
-            self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4"), np.uint32
-        )
+    def words_in(self, pixels: tuple[int, int, int, int]) -> PicturePart:
+        """The words of a part of the picture: left, top, right, bottom from the upper left corner."""
+        return PicturePart(self.framebuffer, pixels, "u4")
 
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel, -1 for none."""
         return texture_ids_of(self._ids())
-
-    def texture_ids_in(self, left: int, top: int, right: int, bottom: int) -> NDArray[np.int32]:
-        """[bottom - top, right - left] int32: texture ids of a part of the picture, in pixels from the upper left corner."""
-        size = (right - left, bottom - top)
-        viewport = (left, self.size[1] - bottom, *size)
-        words = self.framebuffer.read(viewport, components=4, attachment=0, alignment=1, dtype="u4")
-        ids = np.frombuffer(words, np.uint32).reshape(size[1], size[0], 4)[::-1, :, 0]
-        return texture_ids_of(ids)
 
     def materials(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
