@@ -26,10 +26,11 @@ from ntc.training.config import recipe_codec
 from viewer.cli.render import compression_statistics
 from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.render.path_choice import drawable_paths, unsupported_paths
 from viewer.render.resources.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
-from viewer.state.view_state import Precision
+from viewer.state.view_state import DecodePath, Precision
 from viewer.viewpoints.scene_views import ViewSource, cameras_of
 
 MOST = 2000
@@ -122,13 +123,37 @@ def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precis
     return options.precisions
 
 
+def _paths(options: BenchOptions, context: GraphicsContext) -> tuple[DecodePath, ...]:
+    """The paths of the options; if those are all, the ones this driver can run. Raises InputError for one that it cannot."""
+    if set(options.paths) == set(get_args(DecodePath)):
+        return drawable_paths(context)
+    lacking = unsupported_paths(context)
+    for path in options.paths:
+        if path in lacking:
+            raise InputError(f"--paths {path}: {lacking[path]}")
+    return options.paths
+
+
+def _parts(options: BenchOptions, context: GraphicsContext) -> tuple[str, ...]:
+    """What is timed. Raises InputError for a part that this driver cannot run; of all of them it is left out, and a line says so."""
+    every = ("worst-case", "scene", "scaling")
+    if context.features.compute:
+        return every if options.what == "all" else (options.what,)
+    reason = f"worst-case and scaling need compute shaders (OpenGL 4.3), which are not to be had here ({context.info.version})"
+    if options.what == "all":
+        sys.stderr.write(f"{reason}: the scene alone is timed\n")
+    elif options.what != "scene":
+        raise InputError(f"--what {options.what}: {reason}; take --what scene")
+    return ("scene",)
+
+
 def bench(options: BenchOptions) -> int:
     """Run `ntc-viewer bench`. Raises InputError for bad input, before anything is timed."""
     _check(options)
     context = create_headless_context(options.device)
-    options = replace(options, precisions=_precisions(options, context))
+    options = replace(options, precisions=_precisions(options, context), paths=_paths(options, context))
+    wanted = _parts(options, context)
     limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
-    wanted = ("worst-case", "scene", "scaling") if options.what == "all" else (options.what,)
     opened = None
     if "scene" in wanted:
         require_memory("--size", options.size, PICTURE_BYTES, limits)

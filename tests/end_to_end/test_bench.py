@@ -17,6 +17,7 @@ from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.gl.context import create_headless_context
+from viewer.gl.features import WITHOUT_VARIABLE
 from viewer.render.resources.precision import EVERYWHERE
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene
@@ -247,6 +248,25 @@ def test_bad_input_is_one_line_and_writes_nothing(
     assert words in lines[0]
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
+
+
+def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(
+    tmp_path: Path, scene_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(WITHOUT_VARIABLE, "compute")
+    out = tmp_path / "r.json"
+    command = ["bench", str(scene_path), "--json", str(out), *TINY, "--size", "16x16", "--precisions", "fp32"]
+    for arguments in (["--what", "worst-case"], ["--what", "scaling"], ["--paths", "binned"]):
+        assert cli.main([*command, *arguments]) == 2
+        line = capsys.readouterr().err.strip()
+        assert line.startswith(f"error: {' '.join(arguments)}: ")
+        assert "OpenGL 4.3" in line
+        assert "\n" not in line
+        assert not out.exists()
+    assert cli.main(command) == 0
+    assert capsys.readouterr().err.startswith("worst-case and scaling need compute shaders")
+    paths = {row["path"] for row in recorded(out, "scene")["scene"]["rows"]}
+    assert paths == {"", "forward", "cached"}
 
 
 def test_a_scene_without_packs_says_how_to_get_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

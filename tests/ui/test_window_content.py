@@ -16,10 +16,11 @@ from tests.ui.conftest import SIZE, hide_panels
 from viewer.commands import COMMANDS, run
 from viewer.commands.command import Command
 from viewer.commands.keys import parse_chord
+from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.script.inputs import hold
-from viewer.state.event_handlers import expire_toasts, notify
+from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Overlay, Slot
@@ -58,6 +59,28 @@ def test_a_precision_that_the_driver_lacks_is_grey_with_the_reason(app: DrivenAp
     app.press(imgui.Key.escape)
     with pytest.raises(InputError, match=r"fp16-accumulate: .* has no 16-bit arithmetic"):
         run(app.context, "slot.precision", "a", "fp16-accumulate")
+
+
+def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_the_key(app: DrivenApp) -> None:
+    before, had = app.session.view, app.session.unsupported
+    reasons = unsupported_paths(replace(app.graphics, features=replace(app.graphics.features, compute=False)))
+    assert set(reasons) == {"deferred", "binned"}
+    set_unsupported(app.session, reasons)
+    app.run("slot.path", "a", "forward")
+    app.click("A path")
+    for path in reasons:
+        assert "compute shaders (OpenGL 4.3)" in app.widgets.explanation(f"A path: {path}")
+        with pytest.raises(InputError, match=rf"{path}: needs compute shaders"):
+            run(app.context, "slot.path", "a", path)
+    app.click("A path: binned")
+    assert app.session.view.slot_a.path == "forward"
+    app.press(imgui.Key.escape)
+    app.run("slot.next-path")
+    assert app.session.view.slot_a.path == "cached"
+    app.run("slot.next-path")
+    assert app.session.view.slot_a.path == "forward"
+    set_unsupported(app.session, had)
+    app.session.view = before
 
 
 def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> None:

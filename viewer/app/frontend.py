@@ -22,6 +22,7 @@ from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frame_times import FrameTimes
+from viewer.render.path_choice import unsupported_paths
 from viewer.render.resources.precision import unsupported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
@@ -68,7 +69,7 @@ class Frontend:
             notify(session, problem, "error")
         self.interface = UserInterface()
         set_panel_titles(session, self.interface.panel_titles)
-        set_unsupported(session, unsupported_precisions(graphics))
+        set_unsupported(session, {**unsupported_precisions(graphics), **unsupported_paths(graphics)})
         self._waits = waits
         self._times = FrameTimes(waits)
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit, waits)

@@ -251,9 +251,8 @@ def render(options: RenderOptions) -> int:
             write_aovs(options.out / "aovs.exr", material_aovs(renderer, slot))
         if picture.frame.is_short:
             # PSNR of a coarser picture would be a wrong number.
-            raise InputError(
-                f"{source}: the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
-            )
+            memory = "the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
+            raise InputError(f"{source}: {picture.frame.short_latents or memory}")
     stats = statistics(picture, view, context.info.renderer)
     if map_errors:
         stats["error_by_map"] = map_error_statistics(map_errors, scene)

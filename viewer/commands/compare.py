@@ -200,6 +200,10 @@ def set_source(session: Session, side: SlotSide, source: Source) -> None:
     show_source(session, side, source)
 
 
+def _unsupported(session: Session, text: str) -> str:
+    return session.unsupported.get(text, "")
+
+
 @command(
     "slot.path",
     "Decode path of a slot",
@@ -207,7 +211,9 @@ def set_source(session: Session, side: SlotSide, source: Source) -> None:
     "Compare",
     current=lambda session, side: session.view.slots[side].path,
 )
-def set_path(session: Session, side: SlotSide, path: Annotated[PathChoice, Arg("decode path")]) -> None:
+def set_path(
+    session: Session, side: SlotSide, path: Annotated[PathChoice, Arg("decode path", refuses=_unsupported)]
+) -> None:
     _change_slot(session, side, path=path)
 
 
@@ -215,7 +221,7 @@ Precision = Annotated[
     PrecisionChoice,
     Arg(
         "of the decoders; auto: the cheapest that does not show",
-        refuses=lambda session, text: session.unsupported.get(text, ""),
+        refuses=_unsupported,
     ),
 ]
 
@@ -281,7 +287,10 @@ def next_source(session: Session) -> None:
     unavailable=_a_shows_images,
 )
 def next_path(session: Session) -> None:
-    _change_slot(session, "a", path=NEXT_PATH[session.view.slot_a.path])
+    path = NEXT_PATH[session.view.slot_a.path]
+    while path in session.unsupported:
+        path = NEXT_PATH[path]
+    _change_slot(session, "a", path=path)
 
 
 @command(

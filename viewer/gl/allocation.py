@@ -67,12 +67,19 @@ class GpuMemory:
     """
 
     def __init__(
-        self, gl: moderngl.Context, limit_bytes: int | None = None, blocking: BlockingCalls | None = None
+        self,
+        gl: moderngl.Context,
+        limit_bytes: int | None = None,
+        blocking: BlockingCalls | None = None,
+        limits: Limits | None = None,
     ) -> None:
-        """`limit_bytes`: never allocate more in all; None: as much as the driver has. `blocking` counts what is read back."""
+        """`limit_bytes`: never allocate more in all; None: as much as the driver has. `blocking` counts what is read back.
+
+        `limits`: of what is allocated; None: those of a driver that computes.
+        """
         self.gl = gl
         self.blocking = blocking or BlockingCalls()
-        self.limits = Limits.of(gl.info)
+        self.limits = limits or Limits.of(gl.info)
         self._limit = limit_bytes
         self._given: list[tuple[Releasable, int]] = []
         self._open: list[list[Releasable]] = []
@@ -173,7 +180,7 @@ class GpuMemory:
         if storage and size > most:
             raise GpuMemoryError(
                 f"{what}: {size / 1e6:.0f} MB are more than the {most / 1e6:.0f} MB of a buffer that shaders can read here "
-                "(GL_MAX_SHADER_STORAGE_BLOCK_SIZE); make the picture smaller, or open fewer textures at once"
+                f"({self.limits.storage_limit}); make the picture smaller, or open fewer textures at once"
             )
         return self.made(what, size, lambda: self.gl.buffer(data, reserve=reserve, dynamic=dynamic))
 

@@ -11,6 +11,7 @@ from viewer.gl.context_loss import ResetStatus, SimulatedLosses
 from viewer.gl.devices import OLDEST_VERSION, device_number, is_software
 from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION, Features, find_features
 from viewer.gl.functions import GlFunctions
+from viewer.gl.limits import Limits
 from viewer.gl.systems import SYSTEM, FunctionLoader, GraphicsSystem, make_context
 from viewer.gl.texture_buffers import TextureBuffers
 
@@ -75,7 +76,7 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
     except RuntimeError as error:
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
     features = find_features(gl, information.is_software)
-    memory = GpuMemory(gl, limit_from_environment())
+    memory = GpuMemory(gl, limit_from_environment(), limits=Limits.of(gl.info, features.compute))
     return GraphicsContext(gl, information, load, functions, features, reset, memory, TextureBuffers(functions))
 
 

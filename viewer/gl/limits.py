@@ -6,6 +6,8 @@ from typing import Any, Final
 
 GROUPS_ACROSS: Final = 65535
 """Most work groups along one axis of a dispatch that OpenGL guarantees; more lie in several rows."""
+WORD_BYTES: Final = 4
+"""Of a texel of the texture buffers that stand in for storage buffers (viewer/gl/texture_buffers.py)."""
 LARGEST_INT: Final = (1 << 31) - 1
 
 
@@ -18,28 +20,38 @@ class Limits:
     array_layers: int
     """Layers of a texture array (GL_MAX_ARRAY_TEXTURE_LAYERS)."""
     storage_block_bytes: int
-    """Bytes of a storage buffer that shaders can read (GL_MAX_SHADER_STORAGE_BLOCK_SIZE); 4.3 guarantees 16 MiB, 4.1 has none."""
+    """Bytes of a storage buffer that shaders can read; OpenGL 4.3 guarantees 16 MiB. Without compute, of a texture buffer: 4.1
+    guarantees 256 KiB."""
     uniform_block_bytes: int
     """The same of a uniform buffer (GL_MAX_UNIFORM_BLOCK_SIZE)."""
+    groups_across: int = GROUPS_ACROSS
+    """Work groups of a dispatch in one row: GROUPS_ACROSS, or fewer where the driver has fewer (GL_MAX_COMPUTE_WORK_GROUP_COUNT)."""
+    storage_limit: str = "GL_MAX_SHADER_STORAGE_BLOCK_SIZE"
+    """OpenGL's name of what `storage_block_bytes` follows from."""
 
     @classmethod
-    def of(cls, info: Mapping[str, Any]) -> "Limits":
-        """Those of a context, by what moderngl asked of it (`Context.info`)."""
+    def of(cls, info: Mapping[str, Any], computes: bool = True) -> "Limits":
+        """Those of a context, by what moderngl asked of it (`Context.info`). `computes`: as `Features.compute`."""
 
         def most(name: str) -> int:
             # moderngl reads 32 bits with a sign, and some drivers allow 4 GiB.
             found = int(info.get(name, 0))
             return found if found > 0 else LARGEST_INT
 
+        storage_limit = "GL_MAX_SHADER_STORAGE_BLOCK_SIZE" if computes else "GL_MAX_TEXTURE_BUFFER_SIZE"
+        groups = info.get("GL_MAX_COMPUTE_WORK_GROUP_COUNT", (GROUPS_ACROSS, GROUPS_ACROSS))
+        # As above: a negative count is one beyond 31 bits.
+        across = min(int(groups[0]), GROUPS_ACROSS) if groups[0] > 0 else GROUPS_ACROSS
         return cls(
             most("GL_MAX_TEXTURE_SIZE"),
             most("GL_MAX_ARRAY_TEXTURE_LAYERS"),
-            most("GL_MAX_SHADER_STORAGE_BLOCK_SIZE"),
+            most(storage_limit) * (1 if computes else WORD_BYTES),
             most("GL_MAX_UNIFORM_BLOCK_SIZE"),
+            across,
+            storage_limit,
         )
 
-
-def rows_of_work_groups(groups: int, across: int = GROUPS_ACROSS) -> tuple[int, int]:
-    """(width, height) of a dispatch of at least `groups` work groups, fewer than `height` more; twin of common/work_groups.glsl."""
-    rows = max(1, -(-groups // across))
-    return -(-groups // rows), rows
+    def rows_of_work_groups(self, groups: int) -> tuple[int, int]:
+        """(width, height) of a dispatch of at least `groups` work groups, fewer than `height` more (common/work_groups.glsl)."""
+        rows = max(1, -(-groups // self.groups_across))
+        return -(-groups // rows), rows

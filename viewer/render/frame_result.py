@@ -55,8 +55,8 @@ class FrameResult:
     """Samples in the picture of each slot that the stochastic filter draws."""
     blend_samples: Mapping[Slot, int] = field(default_factory=dict)
     """Samples in the picture of each shown slot, BLEND surfaces against another pattern in each; empty where none may be seen."""
-    short_latents: bool = False
-    """Whether latents are coarser than the picture needs, because the GPU has less memory than their budget."""
+    short_latents: str = ""
+    """Why latents are coarser than the picture needs, where the GPU has less memory than their budget, or lets shaders read less."""
 
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
@@ -67,7 +67,9 @@ class FrameResult:
     @property
     def is_short(self) -> bool:
         """Whether the picture is coarser than it should be, because the GPU has too little memory."""
-        return self.short_latents or any(counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values())
+        return bool(self.short_latents) or any(
+            counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values()
+        )
 
     @property
     def waiting(self) -> int:

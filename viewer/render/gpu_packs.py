@@ -140,19 +140,20 @@ class GpuPacks:
         """The same, if it is on the GPU; None for images, too."""
         return self._on_gpu.get((slot.source, slot.precision))
 
-    def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], bool]:
-        """Tile caches of those of `slots` that have one, and whether latents of one are missing for lack of memory.
+    def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], str]:
+        """Tile caches of those of `slots` that have one, and why latents of one are missing; "" where none are.
 
         Latents that no view has needed are added to `skipped`.
         """
-        tiles, short_latents = {}, False
+        tiles, short_latents = {}, ""
         for slot in dict.fromkeys(slot for slot in slots if not is_image_source(slot.source)):
             on_gpu = self.on_gpu(slot)
             counts, latents = on_gpu.tiles(slot.path, slot.filter), on_gpu.buffers.latent_store.counts
             if counts is not None:
                 tiles[slot] = counts
             coarse = counts is not None and counts.coarse_latents
-            short_latents |= latents.out_of_memory and (coarse or latents.levels_without_room > 0)
+            if latents.out_of_memory and (coarse or latents.levels_without_room > 0):
+                short_latents = on_gpu.buffers.latent_store.refusal
             skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out
             skipped["latent_textures_not_uploaded"] += latents.textures_left_out
         return tiles, short_latents

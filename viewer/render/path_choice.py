@@ -76,6 +76,15 @@ def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
     return paths if context.features.compute else tuple(path for path in paths if path not in COMPUTING)
 
 
+def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
+    """Why this driver cannot decode by a path, by its name; none of those that it can."""
+    version = context.info.version
+    reason = (
+        f"needs compute shaders (OpenGL 4.3), which are not to be had here ({version}); forward draws the same picture"
+    )
+    return {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
+
+
 class PathChooser:
     """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
 

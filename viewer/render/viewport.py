@@ -302,7 +302,7 @@ class Viewport:
                 "close packs, or lower tile_cache_megabytes in settings.json"
             )
         if frame.short_latents:
-            short.add("the GPU has no room for all latents: coarser mips are shown instead; close packs")
+            short.add(f"coarser mips are shown: {frame.short_latents}")
         for line in sorted(short - self._memory_problems):
             self._emit(Notification(line, "error"))
         self._memory_problems = frozenset(short)

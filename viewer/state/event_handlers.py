@@ -173,7 +173,7 @@ def start_frame(session: Session, seconds: float, picture_size: tuple[int, int])
 
 
 def set_unsupported(session: Session, reasons: Mapping[str, str]) -> None:
-    """Precisions that this driver lacks, each with the reason."""
+    """Precisions and decode paths that this driver lacks, each with the reason."""
     session.unsupported = reasons
 
 

@@ -222,7 +222,7 @@ class Session:
     compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
     """The scene's textures in block formats that slots have shown; another object whenever one is added."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
-    """Precisions that the graphics driver cannot compute in, each with the reason in a line."""
+    """Precisions and decode paths that the graphics driver cannot compute in, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)
     """What was shown before the first pack of each training run, by the name of its pack."""
     navigation: NavigationState = field(default_factory=NavigationState)

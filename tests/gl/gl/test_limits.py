@@ -8,9 +8,10 @@ from lab.bench.random_pack import square_pack
 from ntc.codec.config import CodecConfig
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, Limits, rows_of_work_groups
+from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, WORD_BYTES, Limits
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.latent_store import LatentBudget
+from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.variant import SOFTWARE
 
@@ -27,6 +28,8 @@ def small(graphics: GraphicsContext) -> GraphicsContext:
 
 def test_limits_are_those_of_the_driver(graphics: GraphicsContext) -> None:
     limits, gl = graphics.memory.limits, graphics.gl
+    computes = graphics.features.compute
+    assert limits.storage_limit == ("GL_MAX_SHADER_STORAGE_BLOCK_SIZE" if computes else "GL_MAX_TEXTURE_BUFFER_SIZE")
     assert limits.texture_side == gl.info["GL_MAX_TEXTURE_SIZE"] >= 16384
     assert limits.storage_block_bytes >= 1 << 24
     assert limits.array_layers >= 2048
@@ -40,16 +43,36 @@ def test_limits_beyond_32_bits_are_the_largest_number() -> None:
 
 @pytest.mark.parametrize("groups", [0, 1, 65535, 65536, 65537, 131071, 2**24 + 1])
 def test_rows_of_work_groups_hold_all_and_hardly_more(groups: int) -> None:
-    width, height = rows_of_work_groups(groups)
-    assert width <= GROUPS_ACROSS
-    assert 1 <= height <= GROUPS_ACROSS
-    assert groups <= width * height < groups + height or groups == 0
+    for across in (GROUPS_ACROSS, 1000):
+        limits = Limits.of({"GL_MAX_COMPUTE_WORK_GROUP_COUNT": (across, across, across)})
+        width, height = limits.rows_of_work_groups(groups)
+        assert width <= across
+        assert 1 <= height <= GROUPS_ACROSS
+        assert groups <= width * height < groups + height or groups == 0
+
+
+def test_as_many_work_groups_lie_in_a_row_as_the_driver_allows(graphics: GraphicsContext) -> None:
+    for count, across in ((-1, GROUPS_ACROSS), (1 << 31, GROUPS_ACROSS), (65535, GROUPS_ACROSS), (1024, 1024)):
+        limits = Limits.of({"GL_MAX_COMPUTE_WORK_GROUP_COUNT": (count, 65535, 65535)})
+        assert limits.groups_across == across
+        assert f"#define GROUPS_ACROSS {across}\n" in scene_layout_glsl(limits.groups_across)
+    assert graphics.memory.limits.groups_across == GROUPS_ACROSS
+
+
+def test_without_compute_what_shaders_read_of_a_buffer_is_that_of_texture_buffers(graphics: GraphicsContext) -> None:
+    limits = Limits.of(graphics.gl.info, computes=False)
+    assert (
+        limits.storage_block_bytes == graphics.gl.info["GL_MAX_TEXTURE_BUFFER_SIZE"] * WORD_BYTES >= 65536 * WORD_BYTES
+    )
+    memory = GpuMemory(graphics.gl, limits=replace(limits, storage_block_bytes=40_000))
+    with pytest.raises(GpuMemoryError, match=r"list: .*GL_MAX_TEXTURE_BUFFER_SIZE"):
+        memory.buffer("list", reserve=40_004, storage=True)
 
 
 def test_storage_buffers_larger_than_shaders_can_read_are_refused_in_one_line(small: GraphicsContext) -> None:
     small.memory.buffer("as large", reserve=40_000, storage=True).release()
     small.memory.buffer("not for shaders", reserve=50_000).release()
-    with pytest.raises(GpuMemoryError, match=r"list: .*GL_MAX_SHADER_STORAGE_BLOCK_SIZE"):
+    with pytest.raises(GpuMemoryError, match=rf"list: .*{small.memory.limits.storage_limit}"):
         small.memory.buffer("list", reserve=40_004, storage=True)
 
 
@@ -62,7 +85,7 @@ def test_latents_keep_to_what_shaders_can_read(small: GraphicsContext) -> None:
     assert counts.levels_without_room > 0
     assert counts.out_of_memory, "the window tells of it"
     buffers.release()
-    with pytest.raises(GpuMemoryError, match=r"latents: .* \(GL_MAX_SHADER_STORAGE_BLOCK_SIZE"):
+    with pytest.raises(GpuMemoryError, match=rf"latents: .* \({small.memory.limits.storage_limit}\)"):
         PackBuffers(small, pack, range(4), "fp32", variant=SOFTWARE)
 
 

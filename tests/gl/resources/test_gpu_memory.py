@@ -105,7 +105,7 @@ VIEWS = {
 
 def is_short(frame: FrameResult) -> bool:
     """Whether it says that memory made it coarser."""
-    return frame.short_latents or any(counts.out_of_memory for counts in frame.tiles.values())
+    return bool(frame.short_latents) or any(counts.out_of_memory for counts in frame.tiles.values())
 
 
 class Window:

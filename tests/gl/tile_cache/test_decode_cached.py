@@ -19,8 +19,8 @@ from tests.gl.render.test_frame_parity import CASES
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
+from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import rows_of_work_groups
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frame_result import FrameResult
 from viewer.render.renderer import Renderer
@@ -316,16 +316,14 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
         made.release()
 
 
-def test_more_work_groups_than_fit_into_a_row_lie_in_several(
-    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsContext) -> None:
     """As with 65535 of them: of codec `grid`, for `block` the number of tiles is limited instead."""
     scene, pictures = objects(), []
     sizes = [(image.pixels.shape[1], image.pixels.shape[0]) for image in scene.textures]
     own = random_pack(sizes, (0, 1, 0, 1), hashes=[image.pixel_hash for image in scene.textures])
     for across in (65535, 3):
-        monkeypatch.setattr(decode_cached, "rows_of_work_groups", partial(rows_of_work_groups, across=across))
-        made = Renderer(graphics, scene)
+        limits = replace(graphics.memory.limits, groups_across=across)
+        made = Renderer(replace(graphics, memory=GpuMemory(graphics.gl, limits=limits)), scene)
         made.set_packs({"p": own})
         made.render(ViewState(FRONT, SIZE, CACHED), whole=True)
         pictures.append(made.picture(CACHED))

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.indirect import COMMAND_BYTES, IndirectDraws
-from viewer.gl.limits import rows_of_work_groups
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
 from viewer.render.resources.cluster_draws.draw_items import InstanceCulling, placement_records
@@ -119,7 +118,7 @@ class ClusterCulling:
             "tests": self._tests & ~ClusterTest.CONE if flat else self._tests,
             "item_count": len(items),
         }
-        groups = rows_of_work_groups(len(items))
+        groups = self._memory.limits.rows_of_work_groups(len(items))
         set_uniforms(self._test, values)
         self._test.run(*groups)
         self._context.gl.memory_barrier()

@@ -66,7 +66,8 @@ class LatentStore:
         self.cell_bytes = 4 * cell_words(config)
         """Bytes of one cell on the GPU."""
         # Shaders find all latents in one buffer, of which they read no more than the driver allows.
-        self._most_bytes = context.memory.limits.storage_block_bytes
+        limits = context.memory.limits
+        self._most_bytes, self._limit_name = limits.storage_block_bytes, limits.storage_limit
         self._is_limited = self._most_bytes < budget.budget_bytes
         self._budget_cells = max(1, min(budget.budget_bytes, self._most_bytes) // self.cell_bytes)
         self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
@@ -131,7 +132,7 @@ class LatentStore:
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         return (
             f"latents: {total / 1e6:.0f} MB are more than the {self._most_bytes / 1e6:.0f} MB of a buffer that shaders can read here "
-            "(GL_MAX_SHADER_STORAGE_BLOCK_SIZE); take a pack of fewer or smaller textures"
+            f"({self._limit_name}); take a pack of fewer or smaller textures"
         )
 
     def all_levels(self) -> dict[int, int]:

@@ -314,8 +314,11 @@ def glsl_struct(name: str, record: np.dtype) -> str:
     return "\n".join([*lines, "};"])
 
 
-def scene_layout_glsl() -> str:
-    """The include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec."""
+def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
+    """The include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec.
+
+    `groups_across`: work groups in a row of a dispatch, as `Limits` has them.
+    """
     lines = ["// Generated from viewer/render/resources/layout.py."]
     for enumeration, prefix in (
         (StorageBinding, "BINDING_"),
@@ -342,7 +345,7 @@ def scene_layout_glsl() -> str:
         f"#define TEXEL_GROUP {TEXEL_GROUP}",
         f"#define BIN_GROUP {BIN_GROUP}",
         f"#define SCAN_GROUP {SCAN_GROUP}",
-        f"#define GROUPS_ACROSS {GROUPS_ACROSS}",
+        f"#define GROUPS_ACROSS {groups_across}",
         f"#define TILE_SIDE {TILE_SIDE}",
         f"#define TILE_BORDER {TILE_BORDER}",
         f"#define TILE_QUADS {TILE_QUADS}",

@@ -235,7 +235,7 @@ def weight_image(memory: GpuMemory, weights: bytes, tables: DecoderTables) -> mo
 
 def scene_programs(context: GraphicsContext) -> ProgramFactory:
     """Programs of all shaders but those that need the layout of a codec, in the GLSL of the driver at hand."""
-    generated = {"generated/layout.glsl": scene_layout_glsl()}
+    generated = {"generated/layout.glsl": scene_layout_glsl(context.memory.limits.groups_across)}
     library = ShaderLibrary(shaders_folder(), generated, older=not context.features.compute)
     return ProgramFactory(context.gl, library, context.functions)
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import rows_of_work_groups
 from viewer.gl.program import Defines, ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
@@ -347,10 +346,11 @@ class DecodeCachedPass:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int) -> tuple[int, int]:
-        """Those that decode `tiles` tiles: an invocation decodes four texels of a block, or pixels of any tile."""
+        """Those that decode `tiles` tiles: invocations decode four texels of a block, or pixels of any tile."""
         if self._buffers.pack.config.kind == "block":
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
-        return rows_of_work_groups(-(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels)))
+        groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
+        return self._context.memory.limits.rows_of_work_groups(groups)
 
     def _write_tiles(self, data: bytes) -> None:
         replace_content(self._tiles, data)

@@ -144,10 +144,12 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
         else:
             imgui.set_cursor_pos_x(left)
         imgui.set_next_item_width(paths[0])
-        path = combo(f"{letter} path", slot.path, get_args(PathChoice), ui.rects)
+        lacking = ui.session.unsupported
+        path = combo(
+            f"{letter} path", slot.path, get_args(PathChoice), ui.rects, lambda choice: lacking.get(choice, "")
+        )
         imgui.same_line()
         imgui.set_next_item_width(paths[1])
-        lacking = ui.session.unsupported
         choices = get_args(PrecisionChoice)
         precision = combo(f"{letter} precision", shown, choices, ui.rects, lambda choice: lacking.get(choice, ""))
         if precision != shown:
