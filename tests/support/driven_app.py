@@ -1,5 +1,6 @@
 """The window's content without a window, driven by calls: tests and benchmarks click, type and take pictures."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,11 @@ class DrivenApp(HeadlessApp):
     """A HeadlessApp with the hands of a person."""
 
     def settle(self) -> None:
-        """Draw until the layout rests."""
+        """Draw until the layout rests, and what is opened is open."""
         self.frame(SETTLING_FRAMES)
+        while self.frontend.slow.are_waiting:
+            time.sleep(0.005)
+            self.frame(SETTLING_FRAMES)
         while self.frontend.interface.is_settling(self.session):
             self.frame()
 

@@ -1,6 +1,7 @@
 """Scenes and packs that are dropped on the window or named in it, good and bad ones."""
 
 import os
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import hide_panels, write_scene
+from viewer.jobs.job import JobReport
+from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
@@ -279,5 +282,62 @@ def test_a_frame_says_what_is_opened_before_the_window_stands_still(app: DrivenA
     app.frame()
     assert app.session.scene is before
     assert app.widgets.explanation("work").startswith("opening scene.glb")
-    app.frame()
+    app.settle()
     assert app.session.scene.path == path
+
+
+class HeldReading:
+    """Reads scenes when it is let go, and tells how far it is before."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.may_go_on, self.began = threading.Event(), threading.Event()
+        monkeypatch.setattr("viewer.app.slow_commands.load_scene", self._load)
+
+    def _load(self, path: Path, report: JobReport) -> Scene:
+        report.progress(1, 4)
+        self.began.set()
+        assert self.may_go_on.wait(60.0)
+        report.progress(2, 4)
+        return load_scene(path)
+
+
+def test_frames_go_on_while_a_scene_is_read(app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, path, before = HeldReading(monkeypatch), write_scene(tmp_path, seed=19), app.session.scene
+    app.frontend.slow.emit("file.open", path)
+    app.frame(2)
+    assert reading.began.wait(60.0)
+    app.frame(3)
+    assert app.session.scene is before
+    assert app.widgets.explanation("work").startswith("opening scene.glb: 25 %")
+    assert not app.is_settled
+    app.run("view.magnify", 2.0)
+    assert app.session.view.zoom.factor == 2.0
+    reading.may_go_on.set()
+    app.settle()
+    assert app.session.scene.path == path
+
+
+@pytest.mark.parametrize("by", ["Escape", "button"])
+def test_reading_can_be_ended(app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by: str) -> None:
+    reading, path, before = HeldReading(monkeypatch), write_scene(tmp_path, seed=19), app.session.scene
+    packs, view = app.session.packs, app.session.view
+    app.frontend.slow.emit("file.open", path)
+    app.frame(2)
+    assert reading.began.wait(60.0)
+    app.run("window.dismiss") if by == "Escape" else app.frontend.slow.emit("file.cancel-opening")
+    reading.may_go_on.set()
+    app.settle()
+    assert (app.session.scene, app.session.packs, app.session.view) == (before, packs, view)
+    assert app.session.window.log[-1].text == "scene.glb: not opened, as you asked"
+    app.frontend.slow.emit("file.open", path)
+    app.settle()
+    assert app.session.scene.path == path
+
+
+def test_what_cannot_be_read_leaves_all_as_it_was(app: DrivenApp, tmp_path: Path) -> None:
+    before = app.session.scene
+    (tmp_path / "broken.glb").write_bytes(b"glTF")
+    app.frontend.slow.emit("file.open", tmp_path / "broken.glb")
+    app.settle()
+    assert app.session.scene is before
+    assert app.session.window.log[-1].kind == "error"

@@ -182,7 +182,8 @@ class Frontend:
     def is_settled(self, size: tuple[int, int]) -> bool:
         """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
         seeks = self.session.requests.first_view and self.picture.is_open
-        return not (self._frame_is_due(size) or self.picture.is_coarse() or self._is_searching or seeks)
+        moves = self.slow.are_waiting or self._frame_is_due(size) or self.picture.is_coarse()
+        return not (moves or self._is_searching or seeks)
 
     @property
     def _is_searching(self) -> bool:
@@ -205,6 +206,7 @@ class Frontend:
         """Free everything on the GPU, and end what runs beside it."""
         self._writer.end_film()
         self.interface.background.close()
+        self.slow.close()
         self.live.close()
         self._formats.close()
         self.reader.release()
@@ -313,7 +315,7 @@ class Frontend:
         self._news = self._news or encoded or computed
         # ImGui takes one press or release of a key or button in a frame, however many came at once.
         queued = not imgui.get_current_context().input_events_queue.empty()
-        found = self._news or queued or self.slow.are_waiting or self.interface.is_settling(session)
+        found = self._news or queued or self.slow.is_due or self.interface.is_settling(session)
         if room is None:
             return True
         requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None

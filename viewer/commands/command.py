@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ntc.errors import InputError
 from viewer.commands.history import History
+from viewer.jobs.job import Job
+from viewer.scene.model import Scene
 from viewer.state.event_handlers import apply_event
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
@@ -34,6 +36,8 @@ class Context:
         self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.history = History()
+        self.opening: Job[Scene] | None = None
+        """What reads a scene beside the frames."""
         self.following: list[tuple[str, tuple[Any, ...]]] = []
         """(id, values) of commands that run after the one that asks for them here."""
 

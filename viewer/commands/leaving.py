@@ -83,6 +83,12 @@ def open_leaving(context: Context, file: Path, decision: Decision) -> None:
     context.training.leave_scene(decision)
 
 
+@gesture("file.cancel-opening")
+def cancel_opening(context: Context) -> None:
+    if context.opening is not None:
+        context.opening.cancel()
+
+
 @command("file.quit", "Quit", "close the window; asks about trainings that have not been kept", "File", "Ctrl+Q")
 def quit_window(context: Context) -> None:
     if not asks_about_runs(context, "quitting", "file.quit-leaving"):
@@ -174,5 +180,6 @@ CLOSERS: tuple[Callable[[Session], bool], ...] = (
     "Window",
     "Escape",
 )
-def dismiss(session: Session) -> None:
-    any(close_one(session) for close_one in CLOSERS)
+def dismiss(context: Context) -> None:
+    if not any(close_one(context.session) for close_one in CLOSERS) and context.opening is not None:
+        context.opening.cancel()

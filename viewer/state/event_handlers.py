@@ -43,6 +43,11 @@ def _notification(event: events.Notification, session: Session) -> None:
 
 
 @_apply.register
+def _scene_read(event: events.SceneRead, session: Session) -> None:
+    session.requests.read_scene = event
+
+
+@_apply.register
 def _pack_updated(event: events.PackUpdated, session: Session) -> None:
     before, changes = session.packs.get(event.name), session.requests.pack_changes
     if before is event.pack:

@@ -126,7 +126,8 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
 
 
 def _open_scene(session: Session, path: Path) -> None:
-    loaded = load_scene(path)
+    read, session.requests.read_scene = session.requests.read_scene, None
+    loaded = read.scene if read is not None and read.path == path else load_scene(path)
     path = loaded.path or path
     scene, problem = _with_cameras(loaded)
     packs: dict[str, Pack] = {}

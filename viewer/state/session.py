@@ -13,6 +13,7 @@ from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera_motion import Motion
+from viewer.state.events import SceneRead
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.question import Question
 from viewer.state.settings import ViewerSettings
@@ -202,6 +203,8 @@ class Requests:
     raised_panel: str | None = None
     """The panel that is to come to the front."""
     reset_layout: bool = False
+    read_scene: SceneRead | None = None
+    """A scene that was read beside the frames, until it is opened."""
     close: bool = False
     """The window is to be closed."""
 

@@ -5,7 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Protocol, TypeVar, cast
 
-LARGEST_CACHE = 1 << 30
+LARGEST_CACHE = 1 << 29
 """Bytes of one scene."""
 
 
