@@ -8,6 +8,7 @@ import pytest
 from tests.support.picture_scenes import cube, scene_of
 from viewer.render.resources.clusters import bounds
 from viewer.render.resources.clusters.bounds import NEVER_BACKFACING, build_clusters
+from viewer.render.scene_drawer import pays_on_gpu
 from viewer.scene.model import Geometry, Material, Primitive, Scene
 
 SIZE = 7
@@ -59,3 +60,27 @@ def test_clusters_hold_their_triangles(piece: int, monkeypatch: pytest.MonkeyPat
             cosines = normals[lengths > 0] @ clusters.axis[row] / lengths[lengths > 0]
             assert (cosines >= np.sqrt(1.0 - clusters.cutoff[row] ** 2) - 1e-9).all()
         assert covered == list(range(primitive.first_index, primitive.first_index + primitive.index_count))
+
+
+def large(triangles: int, instances: int) -> Scene:
+    """A scene that says it has so many triangles at each of so many nodes; its arrays hold fewer."""
+    scene = scene_of([cube(0, *[np.eye(4)] * instances)], [Material("plain", -1, (1.0, 1.0, 1.0, 1.0))])
+    return replace(scene, primitives=(replace(scene.primitives[0], index_count=3 * triangles),))
+
+
+@pytest.mark.parametrize(
+    ("triangles", "instances", "storage_bytes", "pays"),
+    [
+        (12, 3, 1 << 27, False),
+        (1_000_000, 1, 1 << 27, False),
+        (3_000_000, 1, 1 << 27, True),
+        (60_000, 40, 1 << 27, True),
+        (600, 4000, 1 << 27, False),
+        (3_000_000, 1, 1 << 20, False),
+    ],
+    ids=["small", "below", "one large", "many of some", "many of few", "no room"],
+)
+def test_only_scenes_of_many_clusters_are_culled_on_the_gpu(
+    triangles: int, instances: int, storage_bytes: int, pays: bool
+) -> None:
+    assert pays_on_gpu(large(triangles, instances), storage_bytes) is pays
