@@ -25,8 +25,14 @@ LEAST_OF_INSTANCE = 8
 """Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
 
 
-def pays_on_gpu(scene: Scene, storage_bytes: int) -> bool:
+ON_SOFTWARE = False
+"""Whether software renderers cull by small clusters, too: frames take them as long as with what the CPU culls."""
+
+
+def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
     """Whether culling `scene` on the GPU is worth its three steps, and fits into buffers of `storage_bytes`."""
+    if is_software and not ON_SOFTWARE:
+        return False
     clusters = cluster_count(scene, CLUSTER_TRIANGLES)
     if clusters * CLUSTER_RECORD.itemsize > storage_bytes:
         return False
@@ -45,7 +51,9 @@ class SceneDrawer:
         scheduler: PassScheduler,
     ) -> None:
         self._context, self._scene, self._buffers, self._scheduler = context, scene, scene_buffers, scheduler
-        on_gpu = context.features.compute and pays_on_gpu(scene, context.memory.limits.storage_block_bytes)
+        on_gpu = context.features.compute and pays_on_gpu(
+            scene, context.memory.limits.storage_block_bytes, context.info.is_software
+        )
         self._culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
         self._clusters = ClusterCulling(context, programs, scene, self._culling) if on_gpu else None
         self._pass = VisibilityPass(context, programs, scene_buffers)

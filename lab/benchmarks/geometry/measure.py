@@ -27,7 +27,7 @@ from viewer.state.view_state import ViewState
 
 MIB = 1 << 20
 MEANS = ("gpu", "cpu", "none")
-"""By what is culled; the first is what the viewer does."""
+"""By what is culled; the first is what a viewer on a GPU does."""
 
 
 def resident_bytes() -> int:
@@ -77,6 +77,7 @@ def cameras(scene: Scene) -> tuple[Camera, ...]:
 def culled_by(means: str) -> Iterator[None]:
     """Renderers made within the block cull on the `gpu` (where that pays), on the `cpu`, or draw everything (`none`)."""
     with ExitStack() as patches:
+        patches.enter_context(patch.object(scene_drawer, "ON_SOFTWARE", True))
         if means == "cpu":
             patches.enter_context(patch.object(scene_drawer, "LEAST_CLUSTERS", 1 << 60))
         if means == "none":

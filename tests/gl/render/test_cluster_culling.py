@@ -76,6 +76,7 @@ def scene(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, graph
     """Each small scene, with as many clusters as a large one has."""
     if not graphics.features.compute:
         pytest.skip("this context does not compute")
+    monkeypatch.setattr(scene_drawer, "ON_SOFTWARE", True)
     monkeypatch.setattr(scene_drawer, "LEAST_CLUSTERS", 1)
     monkeypatch.setattr(scene_drawer, "LEAST_OF_INSTANCE", 0)
     monkeypatch.setattr(scene_drawer, "CLUSTER_TRIANGLES", CLUSTER)

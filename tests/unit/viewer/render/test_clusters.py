@@ -69,18 +69,19 @@ def large(triangles: int, instances: int) -> Scene:
 
 
 @pytest.mark.parametrize(
-    ("triangles", "instances", "storage_bytes", "pays"),
+    ("triangles", "instances", "storage_bytes", "is_software", "pays"),
     [
-        (12, 3, 1 << 27, False),
-        (1_000_000, 1, 1 << 27, False),
-        (3_000_000, 1, 1 << 27, True),
-        (60_000, 40, 1 << 27, True),
-        (600, 4000, 1 << 27, False),
-        (3_000_000, 1, 1 << 20, False),
+        (12, 3, 1 << 27, False, False),
+        (1_000_000, 1, 1 << 27, False, False),
+        (3_000_000, 1, 1 << 27, False, True),
+        (60_000, 40, 1 << 27, False, True),
+        (600, 4000, 1 << 27, False, False),
+        (3_000_000, 1, 1 << 20, False, False),
+        (3_000_000, 1, 1 << 27, True, False),
     ],
-    ids=["small", "below", "one large", "many of some", "many of few", "no room"],
+    ids=["small", "below", "one large", "many of some", "many of few", "no room", "no GPU"],
 )
 def test_only_scenes_of_many_clusters_are_culled_on_the_gpu(
-    triangles: int, instances: int, storage_bytes: int, pays: bool
+    triangles: int, instances: int, storage_bytes: int, is_software: bool, pays: bool
 ) -> None:
-    assert pays_on_gpu(large(triangles, instances), storage_bytes) is pays
+    assert pays_on_gpu(large(triangles, instances), storage_bytes, is_software) is pays
