@@ -10,12 +10,12 @@ from lab.studies.settings import BlockSide, ScaleName, StudySettings
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, RecipeName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
-from viewer.cli.options import Gpu, OptionalScene, Packs, Size, Sizes, Switch
+from viewer.cli.options import DecoderOptions, Gpu, OptionalScene, Packs, Size, Sizes, Switch
 from viewer.state.view_state import DecodePath, Precision, TexelFilter
 
 
 @dataclass(frozen=True)
-class BenchOptions:
+class BenchOptions(DecoderOptions):
     """Time decoding: the worst case for a wave; every pack, path and precision over a scene's cameras; how time grows."""
 
     json: Annotated[Path, tyro.conf.arg(metavar="F.json")]

@@ -1,11 +1,16 @@
 """`ntc-viewer view --headless` as a program."""
 
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from tests.ui.conftest import write_scene
 from viewer.cli import main
+from viewer.render.back_ends import list_decoders
+from viewer.render.resources.pack_buffers import PackBuffers
+from viewer.render.resources.variant import DecoderVariant, parsed_variant
 from viewer.scene.images import read_image
 
 
@@ -33,6 +38,26 @@ def test_without_a_script_one_picture(scene_file: Path, tmp_path: Path) -> None:
     assert [file.name for file in (tmp_path / "out").iterdir()] == ["window.png"]
 
 
+def test_the_command_line_says_how_packs_are_decoded(
+    scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, variant = list[DecoderVariant](), PackBuffers.__init__
+
+    def made(buffers: PackBuffers, *arguments: Any, **named: Any) -> None:
+        variant(buffers, *arguments, **named)
+        taken.append(buffers.variant)
+
+    monkeypatch.setattr(PackBuffers, "__init__", made)
+    asked = Mock(side_effect=list_decoders)
+    monkeypatch.setattr("viewer.render.viewport.list_decoders", asked)
+    wanted = "pixels=2,unrolled=16,weights=shared"
+    options = ("--path", "cached", "--decoder-variant", wanted, "--decode-with", "torch-cpu")
+    assert run(scene_file, tmp_path / "out", *options) == 0
+    assert set(taken) == {parsed_variant(wanted)}
+    assert {call.args for call in asked.call_args_list} == {("torch-cpu",)}
+    assert read_image(tmp_path / "out" / "window.png").std() > 5.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -40,6 +65,7 @@ def test_without_a_script_one_picture(scene_file: Path, tmp_path: Path) -> None:
         (("--exec", "expect source nothing"), "--exec:1: expected that source is 'nothing'"),
         (("--script", "missing.script"), "missing.script: cannot be read"),
         (("--size", "10x10"), "--size: each side must be 64 to 8192"),
+        (("--decoder-variant", "rows=3"), "decoder variant 'rows=3': 'rows=3' is none of"),
     ],
 )
 def test_what_is_wrong_is_one_line(

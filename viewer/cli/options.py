@@ -89,8 +89,21 @@ class Subcommand:
     """Of `module`; takes an instance of `options`, returns the exit status and raises InputError."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DecoderOptions:
+    """How packs are decoded on this machine, which no picture depends on."""
+
+    decoder_variant: str = ""
+    """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
+    NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
+    decode_with: DecodeWith | None = None
+    """What decodes for paths cached and binned: glsl, the shaders; torch on the CUDA device that draws, which takes networks by
+    its matrix units but with fp32; or torch-cpu, the same arithmetic on the processor, to try it. None: glsl, in the window as
+    settings.json says."""
+
+
 @dataclass(frozen=True)
-class ViewOptions:
+class ViewOptions(DecoderOptions):
     """Open a scene in a window. Without a display, pictures are written to a folder instead."""
 
     scene: OptionalScene = None
@@ -120,7 +133,7 @@ class ViewOptions:
 
 
 @dataclass(frozen=True)
-class RenderOptions:
+class RenderOptions(DecoderOptions):
     """Draw one picture without a window and write it, ids, divergence and statistics into a folder."""
 
     out: Path
@@ -142,9 +155,6 @@ class RenderOptions:
     """Decode path; `auto` times all of them first."""
     precision: PrecisionChoice = "fp32"
     """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
-    decoder_variant: str = ""
-    """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
-    NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
     filter: TexelFilter = "exact"
     """Filter of all paths but cached: exact, or stochastic, one texel at random, the mean of 16 samples."""
     size: Size = (1280, 720)
@@ -195,9 +205,6 @@ class RenderOptions:
     """Fail if the renderer is a software rasteriser."""
     device: Gpu = None
     """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
-    decode_with: DecodeWith = "glsl"
-    """What decodes for paths cached and binned: the shaders; torch on the CUDA device that draws, which takes networks by its matrix
-    units but with fp32; or torch-cpu, the same arithmetic on the processor, to try it."""
 
 
 @dataclass(frozen=True)

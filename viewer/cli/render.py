@@ -202,7 +202,7 @@ def _check(options: RenderOptions) -> None:
         raise InputError("--error-by-map: the view base shows one map alone; add --view lit, orm or another one")
     if not 0.0 <= options.opacity <= 1.0:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
-    if options.decode_with != "glsl" and options.path not in ("cached", "binned"):
+    if options.decode_with not in (None, "glsl") and options.path not in ("cached", "binned"):
         raise InputError(f"--decode-with {options.decode_with}: only --path cached and binned have it")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
@@ -226,7 +226,9 @@ def render(options: RenderOptions) -> int:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():
         variants = VariantChoice.of_environment(options.decoder_variant, print)
-        renderer = Renderer(context, scene, list_decoders=list_decoders(options.decode_with), variants=variants)
+        renderer = Renderer(
+            context, scene, list_decoders=list_decoders(options.decode_with or "glsl"), variants=variants
+        )
         chosen = {source: packs[source]} if source in packs else {}
         if compressed is not None:
             renderer.images.set_compressed({compressed.block_format: compressed})

@@ -4,12 +4,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from viewer.cli.doctor import has_display
 from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
 from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
 from viewer.gl.systems import SYSTEM
+from viewer.render.variants.choice import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.parse import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView
@@ -30,6 +32,7 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
         "view": "lit",
         "device": options.device,
     }
+    common |= {"decoder_variant": options.decoder_variant}
     slot = {"path": options.path, "precision": options.precision, "filter": options.filter or "exact"}
     decoded = {"grouping": options.grouping, **slot}
     render(RenderOptions(out=folder / "decoded", overlay="divergence", **common, **decoded))  # type: ignore[arg-type]
@@ -45,6 +48,14 @@ def script_of(options: ViewOptions) -> Script:
     return tuple(step for part in parts for step in part)
 
 
+def _initial(options: ViewOptions, source: str, precision: PrecisionChoice) -> InitialView:
+    if options.decoder_variant:
+        # Refused before a window opens.
+        VariantChoice(options.decoder_variant)
+    own = {"decoder_variant": options.decoder_variant, "decode_with": options.decode_with}
+    return InitialView(source, options.path, precision, options.filter, **own)  # type: ignore[arg-type]
+
+
 def play_headless(options: ViewOptions, pictures: Path) -> int:
     """Play the script of `options` without a window. Raises InputError where it, or one of its lines, is wrong."""
     from viewer.app.headless import HeadlessApp
@@ -56,7 +67,7 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     packs = packs_for(scene, options.pack)
     source = choose_source(packs, options.grouping, options.pack)
     precision = resolve_precision(options.precision, packs.get(source), None)
-    initial = InitialView(source, options.path, precision, options.filter)
+    initial = _initial(options, source, precision)
     app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial, device=options.device)
     try:
         app.play(script)
@@ -78,7 +89,7 @@ def view(options: ViewOptions) -> int:
         scene = open_scene(options.scene)
         packs = packs_for(scene, options.pack)
         source = choose_source(packs, options.grouping, options.pack)
-        initial = InitialView(source, options.path, options.precision, options.filter)
+        initial = _initial(options, source, options.precision)
         return run_window(WindowContent(scene, packs, initial, script, options.size, options.out))
     if script:
         raise InputError("no display (DISPLAY and WAYLAND_DISPLAY are unset) to play a script on; add --headless")

@@ -63,7 +63,7 @@ class Viewport:
         """
         self._context, self._session, self._emit = context, session, emit
         self._times, self._background, self._waits = times, background, waits
-        self.variants = VariantChoice.of_environment("", lambda text: emit(Notification(text)))
+        self.variants = VariantChoice.of_environment(session.decoder_variant, lambda text: emit(Notification(text)))
         """Tells how packs are decoded on this device."""
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
@@ -211,7 +211,7 @@ class Viewport:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
-                    lists = list_decoders(session.settings.decode_with)
+                    lists = list_decoders(session.decode_with or session.settings.decode_with)
                     made = Renderer(
                         self._context,
                         session.scene,

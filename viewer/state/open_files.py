@@ -31,6 +31,7 @@ from viewer.state.settings import ViewerSettings, with_recent
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
     REFERENCE,
+    DecodeWith,
     Lighting,
     MaterialView,
     PathChoice,
@@ -54,6 +55,10 @@ class InitialView:
     """None: as the settings say."""
     material_view: MaterialView = "lit"
     lighting: Lighting = DEFAULT_LIGHTING
+    decoder_variant: str = ""
+    """As `Session.decoder_variant`."""
+    decode_with: DecodeWith | None = None
+    """As `Session.decode_with`."""
 
 
 def new_session(
@@ -65,6 +70,7 @@ def new_session(
     """
     scene, problem = _with_cameras(scene)
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
+    session.decoder_variant, session.decode_with = initial.decoder_variant, initial.decode_with
     session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
     session.requests = Requests(precision=frozenset(("a",) if initial.precision == "auto" else ()))
     block_format = named_format(initial.grouping)

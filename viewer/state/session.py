@@ -17,7 +17,7 @@ from viewer.state.events import SceneRead
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.question import Question
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Overlay, Side, Slot, ViewState
+from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, DecodeWith, Overlay, Side, Slot, ViewState
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
@@ -224,6 +224,10 @@ class Session:
     """Pixels of the picture along one side, as a share of the window's."""
     compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
     """The scene's textures in block formats that slots have shown; another object whenever one is added."""
+    decoder_variant: str = ""
+    """How decoders are laid out on the GPU, as the command line asks (`VariantChoice`); empty: as the environment says."""
+    decode_with: DecodeWith | None = None
+    """What decodes lists of texels, as the command line asks; None: as the settings say."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
     """Precisions and decode paths that the graphics driver cannot compute in, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)
