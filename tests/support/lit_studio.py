@@ -10,21 +10,19 @@ from ntc.codec.maps import MapName
 from tests.support.picture_scenes import Part, placed, scene_of, sphere
 from tests.support.ray_caster import camera_rays
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.lighting.directions import octahedral_directions, turned
 from viewer.lighting.prefilter import PrefilteredEnvironment, sample_panorama
 from viewer.lighting.shading import LightSources, SurfaceSamples, shade
 from viewer.lighting.sky import SUN_RADIUS
 from viewer.lighting.tone_maps import tone_mapped
-from viewer.locations import shaders_folder
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.light.scene_light import SceneLight
 from viewer.render.resources.material_records import material_records
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
@@ -89,8 +87,7 @@ class LitStudio:
 
     def __init__(self, context: GraphicsContext, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
         self.scene, self.camera, self.size, self._context = scene, camera, size, context
-        library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-        self.programs = ProgramFactory(context.gl, library)
+        self.programs = scene_programs(context)
         self.buffers = SceneBuffers(context, scene, material_records(scene))
         self.scheduler = PassScheduler(PassTimer(context))
         self.drawer = SceneDrawer(context, self.programs, scene, self.buffers, self.scheduler)

@@ -12,6 +12,8 @@ from ntc.accuracy.rescale import exponents
 from ntc.codec.config import Precision
 from viewer.gl.context import GraphicsContext
 
+pytestmark = pytest.mark.computes
+
 CASES = {case.name: case for case in stability_cases(300)}
 BLOCK_CASES = {case.name: case for case in block_cases(300)}
 FP32_TOLERANCE = 1e-4

@@ -20,6 +20,8 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.block_tables import trellis_blocks, trellis_subsets
 
+pytestmark = pytest.mark.computes
+
 SIZES = ((64, 64), (17, 33), (1, 1), (8, 4), (9, 200), (512, 512))
 GROUPS = (0, 1, 0, 1, 2, 0)
 WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")

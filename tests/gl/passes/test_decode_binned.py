@@ -24,6 +24,8 @@ from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
+pytestmark = pytest.mark.computes
+
 SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 FULL = CodecConfig(
     hidden_width=12, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, output_channels=4, levels=2

@@ -15,6 +15,8 @@ from tests.support.parity import in_float32, largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
+pytestmark = pytest.mark.computes
+
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3), (1024, 1024))
 WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
