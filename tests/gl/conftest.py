@@ -24,13 +24,20 @@ def _computes(item: pytest.Item) -> bool:
     """Whether a test is marked `computes`, or is of a decode path that does: elsewhere that one is drawn by another."""
     given = item.callspec.params.values() if isinstance(item, pytest.Function) and hasattr(item, "callspec") else ()
     paths = [value.path if isinstance(value, Slot) else value for value in given]
-    return item.get_closest_marker("computes") is not None or any(path in COMPUTING for path in paths)
+    return item.get_closest_marker("computes") is not None or any(
+        isinstance(path, str) and path in COMPUTING for path in paths
+    )
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Before fixtures draw anything, skip what computes where nothing does."""
-    if _computes(item) and not _context(item.config).features.compute:
+    """Before fixtures draw anything: skip what computes where nothing does, and draw in the run's own context.
+
+    Tests may make others, which are current from then on: names of this one mean others there.
+    """
+    context = _context(item.config)
+    if _computes(item) and not context.features.compute:
         pytest.skip(NEEDS_COMPUTE)
+    context.gl.__enter__()
 
 
 @pytest.fixture(scope="session")
@@ -40,13 +47,6 @@ def graphics(pytestconfig: pytest.Config) -> Iterator[GraphicsContext]:
     yield context
     del pytestconfig.stash[CONTEXT]
     context.gl.release()
-
-
-@pytest.fixture(autouse=True)
-def _stays_current(graphics: GraphicsContext) -> Iterator[None]:
-    """Tests may make contexts of their own, which are current from then on: names of this one mean others there."""
-    yield
-    graphics.gl.__enter__()
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from viewer.gl.features import Features
 from viewer.render.passes.composite import COMPARISONS
 from viewer.render.passes.cull_clusters import cluster_programs
 from viewer.render.passes.decode_texels import GlTexelDecoder
+from viewer.render.passes.pose_vertices import pose_program
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
@@ -252,6 +253,7 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
             _assemble(recorder, with_lists, opened, ("binned", "cached"), ("fp32",))
             for padded in (False, True):
                 cluster_programs(scene_programs(context), padded)
+            pose_program(scene_programs(context))
             # In GLSL 4.10, where nothing computes.
             drawing = replace(
                 context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16

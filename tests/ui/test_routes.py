@@ -58,6 +58,8 @@ def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
             run(context, command_id, *values)
 
     monkeypatch.setattr(slow_commands, "run_or_notify", note)
+    # Nothing is read before a command that opens it.
+    monkeypatch.setattr(slow_commands.SlowCommands, "_has_read", lambda _slow, _path: True)
     # What cannot run now is grey.
     monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "")
     monkeypatch.setattr(parse, "run", note)

@@ -318,6 +318,6 @@ class Frontend:
         found = self._news or queued or self.slow.is_due or self.interface.is_settling(session)
         if room is None:
             return True
-        requested = session.requests.measure or bool(session.requests.pictures) or session.navigation.motion is not None
+        requested = session.requests.measure or bool(session.requests.pictures) or session.is_moving
         requested = requested or self._first_view.is_due(session) or self.reader.is_pending
         return found or self.picture.is_due(room) or (requested and not self.picture.is_undrawable(room))

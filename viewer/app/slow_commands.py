@@ -19,7 +19,7 @@ from viewer.state.message_log import details_of
 from viewer.ui.facts import Work
 
 OPENING = ("file.open", "file.open-recent")
-READING_AGAIN = ("materials.variant", "animation.time", "animation.rest")
+READING_AGAIN = ("materials.variant",)
 """Reading a scene, and drawing it first, takes seconds."""
 LEAST_SHARE = 0.03
 """Of the work: before that its end cannot be told."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from ntc.errors import InputError
 from viewer.commands import (
+    animation,
     camera,
     compare,
     edit,
@@ -33,6 +34,7 @@ _MODULES = (
     errors,
     overlay,
     materials,
+    animation,
     camera,
     textures,
     motion,

@@ -6,9 +6,8 @@ from typing import Annotated, Any, get_args
 
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.lighting.panorama import load_panorama
-from viewer.scene.model import Pose
 from viewer.state.event_handlers import notify
-from viewer.state.open_files import show_pose, show_variant
+from viewer.state.open_files import show_variant
 from viewer.state.session import Session
 from viewer.state.view_state import (
     ELEVATION_RANGE,
@@ -81,33 +80,6 @@ Variant = Annotated[
 def set_variant(session: Session, name: Variant) -> None:
     own = name == OWN_MATERIALS and name not in session.scene.variants
     show_variant(session, "" if own else name)
-
-
-def _no_animations(context: Context) -> str:
-    return "" if context.session.scene.animations else "the scene has no animations"
-
-
-Seconds = Annotated[float, Arg("seconds from the animation's beginning", None, 0.0, 1e6)]
-AnimationName = Annotated[
-    str,
-    Arg("an animation of the scene; the first one unless given", lambda s: tuple(a.name for a in s.scene.animations)),
-]
-
-
-@command(
-    "animation.time",
-    "Moment of an animation",
-    "stop the scene at a time of one of its animations",
-    "View",
-    unavailable=_no_animations,
-)
-def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") -> None:
-    show_pose(session, Pose(animation, seconds))
-
-
-@command("animation.rest", "Without animation", "show the scene as its nodes stand", "View", unavailable=_no_animations)
-def rest(session: Session) -> None:
-    show_pose(session, None)
 
 
 @command("light.sun", "Place of the sun", "put the sun at an azimuth and an elevation", "View")

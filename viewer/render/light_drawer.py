@@ -49,6 +49,14 @@ class LightDrawer:
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
         self._kinds = SurfaceKinds.of(scene.materials)
+        self._bounds = scene.bounds
+
+    def place(self, culling: Culling, bounds: NDArray[np.float32]) -> None:
+        """What moves in the scene stands elsewhere: the next shadow map is drawn anew. `bounds` [2, 3] of the whole scene."""
+        self._culling, self._bounds = culling, bounds
+        self._shadow_inputs = None
+        if self._shadow is not None:
+            self._scheduler.invalidate(self._shadow)
 
     def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
@@ -96,9 +104,9 @@ class LightDrawer:
     def _draw_shadow(self, direction: tuple[float, float, float]) -> ShadowView:
         inputs = self._shadow_inputs
         if inputs is None or inputs.direction != direction:
-            view = shadow_view(self._scene.bounds, direction)
-            centre = self._scene.bounds.astype(np.float64).mean(axis=0)
-            reach = float(np.linalg.norm(self._scene.bounds[1] - self._scene.bounds[0])) + 1.0
+            view = shadow_view(self._bounds, direction)
+            centre = self._bounds.astype(np.float64).mean(axis=0)
+            reach = float(np.linalg.norm(self._bounds[1] - self._bounds[0])) + 1.0
             eye = tuple((centre + np.array(direction) * reach).tolist())
             camera = Camera("sun", eye, tuple(centre.tolist()), orthographic_height=reach)
             inputs = ShadowInputs(direction, view, self._culling.draw_list(camera, view.matrix))

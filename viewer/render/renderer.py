@@ -93,8 +93,9 @@ class Renderer:
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)
-        light = LightDrawer(context, self._programs, scene, self._scene_buffers, self._drawer.culling, self._scheduler)
-        self.shading = PictureShading(context, self._programs, light, self._scheduler)
+        drawn = (scene, self._scene_buffers, self._drawer.culling, self._scheduler)
+        self._light = LightDrawer(context, self._programs, *drawn)
+        self.shading = PictureShading(context, self._programs, self._light, self._scheduler)
         """Tells what is wrong with the light."""
         self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading, waits)
         self._blend = BlendSamples(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
@@ -156,6 +157,9 @@ class Renderer:
                 view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view)
             )
             self._view = view
+            if self._drawer.stand_in(view.pose):
+                self._release_targets()
+                self._light.place(self._drawer.culling, self._drawer.bounds)
             targets = self._targets_for(view)
             self._draw_visibility(view, targets)
             slots = tuple(dict.fromkeys(shown_slots(view)))

@@ -1,6 +1,7 @@
 """Culling and the visibility pass: from a camera to what the later passes read."""
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,14 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
+from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
 from viewer.render.resources.clusters.bounds import build_clusters, cluster_count
 from viewer.render.resources.clusters.records import CLUSTER_RECORD, CLUSTER_TRIANGLES
 from viewer.render.resources.culling import Culling, DrawCounts, DrawList
 from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.camera import view_projection
 
 LEAST_CLUSTERS = 1 << 14
@@ -25,13 +27,16 @@ LEAST_OF_INSTANCE = 8
 """Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
 
 
+UNKNOWN_POSE: Final = Pose("", -1.0)
+"""Of a scene of which some parts stand in one pose and some in another: no view asks for it."""
 ON_SOFTWARE = False
 """Whether software renderers cull by small clusters, too: frames take them as long as with what the CPU culls."""
 
 
 def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
     """Whether culling `scene` on the GPU is worth its three steps, and fits into buffers of `storage_bytes`."""
-    if is_software and not ON_SOFTWARE:
+    # Bounds of clusters whose vertices move would have to follow them.
+    if (is_software and not ON_SOFTWARE) or scene.motion is not None:
         return False
     clusters = cluster_count(scene, CLUSTER_TRIANGLES)
     if clusters * CLUSTER_RECORD.itemsize > storage_bytes:
@@ -57,12 +62,42 @@ class SceneDrawer:
         self._culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
         self._clusters = ClusterCulling(context, programs, scene, self._culling) if on_gpu else None
         self._pass = VisibilityPass(context, programs, scene_buffers)
+        self._pose = scene.pose
+        self._bounds = scene.bounds
+        """[2, 3] of the scene as it stands."""
+        moving = scene.motion.moving if scene.motion is not None else ()
+        self._pose_vertices = PoseVerticesPass(context, programs, scene_buffers, moving)
+        self._read_clusters = self._culling.clusters
         self._texture_of_material = {
             plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
             for plane in PLANES
         }
         self._culled: CulledScene | None = None
         self._drawn: VisibilityInputs | None = None
+
+    def stand_in(self, pose: Pose | None) -> bool:
+        """Let the scene stand in a pose, None: as it was read; whether anything has moved, so that all is to be drawn anew.
+
+        Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not.
+        """
+        pose, motion = pose or self._scene.pose, self._scene.motion
+        if motion is None or pose == self._pose:
+            self._scheduler.skipped["poses"] += motion is not None
+            return False
+        # Until everything stands there, what is drawn is of no known pose.
+        self._pose, self._culled, self._drawn = UNKNOWN_POSE, None, None
+        stand = motion.at(pose)
+        with self._scheduler.timer.measure("pose"):
+            self._buffers.place_instances(stand.instances.transform)
+            self._pose_vertices.run(stand.deformations)
+        self._culling = Culling(self._scene, self._read_clusters, stand)
+        self._bounds, self._pose = stand.bounds, pose
+        return True
+
+    @property
+    def bounds(self) -> NDArray[np.float32]:
+        """[2, 3] of the scene as it stands."""
+        return self._bounds
 
     @property
     def culling(self) -> Culling:
@@ -95,7 +130,7 @@ class SceneDrawer:
         if culled is None or (culled.camera, culled.size) != (camera, target.size):
             self._culled = None
             with self._scheduler.timer.measure_cpu("cull"):
-                matrix = view_projection(camera, target.size, self._scene.bounds)
+                matrix = view_projection(camera, target.size, self._bounds)
                 draw_list = self._draw_list(camera, target.size, matrix)
                 self._buffers.upload(draw_list)
             culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
@@ -128,6 +163,7 @@ class SceneDrawer:
 
     def release(self) -> None:
         """Free everything."""
+        self._pose_vertices.release()
         if self._clusters is not None:
             self._clusters.release()
 

@@ -25,7 +25,7 @@ from viewer.render.frame_times import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.render.variants.choice import VariantChoice
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, PackChangesTaken, Reverted, ViewChanged
 from viewer.state.message_log import details_of
 from viewer.state.session import PictureRequest, Session
@@ -75,6 +75,7 @@ class Viewport:
         self.last_view: ViewState | None = None
         """What `last` shows; None where that is out of date."""
         self._camera: Camera | None = None
+        self._pose: Pose | None = None
         self._moved_at = -math.inf
         self._memory_problems: frozenset[str] = frozenset()
         self._is_drawn = False
@@ -263,9 +264,10 @@ class Viewport:
         camera = self._session.view.camera
         # A jump to a camera of the scene is no movement: it is drawn whole at once.
         known = self._camera in (None, camera) or camera in self._session.scene.cameras
-        if not known and self._scene is self._session.scene:
+        poses = self._session.playback.is_playing and self._pose != self._session.view.pose
+        if (poses or not known) and self._scene is self._session.scene:
             self._moved_at = time.monotonic()
-        self._camera = camera
+        self._camera, self._pose = camera, self._session.view.pose
 
     def _leave_half_arithmetic(self) -> None:
         """Keep the weights as halves, but compute in fp32: what every driver can."""

@@ -1,6 +1,5 @@
 """Opens a scene file."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +16,9 @@ from viewer.scene.gltf.geometry import GeometryReader
 from viewer.scene.gltf.lights import read_lights
 from viewer.scene.gltf.maps.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
-from viewer.scene.gltf.motion.animations import Animation, NodeValues, read_animations
+from viewer.scene.gltf.motion.animations import read_animations
 from viewer.scene.gltf.nodes import walk_nodes
+from viewer.scene.gltf.scene_motion import SceneMotion, animated_weights, posed_values
 from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
 from viewer.scene.gltf.variants import chosen_variant, variant_names
 from viewer.scene.images import ProgressReport
@@ -30,8 +30,6 @@ from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scen
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
 """Instances that any file may have; more only in proportion to its bytes, one each."""
-MOST_NAMED = 6
-"""Animations that one message names."""
 
 
 def load_scene(
@@ -109,17 +107,20 @@ def build_scene(
     accessors = Accessors(file, buffers)
     sources = read_materials(file, notes)
     animations = read_animations(file, accessors, notes)
-    placements = walk_nodes(file, accessors, notes, {} if pose is None else _posed(animations, pose, name))
+    placements = walk_nodes(file, accessors, notes, posed_values(animations, pose, name))
     variants = variant_names(file)
     notes.honoured("KHR_materials_variants: variants", len(variants))
     chosen = chosen_variant(variants, variant, name)
     geometry_reader = GeometryReader(file, buffers, accessors, sources, notes, chosen)
-    shapes = placed_shapes(file, accessors, placements)
+    shapes = placed_shapes(file, accessors, placements, animated_weights(animations))
     primitives, ranges = read_shapes(shapes, geometry_reader)
-    instances = place_shapes(file, shapes, ranges, min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count))
+    most_instances = min(MAX_INSTANCES, FREE_INSTANCES + buffers.byte_count)
+    instances = place_shapes(file, shapes, ranges, most_instances)
     if len(instances.primitive) == 0:
         raise file.fail("scene", "holds no triangles to draw; open a file with meshes")
     geometry = geometry_reader.finish()
+    moves = (tuple(geometry_reader.moving), ranges, tuple(primitives), geometry, most_instances)
+    motion = SceneMotion(name, file, accessors, animations, *moves) if animations else None
     drawn = frozenset(geometry_reader.all_materials)
     # The last source stands for primitives without a material.
     kept = len(sources) if len(sources) - 1 in drawn else len(sources) - 1
@@ -166,18 +167,8 @@ def build_scene(
         variant=variant,
         animations=tuple(animation.facts for animation in animations),
         pose=pose,
+        motion=motion,
     )
-
-
-def _posed(animations: Sequence[Animation], pose: Pose, scene: str) -> NodeValues:
-    """What the animation that `pose` names gives at its time. Raises InputError where there is none of that name."""
-    if not animations:
-        raise InputError(f"{scene}: has no animations")
-    found = next((animation for animation in animations if pose.animation in ("", animation.name)), None)
-    if found is None:
-        known = ", ".join(animation.name for animation in animations[:MOST_NAMED])
-        raise InputError(f"{scene}: no animation {pose.animation!r}; there are {known}")
-    return found.at(pose.seconds)
 
 
 def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -> None:

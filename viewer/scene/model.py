@@ -1,15 +1,16 @@
 """A loaded scene: plain, immutable numpy data. Axes and units are glTF's (Y up, right-handed, metres)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
 from ntc.codec.maps import BASE_ALONE, PLANES, MapName, Plane
+from viewer.scene.moving import Deformation, MovingVertices
 from viewer.scene.pixels.texture_pixels import TexturePixels
 
 AlphaMode = Literal["opaque", "mask", "blend"]
@@ -184,6 +185,31 @@ class Pose:
 
 
 @dataclass(frozen=True, eq=False)
+class Stand:
+    """Where all that moves is at a moment."""
+
+    pose: Pose | None
+    instances: "Instances"
+    deformations: Mapping[int, Deformation]
+    """By node."""
+    boxes: Mapping[int, NDArray[np.float64]]
+    """[2, 3] around the vertices of primitives that a skin or morph targets move, in local space; by their `base_vertex`."""
+    bounds: NDArray[np.float32]
+    """[2, 3] of the whole scene, in world space; somewhat wide."""
+
+
+class Motion(Protocol):
+    """What moves in a scene."""
+
+    @property
+    def moving(self) -> Sequence[MovingVertices]:
+        """Vertices that skins and morph targets move."""
+
+    def at(self, pose: Pose | None) -> Stand:
+        """How the scene stands in a pose; None: as its nodes say. Raises InputError for one of an animation that it has not."""
+
+
+@dataclass(frozen=True, eq=False)
 class Geometry:
     """All vertices and triangles of the scene in shared arrays."""
 
@@ -285,6 +311,8 @@ class Scene:
     """The one that is drawn; "": the materials that primitives name themselves."""
     animations: tuple[AnimationFacts, ...] = ()
     pose: Pose | None = None
-    """The moment at which the scene stands; None: as its nodes say, without an animation."""
+    """The moment at which it was read; None: as its nodes say, without an animation."""
+    motion: Motion | None = None
+    """What its animations move; None without any."""
     file_stamp: tuple[int, int] | None = None
     """(bytes, nanoseconds of the last change) of the file when it was read; None where no file was."""

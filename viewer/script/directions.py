@@ -112,8 +112,10 @@ def _settle(stage: Stage) -> Iterator[Turn]:
     end = time.monotonic() + SETTLING_SECONDS
     yield from inputs.rest()
     while not stage.is_settled:
-        if stage.session.navigation.motion is not None:
-            raise InputError("wait settled: the camera moves by itself; camera.stop ends that")
+        if stage.session.is_moving:
+            raise InputError(
+                "wait settled: the camera moves by itself, or an animation plays; camera.stop or animation.play ends that"
+            )
         if time.monotonic() > end:
             raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
         yield "rest"

@@ -67,7 +67,7 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "help": lambda stage: _switch(stage.session.window.show_help),
     "palette": lambda stage: _switch(stage.session.window.palette is not None),
     "question": lambda stage: stage.session.window.question.title if stage.session.window.question else "",
-    "moving": lambda stage: _switch(stage.session.navigation.motion is not None),
+    "moving": lambda stage: _switch(stage.session.is_moving),
     "training": lambda stage: stage.context.training.state,
     "waiting": lambda stage: _switch(not stage.is_settled),
     "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),

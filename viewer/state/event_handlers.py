@@ -175,6 +175,9 @@ def start_frame(session: Session, seconds: float, picture_size: tuple[int, int])
         moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, seconds)
         camera, session.navigation.motion = moved
         session.view = replace(session.view, camera=camera)
+    if session.playback.is_playing and session.scene.animations:
+        pose, session.playback = session.playback.advance(session.scene.animations, session.view.pose, seconds)
+        session.view = replace(session.view, pose=pose)
 
 
 def set_unsupported(session: Session, reasons: Mapping[str, str]) -> None:

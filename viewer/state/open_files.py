@@ -13,7 +13,7 @@ from ntc.pack.match import PackMatch, require_match
 from viewer.locations import is_builtin
 from viewer.scene.cameras_file import with_cameras_beside
 from viewer.scene.load import load_scene
-from viewer.scene.model import Pose, Scene
+from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.camera import frame_all
 from viewer.state.event_handlers import notify
@@ -147,7 +147,7 @@ def _open_scene(session: Session, path: Path) -> None:
     session.scene, session.packs = scene, packs
     before = InitialView(material_view=session.view.material_view, lighting=session.view.lighting)
     session.view = _initial_view(scene, packs, session.settings, before)
-    session.navigation.motion = None
+    session.navigation.motion, session.playback = None, replace(session.playback, is_playing=False)
     session.previous_views = {}
     session.requests.precision, session.requests.first_view = frozenset(), not scene.cameras
     session.compressed, session.requests.formats = {}, {}
@@ -164,25 +164,12 @@ def _open_scene(session: Session, path: Path) -> None:
 
 def show_variant(session: Session, variant: str) -> None:
     """Read the scene that is open again, in another material variant; packs and view stay. Raises InputError."""
-    if _read_again(session, variant, session.scene.pose):
+    before = session.scene
+    if before.path is not None and variant != before.variant:
+        loaded = load_scene(before.path, variant, before.pose, before=before)
+        session.scene = replace(loaded, cameras=before.cameras)
         named = f"material variant {variant}" if variant else "the materials that the scene's parts name themselves"
         notify(session, named)
-
-
-def show_pose(session: Session, pose: Pose | None) -> None:
-    """Read the scene that is open again, at a moment of an animation, or None: as its nodes say. Raises InputError."""
-    if _read_again(session, session.scene.variant, pose):
-        notify(session, f"{pose.seconds:g} s of the animation" if pose is not None else "without an animation")
-
-
-def _read_again(session: Session, variant: str, pose: Pose | None) -> bool:
-    """Whether the scene had to be read again; its images are not."""
-    before = session.scene
-    if before.path is None or (variant, pose) == (before.variant, before.pose):
-        return False
-    loaded = load_scene(before.path, variant, pose, before=before)
-    session.scene = replace(loaded, cameras=before.cameras)
-    return True
 
 
 def _open_pack(session: Session, path: Path) -> None:

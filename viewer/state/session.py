@@ -12,6 +12,7 @@ from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, named_form
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
+from viewer.state.animation_playback import AnimationPlayback
 from viewer.state.camera_motion import Motion
 from viewer.state.events import SceneRead
 from viewer.state.message_log import MessageKind, MessageLog
@@ -232,10 +233,16 @@ class Session:
     """Precisions and decode paths that the graphics driver cannot compute in, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)
     """What was shown before the first pack of each training run, by the name of its pack."""
+    playback: AnimationPlayback = field(default_factory=AnimationPlayback)
     navigation: NavigationState = field(default_factory=NavigationState)
     inspection: InspectionState = field(default_factory=InspectionState)
     window: WindowState = field(default_factory=WindowState)
     requests: Requests = field(default_factory=Requests)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the camera or the scene moves by itself."""
+        return self.navigation.motion is not None or (self.playback.is_playing and bool(self.scene.animations))
 
     @property
     def shown_view(self) -> ViewState:

@@ -7,7 +7,7 @@ from msgspec import Meta
 
 from ntc.codec.config import Precision as Precision
 from ntc.metrics.block_compression import BLOCK_FORMATS
-from viewer.scene.model import Camera
+from viewer.scene.model import Camera, Pose
 from viewer.state.overlay import BLOCKS as BLOCKS
 from viewer.state.overlay import NO_OVERLAY
 from viewer.state.overlay import BlockName as BlockName
@@ -119,6 +119,8 @@ class ViewState:
     """Anisotropic filtering of images and of path `cached`: 1 (trilinear, as the other paths filter) to 16."""
     material_view: MaterialView = "base"
     lighting: Lighting = DEFAULT_LIGHTING
+    pose: Pose | None = None
+    """The moment of an animation at which the scene stands; None: as it was read."""
     coarseness: int = 1
     """Pixels of the picture at rest along one side of a pixel: more than 1 in a preview while the camera moves."""
 

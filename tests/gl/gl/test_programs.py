@@ -14,6 +14,8 @@ from ntc.codec.config import CodecConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder
+from viewer.render.passes.pose_vertices import PoseBinding
+from viewer.render.resources.clusters.records import ClusterBinding
 from viewer.render.resources.layout import (
     BinBinding,
     ImageUnit,
@@ -187,7 +189,7 @@ def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
 
 def test_bindings_come_from_the_layout() -> None:
     known = (
-        {f"BINDING_{b.name}" for b in (*StorageBinding, *BinBinding, *TileBinding)}
+        {f"BINDING_{b.name}" for b in (*StorageBinding, *BinBinding, *TileBinding, *ClusterBinding, *PoseBinding)}
         | {f"UNIT_{u.name}" for u in TextureUnit}
         | {f"IMAGE_{i.name}" for i in ImageUnit}
         | {f"UNIFORM_{u.name}" for u in UniformBinding}

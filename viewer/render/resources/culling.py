@@ -1,12 +1,12 @@
 """The indirect draw commands for the clusters that a camera may see."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.render.resources.clusters.bounds import Clusters, build_clusters
-from viewer.scene.model import Camera, Sampler, Scene
+from viewer.render.resources.clusters.bounds import NEVER_BACKFACING, Clusters, build_clusters
+from viewer.scene.model import Camera, Sampler, Scene, Stand
 from viewer.state.camera import frustum_planes
 
 CLUSTER_TRIANGLES = 512
@@ -74,18 +74,32 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
     return Bucket(alpha, material.double_sided, mirrored, material.sampler if alpha >= 0 else None)
 
 
+def _moved(clusters: Clusters, scene: Scene, stand: Stand) -> Clusters:
+    """`clusters` of which those of moving vertices all have the primitive's box, and may face any way."""
+    centre, half, cutoff = clusters.centre.copy(), clusters.half.copy(), clusters.cutoff.copy()
+    for number, primitive in enumerate(scene.primitives):
+        box = stand.boxes.get(primitive.base_vertex)
+        if box is not None:
+            rows = slice(clusters.first[number], clusters.first[number + 1])
+            centre[rows], half[rows], cutoff[rows] = box.mean(axis=0), (box[1] - box[0]) / 2.0, NEVER_BACKFACING
+    return replace(clusters, centre=centre, half=half, cutoff=cutoff)
+
+
 class Culling:
     """World-space bounds of every cluster of every instance, and the test of a frustum against them."""
 
-    def __init__(self, scene: Scene, clusters: Clusters | None = None) -> None:
-        """`clusters`: those of the scene; None: as it is best on the CPU."""
+    def __init__(self, scene: Scene, clusters: Clusters | None = None, stand: Stand | None = None) -> None:
+        """`clusters`: those of the scene as it was read; None: as it is best on the CPU. `stand`: where what moves is now."""
         self.clusters = clusters or build_clusters(scene, CLUSTER_TRIANGLES)
-        primitive = scene.instances.primitive.astype(np.int64)
+        if stand is not None:
+            self.clusters = _moved(self.clusters, scene, stand)
+        instances = scene.instances if stand is None else stand.instances
+        primitive = instances.primitive.astype(np.int64)
         counts = np.diff(self.clusters.first)[primitive]
         self._instance = np.repeat(np.arange(len(primitive)), counts)
         within = np.arange(len(self._instance)) - np.repeat(np.cumsum(counts) - counts, counts)
         self._cluster = self.clusters.first[primitive[self._instance]] + within
-        transforms = scene.instances.transform.astype(np.float64)
+        transforms = instances.transform.astype(np.float64)
         rotations = transforms[:, :3, :3]
         centre, half = self.clusters.centre[self._cluster], self.clusters.half[self._cluster]
         of_row = rotations[self._instance]

@@ -85,10 +85,46 @@ class SceneBuffers:
         ):
             if array is None or program.get(name, None) is None:
                 continue
-            if name not in self._optional:
-                self._optional[name] = self._buffer(name.replace("_", " ") + "s", array)
-            content.append((self._optional[name], f"{array.shape[1]}f", name))
+            content.append((self._optional_buffer(name, array), f"{array.shape[1]}f", name))
         return content
+
+    def _optional_buffer(self, name: str, array: np.ndarray) -> moderngl.Buffer:
+        if name not in self._optional:
+            self._optional[name] = self._buffer(name.replace("_", " ") + "s", array)
+        return self._optional[name]
+
+    @property
+    def vertex_floats(self) -> int:
+        """Of a vertex in the first of `moving_buffers`: its position, then its UV."""
+        return sum(array.shape[1] for array in (self._scene.geometry.positions, self._scene.geometry.uvs))
+
+    def moving_buffers(self) -> tuple[moderngl.Buffer, moderngl.Buffer, moderngl.Buffer]:
+        """What holds positions, normals ([V, 3]) and tangents ([V, 4]); another of them where the scene has none.
+
+        From then on what is in them may differ from the scene's geometry. Raises GpuMemoryError.
+        """
+        normals, tangents = self._scene.geometry.normals, self._scene.geometry.tangents
+        return (
+            self._vertices,
+            self._vertices if normals is None else self._optional_buffer("normal", normals),
+            self._vertices if tangents is None else self._optional_buffer("tangent", tangents),
+        )
+
+    def write_vertices(
+        self, base: int, positions: np.ndarray, normals: np.ndarray | None, tangents: np.ndarray | None
+    ) -> None:
+        """Replace the positions [V, 3] of the vertices from `base` on, and what else is given. Raises GpuMemoryError."""
+        vertices, of_normals, of_tangents = self.moving_buffers()
+        uvs = self._scene.geometry.uvs[base : base + len(positions)]
+        rows = np.concatenate([positions, uvs], axis=1).astype("<f4")
+        for buffer, content in ((vertices, rows), (of_normals, normals), (of_tangents, tangents)):
+            if content is not None and len(content):
+                self._memory.write(buffer, content.tobytes(), base * content.shape[1] * 4)
+
+    def place_instances(self, transforms: np.ndarray) -> None:
+        """Let instances stand elsewhere: [N, 4, 4] local-to-world matrices. Raises GpuMemoryError."""
+        self._rows["transform"] = transforms[:, :3, :]
+        self._memory.write(self._instances, self._rows.tobytes())
 
     def _buffer(self, kind: str, array: np.ndarray) -> moderngl.Buffer:
         # OpenGL has no empty buffers.

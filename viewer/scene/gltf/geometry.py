@@ -1,6 +1,7 @@
 """Mesh primitives gathered into shared vertex and index arrays."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,12 +16,12 @@ from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
 from viewer.scene.gltf.joined_arrays import joined, joined_indices
 from viewer.scene.gltf.materials import MaterialSource
-from viewer.scene.gltf.motion.deformation import Deformation
-from viewer.scene.gltf.motion.deformed_vertices import VertexFrames, deformed
+from viewer.scene.gltf.motion.moving_vertices import read_moving
 from viewer.scene.gltf.textures import UvTransform
 from viewer.scene.gltf.variants import variant_materials, variant_names
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.model import Geometry, Primitive
+from viewer.scene.moving import Deformation, MovingVertices, VertexFrames
 from viewer.scene.report import ReportNotes
 
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
@@ -93,6 +94,9 @@ class GeometryReader:
         self._second_uvs: list[NDArray[np.float32] | None] = []
         self._indices: list[NDArray[Any] | None] = []
         self._highest_index = 0
+        self.moving: list[MovingVertices] = []
+        """Vertices that skins and morph targets move."""
+        self._target_values = 0
         self._vertex_count = 0
         self._index_count = 0
         self._vertex_ranges: dict[_VertexKey, tuple[int, int]] = {}
@@ -218,7 +222,13 @@ class GeometryReader:
         )
         if moved is not None:
             stored = partial(self._stored, attributes, draco, where)
-            frames = deformed(self._file, self._accessors, moved[1], stored, moved[0], where, frames)
+            self._target_values += count * len(moved[1])
+            self._check_total(self._target_values, "offsets of morph targets", where)
+            base = self._vertex_count - count
+            finite = replace(frames, positions=self._finite(frames.positions, "positions"))
+            moving = read_moving(self._file, self._accessors, moved[1], stored, moved[0], where, finite, base)
+            self.moving.append(moving)
+            frames = moving.at(moved[0])
         self._positions.append(self._finite(frames.positions, "positions"))
         self._uvs.append(uvs)
         self._colors.append(colors)

@@ -1,6 +1,6 @@
 """Meshes where they stand: their shapes, read once each, and one row for each primitive of each placement."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from viewer.scene.gltf.accessors import Accessors
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.geometry import GeometryReader
-from viewer.scene.gltf.motion.deformation import Deformation, read_deformation
+from viewer.scene.gltf.motion.deformation import read_deformation
 from viewer.scene.gltf.nodes import NodePlacements
 from viewer.scene.model import Instances, Primitive
+from viewer.scene.moving import Deformation
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +31,15 @@ class Shape:
         return self.mesh, -1 if self.deformation is None else self.node
 
 
-def placed_shapes(file: GltfFile, accessors: Accessors, placements: Sequence[NodePlacements]) -> list[Shape]:
-    """The meshes of all placements. Raises InputError."""
+def placed_shapes(
+    file: GltfFile, accessors: Accessors, placements: Sequence[NodePlacements], animated: Collection[int]
+) -> list[Shape]:
+    """The meshes of all placements; `animated`: nodes whose morph weights some animation changes. Raises InputError."""
     worlds = {placement.node: placement.world for placement in placements}
     shapes: list[Shape] = []
     for placement in placements:
         if placement.mesh is not None:
-            deformation = read_deformation(file, accessors, placement.node, placement.weights, worlds)
+            deformation = read_deformation(file, accessors, placement.node, placement.weights, worlds, animated)
             # Joints take vertices to the world whatever the node's own place is.
             skinned = deformation is not None and deformation.joints is not None
             stands = np.eye(4)[None] if skinned else placement.mesh_worlds

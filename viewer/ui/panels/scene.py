@@ -6,6 +6,7 @@ from viewer.inspect.scene_tree import SceneTree
 from viewer.scene.model import LoadReport, Material, Scene
 from viewer.scene.report import report_lines
 from viewer.ui.facts import UiFrame
+from viewer.ui.panels.animation import draw_time_line
 
 
 def _material_text(number: int, material: Material, scene: Scene) -> str:
@@ -157,5 +158,6 @@ def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
                 ui.emit("camera.set", camera)
             ui.rects.note(f"camera {camera.name}")
         imgui.tree_pop()
+    draw_time_line(ui)
     lists.draw(ui)
     _report(scene, ui)

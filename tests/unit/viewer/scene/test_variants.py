@@ -94,8 +94,11 @@ def test_another_variant_or_moment_reads_no_image_again(tmp_path: Path, monkeypa
     run(context, "materials.variant", "blue")
     np.testing.assert_array_equal(drawn_pixels(context.session.scene), noise(seed=2))
     run(context, "animation.time", 1.0)
-    np.testing.assert_array_equal(context.session.scene.instances.transform[0, :3, 3], [2, 0, 0])
-    assert (context.session.scene.variant, context.session.scene.report) == ("blue", scene.report)
+    session = context.session
+    assert session.scene.motion is not None
+    stand = session.scene.motion.at(session.view.pose)
+    np.testing.assert_array_equal(stand.instances.transform[0, :3, 3], [2, 0, 0])
+    assert (session.scene.variant, session.scene.report) == ("blue", scene.report)
     assert decoded == []
 
 

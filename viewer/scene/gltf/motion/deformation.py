@@ -1,7 +1,6 @@
-"""What moves a mesh's vertices at a node: morph targets, then the joints of a skin (glTF 2.0, 3.7.2.2 and 3.7.3)."""
+"""Reading what moves a mesh's vertices at a node: the matrices of a skin's joints, and which of them move a vertex."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -9,22 +8,12 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.accessors import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.moving import Deformation, Influences
 
 LARGEST_TERM = 1e30
 """Terms of a joint's matrix above it do not fit into single precision with positions."""
 MOST_INFLUENCES = 16
 """Joints that may move a vertex: four for each of JOINTS_0 to JOINTS_3."""
-
-
-@dataclass(frozen=True, eq=False)
-class Deformation:
-    """How a node's mesh stands at one time."""
-
-    node: int
-    joints: NDArray[np.float64] | None
-    """[J, 4, 4] from the mesh's local space to the world, by joint; None without a skin."""
-    weights: tuple[float, ...]
-    """Of the morph targets."""
 
 
 def read_deformation(
@@ -33,15 +22,16 @@ def read_deformation(
     node: int,
     weights: tuple[float, ...],
     worlds: Mapping[int, NDArray[np.float64]],
+    animated: Collection[int] = (),
 ) -> Deformation | None:
-    """How the mesh at a node is deformed; None where it is not. `weights`: of its morph targets; `worlds`: the local-to-world
-    matrices of all nodes of the scene.
+    """How the mesh at a node is deformed; None where it never is. `weights`: of its morph targets; `worlds`: the local-to-world
+    matrices of all nodes of the scene; `animated`: nodes whose weights some animation changes.
 
     Raises InputError for a skin whose joints are not in the scene, or whose matrices are not as many, or overflow.
     """
     entry, where = file.entries("nodes")[node], f"nodes[{node}]"
     joints = _joint_matrices(file, accessors, entry, where, worlds) if "skin" in entry else None
-    if joints is None and not any(weights):
+    if joints is None and not any(weights) and node not in animated:
         return None
     if joints is not None and not (np.abs(joints) < LARGEST_TERM).all():
         raise file.fail(where, "has joints whose transforms overflow; check their scales")
@@ -74,16 +64,6 @@ def _joint_matrices(
     return matrices @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class Influences:
-    """Which joints move each vertex, and how much."""
-
-    joints: NDArray[np.int64]
-    """[V, I]."""
-    weights: NDArray[np.float64]
-    """[V, I], of sum 1."""
-
-
 ReadAttribute = Callable[[str], NDArray[Any] | None]
 """[V, components] of an attribute by its name, as it is stored; None where there is none. Raises InputError."""
 
@@ -110,43 +90,3 @@ def read_influences(file: GltfFile, read: ReadAttribute, joints: int, vertices: 
     # Vertices without weights follow the first joint.
     share_of[:, :1] += total <= 0.0
     return Influences(np.minimum(used, joints - 1), share_of / np.where(total > 0.0, total, 1.0))
-
-
-def morphed(
-    values: NDArray[np.float32], targets: Sequence[NDArray[np.float32] | None], weights: Sequence[float]
-) -> NDArray[np.float32]:
-    """[V, 3 or more] `values` with the first three components moved by each target [V, 3] times its weight."""
-    moved = values.astype(np.float64)
-    for target, weight in zip(targets, weights, strict=False):
-        if target is not None and weight:
-            moved[:, :3] += weight * target.astype(np.float64)
-    return moved.astype(np.float32)
-
-
-def blended_matrices(influences: Influences, joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[V, 4, 4] for each vertex the mean of its joints' matrices, by their weights."""
-    blended = np.zeros((len(influences.joints), 4, 4))
-    for column in range(influences.joints.shape[1]):
-        share = influences.weights[:, column]
-        if share.any():
-            blended += share[:, None, None] * joints[influences.joints[:, column]]
-    return blended
-
-
-def moved_points(points: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 3] `points` moved by `matrices` [V, 4, 4]."""
-    moved = np.einsum("nij,nj->ni", matrices[:, :3, :3], points.astype(np.float64)) + matrices[:, :3, 3]
-    return np.asarray(moved, np.float32)
-
-
-def moved_normals(normals: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 3] `normals` turned by `matrices` [V, 4, 4], not of unit length: by their cofactors, which need no inverse."""
-    a, b, c = matrices[:, 0, :3], matrices[:, 1, :3], matrices[:, 2, :3]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    return np.asarray(np.einsum("nij,nj->ni", cofactors, normals.astype(np.float64)), np.float32)
-
-
-def moved_tangents(tangents: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
-    turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], tangents[:, :3].astype(np.float64))
-    return np.concatenate([turned, tangents[:, 3:]], axis=1).astype(np.float32)

@@ -1,0 +1,175 @@
+"""Moves the vertices that morph targets and skins move to where they stand at a moment, in the buffers that are drawn."""
+
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
+from viewer.scene.moving import Deformation, MovingVertices
+
+FOLDER = "passes/pose_vertices"
+POSE_GROUP = 64
+"""Work group size: vertices."""
+REST_FLOATS = 10
+"""Of a vertex: position, normal, tangent with its sign."""
+TARGET_FLOATS = 9
+"""Of a vertex in a morph target: offsets of the three."""
+JOINT_FLOATS = 12
+"""The first three rows of a joint's matrix."""
+
+
+class PoseBinding(IntEnum):
+    """Storage buffers, in place of others that this program does not read."""
+
+    REST = 0
+    TARGETS = 1
+    INFLUENCES = 2
+    POSE = 3
+    VERTICES = 4
+    NORMALS = 5
+    TANGENTS = 6
+
+
+def pose_layout_glsl() -> str:
+    """The include `generated/pose.glsl`."""
+    lines = ["// Generated from viewer/render/passes/pose_vertices.py."]
+    lines += [f"#define BINDING_{member.name} {member.value}" for member in PoseBinding]
+    sizes = {"POSE_GROUP": POSE_GROUP, "REST_FLOATS": REST_FLOATS}
+    sizes |= {"TARGET_FLOATS": TARGET_FLOATS, "JOINT_FLOATS": JOINT_FLOATS}
+    return "\n".join(lines + [f"#define {name} {size}" for name, size in sizes.items()]) + "\n"
+
+
+def pose_program(programs: ProgramFactory) -> moderngl.ComputeShader:
+    """The pass's program."""
+    return programs.with_generated({"generated/pose.glsl": pose_layout_glsl()}).compute(f"{FOLDER}/pose.comp")
+
+
+class _Uploaded(NamedTuple):
+    """What never changes of one primitive's vertices, on the GPU."""
+
+    rest: moderngl.Buffer
+    targets: moderngl.Buffer
+    influences: moderngl.Buffer
+    pose: moderngl.Buffer
+    joints: int
+    """That fit into `pose`."""
+
+
+def rest_floats(part: MovingVertices) -> NDArray[np.float32]:
+    """[V, REST_FLOATS]; zero for what the primitive has not."""
+    frames, rows = part.frames, np.zeros((len(part.frames.positions), REST_FLOATS), np.float32)
+    rows[:, :3] = frames.positions
+    if frames.normals is not None:
+        rows[:, 3:6] = frames.normals
+    if frames.tangents is not None:
+        rows[:, 6:] = frames.tangents
+    return rows
+
+
+def target_floats(part: MovingVertices) -> NDArray[np.float32]:
+    """[targets, V, TARGET_FLOATS]."""
+    rows = np.zeros((len(part.targets), len(part.frames.positions), TARGET_FLOATS), np.float32)
+    for row, target in zip(rows, part.targets, strict=True):
+        for first, offsets in zip((0, 3, 6), (target.positions, target.normals, target.tangents), strict=True):
+            if offsets is not None:
+                row[:, first : first + 3] = offsets
+    return rows
+
+
+def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
+    """[V, influences, 2]: number of a joint, and the bits of its weight in float32."""
+    if part.influences is None:
+        return np.zeros((len(part.frames.positions), 0, 2), np.uint32)
+    weights = part.influences.weights.astype(np.float32)
+    return np.stack([part.influences.joints.astype(np.uint32), weights.view(np.uint32)], axis=-1)
+
+
+class PoseVerticesPass:
+    """Input: deformations by node. Output: positions, normals and tangents in the scene's vertex buffers.
+
+    Where nothing computes, `MovingVertices.at` does on the CPU what the shader does in float32.
+    """
+
+    def __init__(
+        self, context: GraphicsContext, programs: ProgramFactory, buffers: SceneBuffers, parts: Sequence[MovingVertices]
+    ) -> None:
+        self._context, self._memory, self._buffers, self._parts = context, context.memory, buffers, tuple(parts)
+        self._program = pose_program(programs) if context.features.compute and parts else None
+        self._uploaded: dict[int, _Uploaded] = {}
+        """By number in `parts`; from the first pose on."""
+
+    def run(self, deformations: Mapping[int, Deformation]) -> None:
+        """Move all vertices. Raises GpuMemoryError."""
+        for number, part in enumerate(self._parts):
+            deformation = deformations[part.node]
+            if self._program is None:
+                frames = part.at(deformation)
+                normals = None if frames.normals is None else unit_normals(frames.normals)[0]
+                tangents = None if frames.tangents is None else unit_tangents(frames.tangents)[0]
+                positions = np.nan_to_num(frames.positions, nan=0.0, posinf=0.0, neginf=0.0)
+                self._buffers.write_vertices(part.base_vertex, positions, normals, tangents)
+            else:
+                self._compute(self._program, part, self._upload(number, part, deformation), deformation)
+        if self._program is not None:
+            self._context.gl.memory_barrier()
+
+    def _upload(self, number: int, part: MovingVertices, deformation: Deformation) -> _Uploaded:
+        joints = 0 if deformation.joints is None else len(deformation.joints)
+        if number not in self._uploaded:
+            what = f"vertices that move of node {part.node}"
+            with self._memory.transaction():
+                rest, targets, influences = (
+                    # OpenGL has no empty buffers.
+                    self._memory.buffer(what, rows.reshape(-1).view(np.uint8) if rows.size else bytes(16), storage=True)
+                    for rows in (rest_floats(part), target_floats(part), influence_words(part))
+                )
+                size = 4 * (JOINT_FLOATS * joints + len(part.targets))
+                pose = self._memory.buffer(what, reserve=max(16, size), dynamic=True, storage=True)
+            self._uploaded[number] = _Uploaded(rest, targets, influences, pose, joints)
+        return self._uploaded[number]
+
+    def _compute(
+        self, program: moderngl.ComputeShader, part: MovingVertices, own: _Uploaded, deformation: Deformation
+    ) -> None:
+        weights = np.zeros(len(part.targets), np.float32)
+        given = np.array(deformation.weights[: len(weights)], np.float32)
+        weights[: len(given)] = given
+        matrices = np.zeros((own.joints, 3, 4), np.float32)
+        if deformation.joints is not None:
+            matrices[:] = deformation.joints[:, :3]
+        content = np.concatenate([matrices.reshape(-1), weights])
+        if len(content):
+            own.pose.orphan()
+            own.pose.write(content.tobytes())
+        bound = (own.rest, own.targets, own.influences, own.pose, *self._buffers.moving_buffers())
+        for binding, buffer in zip(PoseBinding, bound, strict=True):
+            buffer.bind_to_storage_buffer(int(binding))
+        count = len(part.frames.positions)
+        set_uniforms(
+            program,
+            {
+                "vertex_count": count,
+                "base_vertex": part.base_vertex,
+                "vertex_floats": self._buffers.vertex_floats,
+                "target_count": len(part.targets),
+                "influence_count": 0 if part.influences is None else part.influences.joints.shape[1],
+                "joint_count": own.joints,
+                "has_normals": part.frames.normals is not None,
+                "has_tangents": part.frames.tangents is not None,
+            },
+        )
+        program.run(*self._memory.limits.rows_of_work_groups(-(-count // POSE_GROUP)))
+
+    def release(self) -> None:
+        """Free what it has uploaded."""
+        for own in self._uploaded.values():
+            for buffer in own[:4]:
+                buffer.release()
+        self._uploaded = {}
