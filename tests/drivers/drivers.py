@@ -109,7 +109,7 @@ def write_python(folder: Path) -> Path:
 
 def other_drivers() -> Iterator[tuple[Driver | None, str]]:
     """Drivers besides the system's: each with the description that it gives, or None with what would make it usable."""
-    older = Driver("OpenGL 4.1", SYSTEM.python, OLDER_VERSION, "opengl 4.1", ("tests/drivers",))
+    older = Driver("OpenGL 4.1", SYSTEM.python, OLDER_VERSION, "opengl 4.1", ("tests/gl", "tests/drivers"))
     folder = mesa_folder()
     try:
         newer = write_python(folder)

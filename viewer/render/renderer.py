@@ -276,7 +276,7 @@ class Renderer:
         """
         if self._targets is None or self._view is None:
             return False
-        return self._slots.prepare(slot, self._targets, self._drawer)
+        return self._slots.prepare(self.paths.known(slot), self._targets, self._drawer)
 
     def prepare_slots(self) -> bool:
         """Draw a slot of the last view that is not shown, so that it can be shown at once; whether there was one to draw."""

@@ -128,6 +128,7 @@ def assert_same_pictures(found: NDArray[np.uint8], expected: NDArray[np.uint8]) 
         ("binned", "stochastic", "fp32"),
     ],
 )
+@pytest.mark.computes
 def test_pictures_are_those_of_glsl(
     graphics: GraphicsContext, source: str, path: DecodePath, texel_filter: TexelFilter, precision: Precision
 ) -> None:
@@ -142,6 +143,7 @@ def test_pictures_are_those_of_glsl(
 
 
 @pytest.mark.parametrize("path", ["cached", "binned"])
+@pytest.mark.computes
 def test_another_version_of_a_pack_is_decoded(graphics: GraphicsContext, path: DecodePath) -> None:
     slot, shown = Slot("grid", path), []
     for lists in (None, make_lists()):

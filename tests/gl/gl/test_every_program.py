@@ -1,19 +1,23 @@
 """Another compiler than the driver's accepts every program that can be assembled."""
 
+import re
 import shutil
 import subprocess
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
 from tests.support.every_program import AssembledProgram
-from viewer.gl.older_glsl import older_source
+from viewer.gl.older_glsl import OlderSource, older_source
 from viewer.locations import shaders_folder
 
 pytestmark = pytest.mark.once
 FILES_AT_ONCE = 200
+UNITS_OF_A_STAGE, UNITS = 16, 80
+"""Texture units that OpenGL 4.1 guarantees (GL_MAX_TEXTURE_IMAGE_UNITS, GL_MAX_COMBINED_TEXTURE_IMAGE_UNITS)."""
+SAMPLER = re.compile(r"^\s*uniform [iu]?sampler\w+ (\w+);", re.MULTILINE)
 
 
 def test_every_shader_file_is_in_some_program(programs: tuple[AssembledProgram, ...]) -> None:
@@ -38,19 +42,43 @@ def test_glslang_accepts_every_program(programs: tuple[AssembledProgram, ...], t
     assert not found, "\n".join(found[:20])
 
 
+def drawing_in_glsl_4_10(
+    programs: tuple[AssembledProgram, ...],
+) -> Iterator[tuple[AssembledProgram, list[OlderSource]]]:
+    """What draws where nothing computes: each program with its vertex and its fragment shader in GLSL 4.10."""
+    for program in programs:
+        if (
+            len(program.files) == 2
+            and program.texts[0].startswith("#version 430")
+            and program.defines.get("WEIGHTS_IN_IMAGE", 1)
+            and not program.defines.get("HALF_ARITHMETIC", 0)
+        ):
+            yield program, [older_source(text) for text in program.texts]
+
+
 def test_glslang_accepts_in_glsl_4_10_what_draws(programs: tuple[AssembledProgram, ...], tmp_path: Path) -> None:
     texts = {
-        older_source(text).text: name
-        for program in programs
-        if len(program.files) == 2
-        and program.texts[0].startswith("#version 430")
-        and program.defines.get("WEIGHTS_IN_IMAGE", 1)
-        and not program.defines.get("HALF_ARITHMETIC", 0)
-        for name, text in zip(program.files, program.texts, strict=True)
+        shader.text: name
+        for program, shaders in drawing_in_glsl_4_10(programs)
+        for name, shader in zip(program.files, shaders, strict=True)
     }
     assert all(text.startswith("#version 410\n") for text in texts)
     found = complaints(texts, tmp_path)
     assert not found, "\n".join(found[:20])
+
+
+def test_glsl_4_10_needs_no_more_texture_units_than_are_guaranteed(programs: tuple[AssembledProgram, ...]) -> None:
+    """Texture buffers stand in for storage buffers, and count among the samplers."""
+    most = 0
+    for program, shaders in drawing_in_glsl_4_10(programs):
+        for name, shader in zip(program.files, shaders, strict=True):
+            assert set(shader.units) == set(SAMPLER.findall(shader.text)), name
+            assert len(shader.units) <= UNITS_OF_A_STAGE, (name, sorted(shader.units))
+        both = [unit for shader in shaders for unit in shader.units.values()]
+        assert len(both) <= UNITS, program.files
+        assert max(both, default=0) < UNITS, program.files
+        most = max(most, len(both))
+    assert most > UNITS_OF_A_STAGE // 2, "texture buffers are among them"
 
 
 def complaints(texts: Mapping[str, str], folder: Path) -> list[str]:

@@ -111,6 +111,7 @@ def differences(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("precision", MODES)
 @pytest.mark.parametrize("codec", [PLAIN, ADAPTED], ids=["plain", "adapted"])
+@pytest.mark.computes
 def test_halves_equal_their_twin(
     graphics: GraphicsContext, codec: CodecConfig, precision: Precision, kind: str
 ) -> None:
@@ -126,6 +127,7 @@ def test_halves_equal_their_twin(
 
 @pytest.mark.parametrize("kind", [pytest.param("emulated", marks=pytest.mark.once), "native"])
 @pytest.mark.parametrize("precision", MODES)
+@pytest.mark.computes
 def test_a_trained_pack_loses_little(graphics: GraphicsContext, precision: Precision, kind: str) -> None:
     pack = read_pack(COURTYARD)
     to_twin, to_exact, _ = differences(graphics, pack, precision, kind, 300)

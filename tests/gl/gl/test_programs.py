@@ -200,6 +200,7 @@ def test_bindings_come_from_the_layout() -> None:
     assert used == known
 
 
+@pytest.mark.computes
 def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: ProgramFactory) -> None:
     decode = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0})
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}

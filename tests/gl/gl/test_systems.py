@@ -11,6 +11,7 @@ from ntc.errors import InputError
 from viewer import cli
 from viewer.gl.context import create_headless_context
 from viewer.gl.devices import DEVICE_VARIABLE, SOFTWARE, find_devices
+from viewer.gl.features import DRAWING_VERSION
 from viewer.gl.systems import LINUX, WINDOWS, make_context, set_up_drivers
 
 
@@ -57,6 +58,7 @@ def on_windows(monkeypatch: pytest.MonkeyPatch, library: OtherLibrary) -> None:
     monkeypatch.setattr(glcontext, "get_backend_by_name", lambda name: library_egl[name])
 
 
+@pytest.mark.computes
 def test_windows_draws_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
     library = OtherLibrary()
     on_windows(monkeypatch, library)
@@ -75,7 +77,11 @@ def test_windows_draws_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (OtherLibrary(newest=400), ("OpenGL 4.1 is needed", "is there; update the driver", "opengl32.dll")),
         (OtherLibrary(newest=110), ("wglCreateContextAttribsARB failed", "install the driver of the GPU's maker")),
-        (OtherLibrary(lacking=("glTextureView",)), ("has no glTextureView; update the driver",)),
+        pytest.param(
+            OtherLibrary(lacking=("glTextureView",)),
+            ("has no glTextureView; update the driver",),
+            marks=pytest.mark.computes,
+        ),
     ],
     ids=["too old", "Windows' own driver", "a function is missing"],
 )
@@ -104,7 +110,7 @@ def test_devices_are_listed_and_chosen(capsys: pytest.CaptureFixture[str], monke
     found = find_devices(LINUX)
     assert [device.index for device in found] == list(range(len(found)))
     usable = next(device for device in found if device.version)
-    gl, _ = make_context(430, usable.index)
+    gl, _ = make_context(DRAWING_VERSION, usable.index)
     assert gl.info["GL_RENDERER"] == usable.renderer
     gl.release()
     assert not find_devices(WINDOWS)

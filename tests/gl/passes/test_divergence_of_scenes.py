@@ -9,12 +9,11 @@ from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.locations import assets_folder, shaders_folder
+from viewer.locations import assets_folder
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.renderer import Renderer
-from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
-from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
@@ -36,8 +35,8 @@ def test_every_camera_grouping_and_block_shape(
         path, cameras_file = (data / "scenes" / "bistro" / name for name in ("bistro.gltf", "cameras.json"))
     scene, cameras = load_scene(path), read_cameras(cameras_file)
     renderer = Renderer(graphics, scene)
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    counting = DivergencePass(graphics, ProgramFactory(graphics.gl, library))
+    stage: Stage = "compute" if graphics.features.compute else "fragment"
+    counting = DivergencePass(graphics, scene_programs(graphics), stage)
     textures = source_textures(scene, 32)
     views = [renderer.texture_ids_from(camera, (320, 180)) for camera in cameras]
     groupings = [

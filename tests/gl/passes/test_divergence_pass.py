@@ -6,18 +6,16 @@ import pytest
 
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory, ShaderLibrary
-from viewer.locations import shaders_folder
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget
-from viewer.render.resources.layout import MATERIAL_SHIFT, scene_layout_glsl
+from viewer.render.resources.layout import MATERIAL_SHIFT
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 
 
-@pytest.fixture(scope="module", params=["compute", "fragment"])
+@pytest.fixture(scope="module", params=[pytest.param("compute", marks=pytest.mark.computes), "fragment"])
 def counting(graphics: GraphicsContext, request: pytest.FixtureRequest) -> DivergencePass:
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    return DivergencePass(graphics, ProgramFactory(graphics.gl, library), request.param)
+    return DivergencePass(graphics, scene_programs(graphics), request.param)
 
 
 def visibility_of(graphics: GraphicsContext, texture_ids: np.ndarray) -> VisibilityTarget:

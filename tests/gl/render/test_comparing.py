@@ -224,4 +224,4 @@ def test_parts_are_read_back_as_the_whole_is(renderer: Renderer) -> None:
     for x, y in ((17, 20), (60, 36), (0, 0), (119, 71)):
         word = int(renderer.visibility.words_in((x, y, x + 1, y + 1)).read()[0, 0, 0])
         assert (word & 0xFFFF) - 1 == ids[y, x]
-    assert renderer.picture_in(Slot("p", "forward"), part) is None
+    assert renderer.picture_in(Slot("p", "cached"), part) is None

@@ -16,6 +16,7 @@ from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
 from viewer.render.frame_result import FrameResult
+from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
 from viewer.state.view_state import CompareMode, DecodePath, Overlay, Slot, ViewState
@@ -74,6 +75,7 @@ def test_images_that_no_frame_needed_are_not_uploaded(graphics: GraphicsContext)
     fresh.release()
 
 
+@pytest.mark.computes
 def test_a_first_frame_runs_what_it_needs_and_says_how_it_was_timed(
     renderer: Renderer, graphics: GraphicsContext
 ) -> None:
@@ -100,6 +102,7 @@ def test_moving_the_divider_only_composes(renderer: Renderer) -> None:
     assert passes(renderer.render(replace(VIEW, compare="b"))) == {"composite"}
 
 
+@pytest.mark.computes
 def test_another_path_for_b_draws_only_b(renderer: Renderer) -> None:
     renderer.render(VIEW)
     assert passes(renderer.render(replace(VIEW, slot_b=FORWARD))) == {"decode_forward", "composite"}
@@ -111,12 +114,14 @@ def test_flipping_back_and_forth_is_free_of_passes(renderer: Renderer) -> None:
         assert passes(renderer.render(replace(VIEW, compare=compare))) <= {"composite"}
 
 
+@pytest.mark.computes
 def test_a_moved_camera_draws_all(renderer: Renderer) -> None:
     renderer.render(VIEW)
     moved = renderer.render(replace(VIEW, camera=replace(CAMERA, eye=(0.1, 0.5, 5.0))))
     assert passes(moved) >= {"visibility", "reference", "decode_deferred", "composite"}
 
 
+@pytest.mark.computes
 def test_another_size_draws_all(renderer: Renderer) -> None:
     renderer.render(VIEW)
     frame = renderer.render(replace(VIEW, size=(33, 17)))
@@ -124,6 +129,7 @@ def test_another_size_draws_all(renderer: Renderer) -> None:
     assert frame.image.size == (33, 17)
 
 
+@pytest.mark.computes
 def test_a_replaced_pack_is_drawn_again(renderer: Renderer) -> None:
     before = picture(renderer.render(VIEW))
     renderer.set_packs({"p": pack(seed=5)})
@@ -190,6 +196,7 @@ def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> N
     assert passes(renderer.render(replace(VIEW, slot_a=reference, slot_b=Slot()))) == set()
 
 
+@pytest.mark.computes
 def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
     half = Slot("p", "deferred", "fp16")
     frame = renderer.render(replace(VIEW, slot_a=DEFERRED, slot_b=half))
@@ -232,11 +239,11 @@ def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pyt
 
 
 def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
-    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+    graphics: GraphicsContext, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer.render(VIEW)
     before = renderer.picture(VIEW.slot_a)
-    modes = [Slot("p", path, "fp16") for path in get_args(DecodePath)]
+    modes = [Slot("p", path, "fp16") for path in drawable_paths(graphics)]
     assert all(renderer.prepare(mode) for mode in modes)
     assert not any(renderer.prepare(mode) for mode in (*modes, VIEW.slot_a, Slot(), Slot("absent")))
     assert passes(renderer.render(VIEW)) == set()
@@ -249,6 +256,7 @@ def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
     assert compiled == []
 
 
+@pytest.mark.computes
 def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Renderer) -> None:
     renderer.render(replace(VIEW, slot_b=FORWARD))
     forward = renderer.memory(FORWARD)

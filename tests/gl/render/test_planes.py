@@ -215,6 +215,7 @@ def test_one_decoded_map_stands_among_the_original_ones(renderer: Renderer, name
 
 
 @pytest.mark.parametrize("kind", ["block", "grid"])
+@pytest.mark.computes
 def test_single_texels_have_all_channels(graphics: GraphicsContext, packs: dict[str, Pack], kind: str) -> None:
     pack, random = packs[kind], np.random.default_rng(5)
     decoder = GlTexelDecoder(graphics, pack)

@@ -85,6 +85,7 @@ def view(path: DecodePath, camera: Camera = FRONT) -> ViewState:
 
 
 @pytest.mark.parametrize("path", DIRECT)
+@pytest.mark.computes
 def test_only_visible_textured_pixels_are_decoded(graphics: GraphicsContext, work: Work, path: DecodePath) -> None:
     """Off-screen, back-facing and hidden surfaces, plain materials and the background cost nothing."""
     renderer = opened(graphics, objects())
@@ -99,6 +100,7 @@ def test_only_visible_textured_pixels_are_decoded(graphics: GraphicsContext, wor
 
 
 @pytest.mark.parametrize("path", get_args(DecodePath))
+@pytest.mark.computes
 def test_what_does_not_concern_a_slot_does_not_decode_it_again(
     graphics: GraphicsContext, work: Work, path: DecodePath
 ) -> None:
@@ -122,6 +124,7 @@ def test_what_does_not_concern_a_slot_does_not_decode_it_again(
     renderer.release()
 
 
+@pytest.mark.computes
 def test_a_hidden_slot_and_a_hidden_overlay_cost_nothing(graphics: GraphicsContext, work: Work) -> None:
     renderer = opened(graphics, objects())
     hidden = ViewState(FRONT, SIZE, Slot(REFERENCE), Slot("p", "deferred"))
@@ -173,7 +176,8 @@ def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, pat
         complete.render(view(path, camera))
         np.testing.assert_array_equal(renderer.picture(slot), complete.picture(slot))
     assert sorted(left_out, reverse=True) == left_out
-    assert left_out[0] > left_out[1]
+    # Without compute shaders nothing tells which mips are read.
+    assert left_out[0] > left_out[1] or not graphics.features.compute
     for made in (renderer, complete):
         made.release()
 

@@ -124,6 +124,7 @@ def frame(renderer: Renderer, slot: Slot = DEFERRED, degrees: float = 0.0) -> Fr
     return renderer.render(ViewState(turned(FRONT, degrees), (120, 72), slot))
 
 
+@pytest.mark.computes
 def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: GraphicsContext) -> None:
     renderer = opened(graphics)
     for number in range(1, SAMPLES + 1):

@@ -20,6 +20,7 @@ SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
 TIMES = VariantTimes({"fp32": {GPU: 0.5, NVIDIA: 0.25}, "fp16": {GPU: 0.2}})
 
 
+@pytest.mark.computes
 def test_each_class_of_device_has_its_default(graphics: GraphicsContext) -> None:
     on_gpu = replace(graphics, info=replace(graphics.info, renderer="a GPU"))
     nvidia = replace(on_gpu, info=replace(on_gpu.info, vendor="NVIDIA Corporation"))
@@ -31,6 +32,7 @@ def test_each_class_of_device_has_its_default(graphics: GraphicsContext) -> None
     assert default_variant(nvidia, CodecConfig(hidden_width=128)) == GPU
 
 
+@pytest.mark.computes
 def test_what_is_measured_is_kept_and_told_once(graphics: GraphicsContext, tmp_path: Path) -> None:
     pack, told = random_pack(config=SMALL), list[str]()
     choice = VariantChoice("measured", tmp_path, told.append)
@@ -45,6 +47,7 @@ def test_what_is_measured_is_kept_and_told_once(graphics: GraphicsContext, tmp_p
     assert told == []
 
 
+@pytest.mark.computes
 def test_nothing_is_measured_unasked_on_software(graphics: GraphicsContext, tmp_path: Path) -> None:
     pack = random_pack(config=SMALL)
     for wanted in ("", "default"):

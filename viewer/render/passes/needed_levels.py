@@ -105,8 +105,8 @@ class VisibleLatents:
         store, decoders = self._buffers.latent_store, self._buffers.decoder_of_texture
         textures = [texture for texture in inputs.textures if decoders[texture] >= 0]
         if self._make_pass is None:
-            self._buffers.need(dict.fromkeys(textures, 0))
-        if self._make_pass is None or store.has(dict.fromkeys(textures, 0)):
+            self._upload_all(inputs)
+        elif store.has(dict.fromkeys(textures, 0)):
             self._shown = self._known = inputs
         elif self._waits or whole:
             if self._known != inputs:
@@ -119,10 +119,21 @@ class VisibleLatents:
 
     def poll(self, inputs: VisibilityInputs) -> None:
         """Upload what has been found out, and find out about this view. Never waits. Raises GpuMemoryError."""
+        if self._make_pass is None:
+            # A picture that is shown without having been drawn from these latents is of a pack before.
+            is_first = self._shown is None
+            self.version += self._upload_all(inputs) or is_first
+            return
         self._shown = inputs
         self._take(waits=False)
         if self.is_waiting and not (self._pass is not None and self._pass.is_pending):
             self._ask(inputs)
+
+    def _upload_all(self, inputs: VisibilityInputs) -> bool:
+        """All mips of what may be visible; whether some were missing."""
+        decoders = self._buffers.decoder_of_texture
+        self._shown = self._known = inputs
+        return self._buffers.need({texture: 0 for texture in inputs.textures if decoders[texture] >= 0})
 
     def _ask(self, inputs: VisibilityInputs) -> None:
         assert self._make_pass is not None
