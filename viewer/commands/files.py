@@ -15,7 +15,7 @@ from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import open_file
 from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
-from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_open_sources
+from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_known_pose, with_open_sources
 from viewer.state.zoom import LARGEST, Zoom
 
 PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
@@ -90,8 +90,9 @@ def _restore(session: Session, text: str, where: str) -> None:
     saved = parse_view(text, where, present_view(session))
     view, missing = with_open_sources(saved.view, session.view, session.open_sources)
     session.navigation.motion = None
+    session.playback = replace(session.playback, is_playing=False)
     # The window's own size stays.
-    session.view = replace(view, size=session.view.size)
+    session.view = with_known_pose(replace(view, size=session.view.size), session.scene.animations)
     session.resolution = saved.resolution
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: saved.bookmarks}
     session.requests.formats = {}

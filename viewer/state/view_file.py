@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ from msgspec import Meta
 from ntc.errors import InputError
 from viewer.scene.cameras_file import Viewpoint
 from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json, printable
-from viewer.scene.model import Camera
+from viewer.scene.model import AnimationFacts, Camera, Pose
 from viewer.state.session import Session
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
@@ -93,6 +93,7 @@ def view_json(saved: SavedView) -> str:
         "anisotropy": view.anisotropy,
         "materials": view.material_view,
         "lighting": asdict(view.lighting),
+        "pose": None if view.pose is None else asdict(view.pose),
         "resolution": saved.resolution,
         "bookmarks": [_camera_fields(camera) for camera in saved.bookmarks.values()],
     }
@@ -133,6 +134,11 @@ class _Zoom(msgspec.Struct):
     y: Annotated[float, Meta(ge=-1.0, le=2.0)]
 
 
+class _Pose(msgspec.Struct):
+    animation: str
+    seconds: Annotated[float, Meta(ge=0.0, le=1e6)]
+
+
 class _ViewFile(msgspec.Struct):
     version: Literal[1]
     scene: str
@@ -147,6 +153,7 @@ class _ViewFile(msgspec.Struct):
     lighting: Lighting
     resolution: Annotated[float, Meta(ge=SMALLEST_RESOLUTION, le=1.0)]
     camera: _Camera | None = None
+    pose: _Pose | None = None
     bookmarks: Annotated[list[_Camera], Meta(max_length=MOST_BOOKMARKS)] | None = None
 
     def __post_init__(self) -> None:
@@ -204,6 +211,7 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
             anisotropy=saved.anisotropy,
             material_view=saved.materials,
             lighting=saved.lighting,
+            pose=None if saved.pose is None else Pose(printable(saved.pose.animation), saved.pose.seconds),
         ),
         saved.resolution,
         present.bookmarks
@@ -222,3 +230,9 @@ def with_open_sources(view: ViewState, present: ViewState, sources: tuple[str, .
         slot_a=present.slot_a if view.slot_a.source in missing else view.slot_a,
         slot_b=present.slot_b if view.slot_b.source in missing else view.slot_b,
     ), missing
+
+
+def with_known_pose(view: ViewState, animations: Sequence[AnimationFacts]) -> ViewState:
+    """`view` at rest where its pose is of none of `animations`."""
+    known = view.pose is None or any(animation.name == view.pose.animation for animation in animations)
+    return view if known else replace(view, pose=None)

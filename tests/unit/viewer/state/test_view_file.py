@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from ntc.errors import InputError
-from viewer.scene.model import Camera
-from viewer.state.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_open_sources
+from viewer.scene.model import AnimationFacts, Camera, Pose
+from viewer.state.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_known_pose, with_open_sources
 from viewer.state.view_state import Overlay, Slot, ViewState
 from viewer.state.zoom import Zoom
 
@@ -26,6 +26,7 @@ RICH = SavedView(
         overlay=Overlay("divergence", 0.25, "viridis", "16x4"),
         zoom=Zoom(4.0, (0.25, 0.75)),
         anisotropy=8,
+        pose=Pose("walk", 1.25),
     ),
     0.5,
     {"one": replace(CAMERA, name="one"), "two": Camera("two", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))},
@@ -45,6 +46,12 @@ def test_sources_that_are_not_open_leave_the_slot_as_it_was() -> None:
     view, missing = with_open_sources(RICH.view, PLAIN.view, ("reference", "single"))
     assert missing == ["clustered"]
     assert (view.slot_a, view.slot_b) == (PLAIN.view.slot_a, RICH.view.slot_b)
+
+
+def test_a_pose_of_an_animation_that_the_scene_has_not_is_rest() -> None:
+    assert with_known_pose(RICH.view, (AnimationFacts("walk", 2.0),)) == RICH.view
+    assert with_known_pose(RICH.view, (AnimationFacts("run", 2.0),)).pose is None
+    assert with_known_pose(PLAIN.view, ()) == PLAIN.view
 
 
 def _with(path: str, value: Any) -> str:
@@ -88,6 +95,10 @@ def _with(path: str, value: Any) -> str:
         ("zoom/factor", 1e9),
         ("zoom/x", float("nan")),
         ("lighting/environment", ""),
+        ("pose", 3),
+        ("pose/seconds", -1),
+        ("pose/seconds", float("nan")),
+        ("pose/animation", None),
         ("anisotropy", 3),
         ("anisotropy", True),
         ("resolution", 0),

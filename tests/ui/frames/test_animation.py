@@ -1,0 +1,81 @@
+"""Animations in the window: the time line plays, scrubs, rests, and is not offered where nothing moves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+from tests.gl.render.test_poses import moving_scene
+from tests.support.driven_app import DrivenApp
+from viewer.commands import run
+from viewer.render.frame_result import read_picture
+from viewer.scene.model import Pose, Scene
+
+SIZE = (900, 600)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> DrivenApp:
+    made = DrivenApp(moving_scene(), {}, SIZE, tmp_path)
+    made.settle()
+    made.show_panel("Scene")
+    return made
+
+
+def picture(app: DrivenApp) -> NDArray[np.int64]:
+    app.settle()
+    # What moves is drawn coarser until it has rested for a while.
+    while app.frontend.picture.is_coarse():
+        app.frame()
+    app.frame()
+    shown = app.frontend.picture.last
+    assert shown is not None
+    return read_picture(shown.image).astype(np.int64)
+
+
+def test_the_time_line_plays_pauses_and_rests(app: DrivenApp) -> None:
+    session, at_rest = app.session, picture(app)
+    app.click("Play")
+    assert session.is_moving
+    for _ in range(30):
+        app.frame()
+    assert session.view.pose is not None
+    assert session.view.pose.animation == "move"
+    assert 0.0 < session.view.pose.seconds < 2.0
+    app.click("Play")
+    assert not session.is_moving
+    paused = session.view.pose
+    moved = picture(app)
+    assert np.abs(moved - at_rest).max() > 50
+    assert session.view.pose == paused
+    app.click("Rest")
+    assert session.view.pose is None
+    # The first one was posed in double precision.
+    assert (np.abs(picture(app) - at_rest) <= 1).mean() >= 0.999
+    app.close()
+
+
+def test_a_moment_can_be_chosen_while_it_plays(app: DrivenApp) -> None:
+    session = app.session
+    run(app.context, "animation.speed", 0.5)
+    run(app.context, "animation.repeat")
+    run(app.context, "animation.play")
+    run(app.context, "animation.time", 1.999)
+    for _ in range(200):
+        app.frame()
+        if not session.is_moving:
+            break
+    assert (session.is_moving, session.view.pose) == (False, Pose("move", 2.0))
+    # From its end it begins anew.
+    run(app.context, "animation.play")
+    assert session.view.pose == Pose("move", 0.0)
+    app.close()
+
+
+def test_without_animations_it_says_so(scene: Scene, tmp_path: Path) -> None:
+    app = DrivenApp(scene, {}, SIZE, tmp_path)
+    with pytest.raises(InputError, match="the scene has no animations"):
+        run(app.context, "animation.play")
+    app.close()
