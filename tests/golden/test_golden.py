@@ -43,6 +43,7 @@ def test_other_paths_and_groupings_of_codec_block_are_as_accepted(studio: Studio
     compare(studio, studio.blocks())
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("precision", HALF_PATHS)
 def test_pictures_in_halves_are_as_accepted(studio: Studio, precision: Precision) -> None:
     compare(studio, studio.halves(precision))

@@ -18,6 +18,7 @@ from viewer.state.navigation import turned
 from viewer.state.overlay import Overlay
 from viewer.state.view_state import MaterialView, Slot, ViewState
 
+pytestmark = pytest.mark.once
 SIZE: Final = (60, 40)
 
 
