@@ -145,6 +145,9 @@ class Viewport:
         except InputError as error:
             self._context.reset.check_after(error)
             self._emit(Notification(str(error), "error"))
+            if view.pose is not None:
+                # Transforms may overflow at a moment of an animation.
+                self._emit(ViewChanged(replace(self._session.view, pose=None)))
             self._leave_half_arithmetic()
             return
         renderer.images.keep_only([slot.source for slot in view.slots.values()])

@@ -137,6 +137,9 @@ def _textures_compressed(event: events.TexturesCompressed, session: Session) -> 
 
 @_apply.register
 def _view_changed(event: events.ViewChanged, session: Session) -> None:
+    if event.view.pose != session.view.pose:
+        # What cannot be drawn in a pose does not play on.
+        session.playback = replace(session.playback, is_playing=False)
     session.view = event.view
 
 

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from ntc.errors import InputError
 from tests.gl.render.test_poses import moving_scene
 from tests.support.driven_app import DrivenApp
+from tests.support.gltf_builder import GltfBuilder
 from viewer.commands import run
 from viewer.render.frame_result import read_picture
+from viewer.scene.load import load_scene
 from viewer.scene.model import Pose, Scene
 
 SIZE = (900, 600)
@@ -71,6 +73,27 @@ def test_a_moment_can_be_chosen_while_it_plays(app: DrivenApp) -> None:
     # From its end it begins anew.
     run(app.context, "animation.play")
     assert session.view.pose == Pose("move", 0.0)
+    app.close()
+
+
+def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_rest(tmp_path: Path) -> None:
+    builder = GltfBuilder()
+    builder.add("nodes", children=[1])
+    builder.add("nodes", mesh=builder.mesh(builder.triangle()), scale=[10.0, 10.0, 10.0])
+    sizes = np.array([[1, 1, 1], [3e38, 3e38, 3e38]], np.float32)
+    sampler = {"input": builder.accessor(np.array([0.0, 1.0], np.float32)), "output": builder.accessor(sizes)}
+    channel = {"sampler": 0, "target": {"node": 0, "path": "scale"}}
+    builder.add("animations", name="grow", samplers=[sampler], channels=[channel])
+    app = DrivenApp(load_scene(builder.write(tmp_path / "grow.glb")), {}, SIZE, tmp_path)
+    at_rest = picture(app)
+    run(app.context, "animation.play")
+    run(app.context, "animation.time", 1.0)
+    for _ in range(5):
+        app.frame()
+    texts = [toast.text for toast in app.session.window.toasts]
+    assert len([text for text in texts if "overflows" in text]) == 1
+    assert (app.session.is_moving, app.session.view.pose) == (False, None)
+    np.testing.assert_array_equal(picture(app), at_rest)
     app.close()
 
 
