@@ -114,11 +114,7 @@ class MovingVertices:
         for extent, weight in zip(self._target_extents, deformation.weights, strict=False):
             boxes = boxes + np.sort(weight * extent, axis=0)
         if deformation.joints is not None and self.influences is not None:
-            matrices = deformation.joints[joints]
-            centre, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
-            centre = np.einsum("jab,jb->ja", matrices[:, :3, :3], centre) + matrices[:, :3, 3]
-            half = np.einsum("jab,jb->ja", np.abs(matrices[:, :3, :3]), half)
-            boxes = np.stack([centre - half, centre + half], axis=1)
+            boxes = moved_boxes(boxes, deformation.joints[joints])
         low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
         margin = BOX_MARGIN * np.maximum(np.abs(low), np.abs(high)).max(initial=0.0)
         return np.stack([low - margin, high + margin])
@@ -162,3 +158,11 @@ def moved_tangents(tangents: NDArray[np.float32], matrices: NDArray[np.float64])
     """[V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
     turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], tangents[:, :3].astype(np.float64))
     return np.concatenate([turned, tangents[:, 3:]], axis=1).astype(np.float32)
+
+
+def moved_boxes(boxes: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[N, 2, 3] boxes around `boxes` [N, 2, 3] moved by `matrices` [N, 4, 4]."""
+    centre, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
+    centre = np.einsum("nij,nj->ni", matrices[:, :3, :3], centre) + matrices[:, :3, 3]
+    half = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
+    return np.stack([centre - half, centre + half], axis=1)

@@ -14,7 +14,7 @@ from viewer.scene.gltf.motion.animations import Animation, NodeValues
 from viewer.scene.gltf.nodes import walk_nodes
 from viewer.scene.gltf.shapes import place_shapes, placed_shapes
 from viewer.scene.model import Geometry, Pose, Primitive, Stand
-from viewer.scene.moving import MovingVertices
+from viewer.scene.moving import MovingVertices, moved_boxes
 from viewer.scene.report import ReportNotes
 
 MOST_NAMED = 6
@@ -57,6 +57,11 @@ class SceneMotion:
     most_instances: int
 
     @cached_property
+    def _animated(self) -> frozenset[int]:
+        """Nodes whose morph weights some animation changes: the same in all poses."""
+        return animated_weights(self.animations)
+
+    @cached_property
     def _boxes(self) -> NDArray[np.float64]:
         """[primitives, 2, 3] around the vertices of each, as they were read."""
         boxes = np.zeros((len(self.primitives), 2, 3))
@@ -70,18 +75,15 @@ class SceneMotion:
         """How the scene stands in a pose; None: as its nodes say. Raises InputError for a pose of no animation of the file."""
         values = posed_values(self.animations, pose, self.name)
         placements = walk_nodes(self.file, self.accessors, ReportNotes(), values)
-        shapes = placed_shapes(self.file, self.accessors, placements, animated_weights(self.animations))
-        instances = place_shapes(self.file, shapes, dict(self.ranges), self.most_instances)
+        shapes = placed_shapes(self.file, self.accessors, placements, self._animated)
+        instances = place_shapes(self.file, shapes, self.ranges, self.most_instances)
         deformations = {shape.node: shape.deformation for shape in shapes if shape.deformation is not None}
         moved = {part.base_vertex: part.box(deformations[part.node]) for part in self.moving}
         boxes = self._boxes.copy()
         for box, primitive in zip(boxes, self.primitives, strict=True):
             if primitive.base_vertex in moved:
                 box[:] = moved[primitive.base_vertex]
-        placed, transforms = boxes[instances.primitive], instances.transform.astype(np.float64)
-        centre, half = placed.mean(axis=1), (placed[:, 1] - placed[:, 0]) / 2.0
-        centre = np.einsum("nij,nj->ni", transforms[:, :3, :3], centre) + transforms[:, :3, 3]
-        half = np.einsum("nij,nj->ni", np.abs(transforms[:, :3, :3]), half)
+        placed = moved_boxes(boxes[instances.primitive], instances.transform.astype(np.float64))
         largest = float(np.finfo(np.float32).max)
-        bounds = np.clip(np.stack([(centre - half).min(axis=0), (centre + half).max(axis=0)]), -largest, largest)
+        bounds = np.clip(np.stack([placed[:, 0].min(axis=0), placed[:, 1].max(axis=0)]), -largest, largest)
         return Stand(pose, instances, deformations, moved, bounds.astype(np.float32))

@@ -1,6 +1,6 @@
 """Meshes where they stand: their shapes, read once each, and one row for each primitive of each placement."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +62,7 @@ def read_shapes(
 
 
 def place_shapes(
-    file: GltfFile, shapes: Sequence[Shape], ranges: dict[tuple[int, int], tuple[int, int]], most: int
+    file: GltfFile, shapes: Sequence[Shape], ranges: Mapping[tuple[int, int], tuple[int, int]], most: int
 ) -> Instances:
     """Every primitive of every shape, placement by placement; `most` in all, else InputError."""
     of_mesh = np.array([ranges[shape.key] for shape in shapes], np.int64).reshape(-1, 2)

@@ -4,13 +4,14 @@ from enum import IntEnum
 
 import numpy as np
 
+from viewer.gl.indirect import COMMAND_BYTES
 from viewer.render.resources.layout import SCAN_GROUP, glsl_struct
 
 CLUSTER_TRIANGLES = 128
 """Of scenes that are culled on the GPU."""
 ITEM_CLUSTERS = 64
 """Clusters of one instance that a work group tests."""
-COMMAND_WORDS = 5
+COMMAND_WORDS = COMMAND_BYTES // 4
 """Of a DrawElementsIndirectCommand."""
 ROUNDING = 4e-6
 """What is lost to rounding in float32, here and in the vertex shader, in units of the largest number that is added: 32 times the unit
