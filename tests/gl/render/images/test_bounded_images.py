@@ -1,10 +1,10 @@
 """Original images under a budget: the same picture where there is room for what is in sight, a coarser one where there is not."""
 
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
@@ -40,17 +40,18 @@ def bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def whole(graphics: GraphicsContext) -> Iterator[Renderer]:
+def expected(graphics: GraphicsContext) -> dict[str, NDArray[np.uint8]]:
+    """Pictures by camera, drawn with room for all images."""
     renderer = Renderer(graphics, scene())
-    yield renderer
+    pictures = {camera.name: read_picture(renderer.render(view(camera)).image) for camera in (ABOVE, CLOSE)}
     renderer.release()
+    return pictures
 
 
 @pytest.mark.once
 def test_what_there_is_room_for_is_as_without_a_budget(
-    graphics: GraphicsContext, whole: Renderer, request: pytest.FixtureRequest
+    graphics: GraphicsContext, expected: dict[str, NDArray[np.uint8]], request: pytest.FixtureRequest
 ) -> None:
-    expected = {camera.name: read_picture(whole.render(view(camera)).image) for camera in (ABOVE, CLOSE)}
     request.getfixturevalue("bounded")
     renderer = Renderer(graphics, scene())
     for camera in (CLOSE, ABOVE, CLOSE):
@@ -62,9 +63,8 @@ def test_what_there_is_room_for_is_as_without_a_budget(
 
 @pytest.mark.once
 def test_images_that_come_beside_the_frames_end_in_the_same_picture(
-    graphics: GraphicsContext, whole: Renderer, request: pytest.FixtureRequest
+    graphics: GraphicsContext, expected: dict[str, NDArray[np.uint8]], request: pytest.FixtureRequest
 ) -> None:
-    expected = {camera.name: read_picture(whole.render(view(camera)).image) for camera in (ABOVE, CLOSE)}
     request.getfixturevalue("bounded")
     renderer = Renderer(graphics, scene(), waits=False)
     for camera in (ABOVE, CLOSE, ABOVE):
