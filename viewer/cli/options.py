@@ -10,6 +10,7 @@ import tyro
 from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from ntc.codec.map_weights import MapWeightsName
+from viewer.export.gltf.fallback import Fallback
 from viewer.scene.source_textures import MapChoice
 from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
@@ -299,6 +300,20 @@ class DecodeOptions:
 
 
 @dataclass(frozen=True)
+class ExportOptions:
+    """Write a scene and its pack for other programs (docs/export.md)."""
+
+    scene: OptionalScene = None
+    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
+    pack: Packs = ()
+    """The pack that holds the scene's textures. None: one that lies beside the scene, clustered before others."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb")] = None
+    """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle)."""
+    fallback: Fallback = "original"
+    """Images for programs that do not read packs: the scene's own, the same as JPEG, or none, as far as the pack holds them whole."""
+
+
+@dataclass(frozen=True)
 class InfoOptions:
     """Print what a scene, a pack or all of a folder contains, what of it is honoured and what is ignored."""
 
@@ -325,6 +340,7 @@ SUBCOMMANDS = (
     Subcommand("render", RenderOptions, "viewer.cli.render", "render"),
     Subcommand("encode", EncodeOptions, "viewer.cli.encode", "encode"),
     Subcommand("decode", DecodeOptions, "viewer.cli.decode", "decode"),
+    Subcommand("export", ExportOptions, "viewer.cli.export", "export"),
     Subcommand("info", InfoOptions, "viewer.cli.info", "info"),
     Subcommand("doctor", DoctorOptions, "viewer.cli.doctor", "doctor"),
 )

@@ -25,7 +25,7 @@ from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.camera import frame_all
-from viewer.state.pack_files import match_scene, open_packs, packs_beside, preferred_source, source_of_grouping
+from viewer.state.pack_files import match_scene, open_packs, packs_of, preferred_source, source_of_grouping
 from viewer.state.view_state import REFERENCE, is_image_source
 
 MISSING_SHOWN = 3
@@ -71,12 +71,11 @@ def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) 
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
-    """Packs by name: those named first, then those beside the scene.
+    """Packs by name: those named first, then those that the scene's file names, then those beside it.
 
     Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
     """
-    beside = packs_beside(scene.path) if scene.path is not None else ()
-    packs = open_packs([*named, *beside])
+    packs = open_packs([*named, *packs_of(scene)])
     for pack in packs.values():
         match = match_scene(pack, scene)
         if pack.path in named:

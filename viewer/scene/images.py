@@ -88,7 +88,8 @@ def map_in_threads(
         pool.shutdown(cancel_futures=True)
 
 
-def _suffix(data: bytes, name: str) -> str:
+def image_suffix(data: bytes, name: str) -> str:
+    """The suffix of the image file `data` by how it begins, else that of `name`."""
     for signature, suffix in _SIGNATURES:
         if data.startswith(signature):
             return suffix
@@ -180,7 +181,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
     path: str | None = None
     try:
         try:
-            handle, path = tempfile.mkstemp(suffix=_suffix(data, name), prefix="ntc-viewer-")
+            handle, path = tempfile.mkstemp(suffix=image_suffix(data, name), prefix="ntc-viewer-")
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
         except OSError as error:

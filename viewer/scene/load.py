@@ -18,6 +18,7 @@ from viewer.scene.gltf.maps.material_sets import read_textures
 from viewer.scene.gltf.materials import read_materials
 from viewer.scene.gltf.motion.animations import read_animations
 from viewer.scene.gltf.nodes import walk_nodes
+from viewer.scene.gltf.packed_textures import pack_paths, with_packed_images
 from viewer.scene.gltf.scene_motion import SceneMotion, animated_weights, posed_values
 from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
 from viewer.scene.gltf.variants import chosen_variant, variant_names
@@ -64,12 +65,7 @@ def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | 
     stamp = _stamp(path)
     if before is not None and (before.path, before.file_stamp) != (path, stamp):
         before = None
-    if path.suffix.lower() == ARCHIVE_SUFFIX:
-        unpacked = unpacked_scene(path)
-        file = replace(_container(unpacked.scene, f"{path}/{unpacked.scene.name}"), keeps=unpacked)
-    else:
-        file = _container(path, str(path))
-    return replace(build_scene(file, path.stem, path, variant, pose, report, before), file_stamp=stamp)
+    return replace(build_scene(_container(path), path.stem, path, variant, pose, report, before), file_stamp=stamp)
 
 
 def _stamp(path: Path) -> tuple[int, int]:
@@ -81,7 +77,21 @@ def _stamp(path: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def _container(path: Path, name: str) -> GltfFile:
+def open_container(path: Path) -> GltfFile:
+    """The glTF container at `path`, which is what `load_scene` takes; meshes of other formats converted. Raises InputError."""
+    path = scene_file(Path(path))
+    require_scene(path)
+    return _container(path)
+
+
+def _container(path: Path) -> GltfFile:
+    if path.suffix.lower() == ARCHIVE_SUFFIX:
+        unpacked = unpacked_scene(path)
+        return replace(_file(unpacked.scene, f"{path}/{unpacked.scene.name}"), keeps=unpacked)
+    return _file(path, str(path))
+
+
+def _file(path: Path, name: str) -> GltfFile:
     if path.suffix.lower() in MESH_SUFFIXES:
         mesh = convert_mesh(path)
         return replace(parse_gltf(mesh.glb, name, None), converted=mesh)
@@ -103,6 +113,7 @@ def build_scene(
     """
     check_required(file)
     notes = ReportNotes()
+    file = with_packed_images(file)
     buffers = Buffers(file)
     accessors = Accessors(file, buffers)
     sources = read_materials(file, notes)
@@ -134,6 +145,7 @@ def build_scene(
     cameras = read_cameras(file, placements, bounds.astype(np.float64).mean(axis=0), notes)
     lights = read_lights(file, placements, notes)
     _note_whole_file(file, instances, notes)
+    packs = pack_paths(file, notes)
     triangles = np.array([primitive.index_count // 3 for primitive in primitives], np.int64)
     used = {
         "nodes": len(placements),
@@ -168,6 +180,7 @@ def build_scene(
         animations=tuple(animation.facts for animation in animations),
         pose=pose,
         motion=motion,
+        packs=packs,
     )
 
 

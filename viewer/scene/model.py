@@ -51,6 +51,8 @@ class SceneTexture:
     set_hash: str = ""
     """`hash_pixels` of all channels, [H, W, C] in the order of `maps`, alpha behind the base colour when there is any; of a
     texture that is no set: `pixel_hash`, or empty."""
+    packed_hash: str = ""
+    """Identity of the texture of a pack that the scene's file itself takes for it; "" where it names none."""
 
     @property
     def pixels(self) -> NDArray[np.uint8]:
@@ -316,3 +318,5 @@ class Scene:
     """What its animations move; None without any."""
     file_stamp: tuple[int, int] | None = None
     """(bytes, nanoseconds of the last change) of the file when it was read; None where no file was."""
+    packs: tuple[Path, ...] = ()
+    """Packs that the file itself names."""

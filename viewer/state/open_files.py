@@ -20,7 +20,7 @@ from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 from viewer.state.pack_files import (
     match_scene,
-    packs_beside,
+    packs_of,
     preferred_source,
     same_place,
     source_of_grouping,
@@ -137,7 +137,7 @@ def _open_scene(session: Session, path: Path) -> None:
     path = loaded.path or path
     scene, problem = _with_cameras(loaded)
     packs: dict[str, Pack] = {}
-    for pack_path in packs_beside(path):
+    for pack_path in packs_of(scene):
         try:
             pack, _ = _matching_pack(pack_path, scene)
             packs[unused_name(pack.grouping.name, pack_path, packs)] = pack

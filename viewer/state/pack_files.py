@@ -19,7 +19,9 @@ PREFERRED_GROUPING = "clustered"
 def match_scene(pack: Pack, scene: Scene) -> PackMatch:
     """Which textures of `scene` are in `pack`."""
     textures = scene.textures
-    identities = [[texture.set_hash or texture.pixel_hash, texture.pixel_hash] for texture in textures]
+    identities = [
+        [own for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own] for texture in textures
+    ]
     return match_pack(pack, identities, [texture.name for texture in textures])
 
 
@@ -37,6 +39,12 @@ def base_pack_name(view: ViewState, packs: Mapping[str, Pack]) -> str | None:
     """Name of the pack that a training goes on from: slot A's, else slot B's, else the first that is open; None without one."""
     shown = (slot.source for slot in (view.slot_a, view.slot_b))
     return next((source for source in shown if source in packs), next(iter(packs), None))
+
+
+def packs_of(scene: Scene) -> tuple[Path, ...]:
+    """The packs that a scene is opened with, each once: those that its file names, then those that lie beside it."""
+    paths = (*scene.packs, *(packs_beside(scene.path) if scene.path is not None else ()))
+    return tuple({os.path.realpath(path): path for path in reversed(paths)}.values())[::-1]
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:

@@ -43,6 +43,7 @@ SUPPORTED = frozenset(
         "KHR_texture_basisu",
         "KHR_texture_transform",
         "MSFT_texture_dds",
+        "NV_texture_swizzle",
     }
 )
 """Honoured: a file may require them."""

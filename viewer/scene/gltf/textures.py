@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.packed_textures import pack_option
 from viewer.scene.json_text import describe
 from viewer.scene.model import Sampler
 from viewer.scene.report import ReportNotes
@@ -89,6 +90,10 @@ class TextureReference:
     uv_transform: UvTransform | None = None
     category: str | None = None
     """From extras of the image or the texture."""
+    texture: int = -1
+    """Index of the texture entry of the file."""
+    packed_hash: str = ""
+    """Identity of the texture of a pack that stands for it (NV_texture_swizzle); "" for none."""
 
 
 def category_of(file: GltfFile, owner: dict[str, Any]) -> str | None:
@@ -174,4 +179,6 @@ def read_reference(
     if image is None:
         return None
     category = category_of(file, file.entries("images")[image]) or category_of(file, texture)
-    return TextureReference(image, sampler, uv_set, transform, category)
+    packed = pack_option(file, texture, f"textures[{number}]", notes)
+    packed_hash = packed.pixel_hash if packed is not None else ""
+    return TextureReference(image, sampler, uv_set, transform, category, number, packed_hash)

@@ -19,7 +19,9 @@ from ntc.io import read_file
 from viewer.scene.gltf.buffers import Buffers, is_data_uri, read_uri, resolve_uri
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.maps.map_pixels import map_channels, map_facts
+from viewer.scene.gltf.maps.packed_pixels import PackedTextures
 from viewer.scene.gltf.materials import MaterialSource
+from viewer.scene.gltf.packed_textures import PACK_MIME_TYPE, PackOption, packed_image
 from viewer.scene.images import (
     LARGE_EXPANSION,
     ProgressReport,
@@ -65,6 +67,8 @@ class SceneImage:
     failure: str = ""
     read: Callable[[], ImageContent] = ImageContent
     """Its pixels, from memory or from the file. Raises InputError."""
+    packed_hash: str = ""
+    """Identity of the texture of a pack that it is decoded from; "" for an image file."""
 
 
 @dataclass
@@ -226,6 +230,7 @@ class ImageReader:
 
     def __init__(self, file: GltfFile, buffers: Buffers, facts: FactsFile, cache: PixelCache) -> None:
         self._file, self._buffers, self._facts, self.cache = file, buffers, facts, cache
+        self._packed = PackedTextures(file, cache)
         self.budget = PixelBudget()
 
     def touch_buffer(self, image: int) -> None:
@@ -241,6 +246,9 @@ class ImageReader:
         self.budget.check()
         name, origin = _names(self._file, index)
         label = f"{self._file.name}: images[{index}] ({origin})"
+        option = packed_image(self._file, index)
+        if option is not None:
+            return self._in_pack(option, use, name)
         content: ImageContent | None = None
         try:
             place, data = _found(self._file, self._buffers, index)
@@ -262,6 +270,23 @@ class ImageReader:
             known,
             read=lambda: cache.get(number, lambda: _read_again(place.read(label), label, known)),
         )
+
+    def _in_pack(self, option: PackOption, use: ImageUse, name: str) -> SceneImage:
+        """An image that only a pack holds."""
+        packed = self._packed
+        try:
+            texture = packed.find(option)
+        except InputError as error:
+            return SceneImage(name, name, failure=str(error))
+        maps = frozenset(use.maps)
+        origin = f"{texture.encoded.name} in {texture.pack.name}"
+
+        def content() -> ImageContent:
+            decoded = packed.decoded(texture)
+            further = {own: pixels for own in maps - {"base"} if (pixels := decoded.channels(own)) is not None}
+            return ImageContent(decoded.channels("base") if "base" in maps else None, maps=further)
+
+        return SceneImage(name, origin, texture.facts(use.maps), read=content, packed_hash=texture.encoded.pixel_hash)
 
 
 def find_images(
@@ -305,7 +330,7 @@ def note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
     """Report a file that the scene names but nothing drawn needs when it is not there."""
     entry = file.entries("images")[index]
     uri = entry.get("uri")
-    if not isinstance(uri, str) or uri[:5].lower() == "data:":
+    if not isinstance(uri, str) or uri[:5].lower() == "data:" or entry.get("mimeType") == PACK_MIME_TYPE:
         return
     try:
         path = resolve_uri(file, file.text(entry, "uri", f"images[{index}]"), f"images[{index}].uri")

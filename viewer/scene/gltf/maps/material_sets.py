@@ -50,6 +50,7 @@ class _Draft:
     category: str | None
     base: SceneImage | None = None
     maps: dict[MapName, ImageMap] = field(default_factory=dict)
+    packed_hash: str = ""
 
     def has_plane(self, plane: Plane) -> bool:
         return any(name in self.maps for name in PLANE_COMPONENTS[plane])
@@ -65,6 +66,7 @@ class _PlaneMaps:
     image: SceneImage
     """Of the first map."""
     category: str | None
+    packed_hash: str
 
 
 def _unique(name: str, taken: dict[str, int]) -> str:
@@ -105,8 +107,8 @@ class _Gathering:
         self._holding: dict[_MapKey, list[_Draft]] = {}
         self._resampled: dict[tuple[str, _Size], ImageMap] = {}
 
-    def add_bases(self, categories: Mapping[int, str | None]) -> None:
-        """A texture for each distinct base colour, in the order of the images `categories`."""
+    def add_bases(self, categories: Mapping[int, str | None], packed: Mapping[int, str]) -> None:
+        """A texture for each distinct base colour, in the order of the images `categories`. `packed`: their identities in a pack."""
         by_hash: dict[str, _Draft] = {}
         for index, category in categories.items():
             image = self._images[index]
@@ -117,6 +119,7 @@ class _Gathering:
                 self._notes.note("images with the pixels of another share its texture")
             else:
                 by_hash[digest] = _Draft(image.name, image.origin, image.facts.size, category, image)
+                by_hash[digest].packed_hash = packed.get(index, "")
                 self.drafts.append(by_hash[digest])
             self._of_base[index] = by_hash[digest]
 
@@ -184,6 +187,7 @@ class _Gathering:
             {name: self._at_size(name, found, self._images[reference.image], size) for name, reference, found in kept},
             self._images[first_reference.image],
             first_reference.category or source.category,
+            first_reference.packed_hash,
         )
 
     def _at_size(self, name: MapName, found: MapFacts, image: SceneImage, size: _Size) -> ImageMap:
@@ -206,11 +210,13 @@ class _Gathering:
                 return draft
         chosen: _Draft | None = None
         for draft, layout in near:
-            if draft.size == wanted.size and layout == wanted.layout and not draft.has_plane(plane):
+            apart = draft.packed_hash and wanted.packed_hash and draft.packed_hash != wanted.packed_hash
+            if draft.size == wanted.size and layout == wanted.layout and not apart and not draft.has_plane(plane):
                 chosen = draft
                 break
         if chosen is None:
-            chosen = _Draft(wanted.image.name, wanted.image.origin, wanted.size, wanted.category)
+            image = wanted.image
+            chosen = _Draft(image.name, image.origin, wanted.size, wanted.category, packed_hash=wanted.packed_hash)
             self.drafts.append(chosen)
         for key, (name, found) in zip(keys, wanted.maps.items(), strict=True):
             chosen.maps[name] = found
@@ -220,19 +226,43 @@ class _Gathering:
 
 def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
     further = {key: draft.maps[key] for key in MAPS if key in draft.maps}
+    maps: tuple[MapName, ...]
     base, source = draft.base, ImagesOfTexture(draft.base, further, cache)
     has_alpha = base is not None and base.facts.has_alpha
+    packed_hash = draft.packed_hash
+    only_packed = next(
+        (found.image.packed_hash for found in further.values()), base.packed_hash if base is not None else ""
+    )
+    if only_packed:
+        # Not what its pixels would give: they would have to be decoded for that.
+        maps = (*(BASE_ALONE if base is not None else ()), *further)
+        return SceneTexture(
+            name,
+            draft.size,
+            has_alpha,
+            only_packed,
+            draft.origin,
+            source,
+            draft.category,
+            maps,
+            only_packed,
+            packed_hash,
+        )
     base_hash = base.facts.pixel_hash if base is not None else ""
     if base is not None and not further:
-        return SceneTexture(name, draft.size, has_alpha, base_hash, draft.origin, source, draft.category)
+        return SceneTexture(
+            name, draft.size, has_alpha, base_hash, draft.origin, source, draft.category, packed_hash=packed_hash
+        )
     key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
     set_hash = facts.set_hash(key)
     if set_hash is None:
         set_hash = source.set_hash()
     facts.add_set(key, set_hash)
-    maps: tuple[MapName, ...] = (*(BASE_ALONE if base is not None else ()), *further)
+    maps = (*(BASE_ALONE if base is not None else ()), *further)
     digest = base_hash or set_hash
-    return SceneTexture(name, draft.size, has_alpha, digest, draft.origin, source, draft.category, maps, set_hash)
+    return SceneTexture(
+        name, draft.size, has_alpha, digest, draft.origin, source, draft.category, maps, set_hash, packed_hash
+    )
 
 
 def _with_base(material: Material, image: SceneImage | None, texture_id: int) -> Material:
@@ -287,7 +317,9 @@ def _read(
     notes.honoured("alpha of textures kept as plain textures", sum(image.facts.has_alpha for image in decoded))
 
     gathering = _Gathering(images, reader, notes)
-    gathering.add_bases({index: use.category for index, use in uses.items() if "base" in use.maps})
+    bases = [source.maps["base"] for source in sources if "base" in source.maps]
+    packed = {reference.image: reference.packed_hash for reference in bases}
+    gathering.add_bases({index: use.category for index, use in uses.items() if "base" in use.maps}, packed)
     planes = {number: gathering.planes(source) for number, source in enumerate(sources) if number in drawn}
     drafts = gathering.drafts
     ids = {id(draft): number for number, draft in enumerate(drafts)}

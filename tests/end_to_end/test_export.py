@@ -1,0 +1,272 @@
+"""`ntc-viewer export`: a scene with its pack is written, read back and drawn the same; other programs show its images."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from ntc.codec.reference import decode_image
+from ntc.errors import InputError
+from ntc.pack.file import read_pack
+from tests.end_to_end.conftest import SQUARE, SQUARE_UVS
+from tests.support.gltf_builder import GltfBuilder, png
+from tests.support.meshopt_twins import meshopt_twin
+from viewer import cli
+from viewer.export.gltf import write as gltf_writing
+from viewer.export.gltf.document import GltfDocument
+from viewer.scene.images import read_image
+from viewer.scene.load import load_scene
+from viewer.scene.report import report_lines
+from viewer.state.pack_files import match_scene, packs_of
+
+FALLBACKS = ("original", "jpeg", "none")
+
+
+def waves(phase: int) -> np.ndarray:
+    """[32, 32, 3] uint8: smooth, as photographs are."""
+    y, x = np.mgrid[0:32, 0:32]
+    channels = [np.sin(x * 0.3 * (number + 1) + y * 0.2 + phase) * 40.0 + 128.0 for number in range(3)]
+    return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+def materials_scene() -> GltfBuilder:
+    """A whole material whose occlusion lies in the image of roughness and metalness, a base colour alone, and one with coverage."""
+    builder, primitives = GltfBuilder(), []
+    for number in range(3):
+        pixels = waves(number)
+        if number == 2:
+            pixels = np.dstack([pixels, pixels[..., 1]])
+        pbr: dict[str, Any] = {
+            "baseColorTexture": {
+                "index": builder.add("textures", source=builder.image(png(pixels), name=f"base {number}"))
+            }
+        }
+        more: dict[str, Any] = {"alphaMode": "MASK"} if number == 2 else {}
+        if number == 0:
+            orm = builder.add("textures", source=builder.image(png(waves(7)), name="orm"))
+            tilted = waves(8)
+            tilted[..., 2] = 240
+            normal = builder.add("textures", source=builder.image(png(tilted), name="bumps"))
+            pbr["metallicRoughnessTexture"] = {"index": orm}
+            more = {"occlusionTexture": {"index": orm}, "normalTexture": {"index": normal}}
+        position = SQUARE + np.array([number - 1.5, -0.5, 0], np.float32)
+        material = builder.material(pbr=pbr, **more)
+        primitives.append(builder.triangle(material, POSITION=position, TEXCOORD_0=SQUARE_UVS))
+    return builder.drawn(*primitives)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """scene.glb, with scene.baseline.ntc beside it."""
+    path = materials_scene().write(tmp_path_factory.mktemp("scene") / "scene.glb")
+    pack = path.with_name("scene.baseline.ntc")
+    assert cli.main(["encode", str(path), "--out", str(pack), "--grouping", "baseline", "--bits", "8"]) == 0
+    return path
+
+
+def export(scene: Path, out: Path, *options: str) -> int:
+    return cli.main(
+        ["export", str(scene), "--pack", str(scene.with_name("scene.baseline.ntc")), "--out", str(out), *options]
+    )
+
+
+@pytest.mark.parametrize("fallback", FALLBACKS)
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_what_is_exported_decodes_to_the_same_texels(scene: Path, tmp_path: Path, suffix: str, fallback: str) -> None:
+    out = tmp_path / f"other{suffix}"
+    assert export(scene, out, "--fallback", fallback) == 0
+    before, after = load_scene(scene), load_scene(out)
+    (path,) = packs_of(after)
+    assert path == out.with_name("other.baseline.ntc")
+    pack = read_pack(path)
+    assert not after.report.missing
+    assert [texture.maps for texture in after.textures] == [texture.maps for texture in before.textures]
+    assert match_scene(pack, after).texture_index == match_scene(pack, before).texture_index
+    assert all(texture.packed_hash for texture in after.textures)
+    if fallback == "none":
+        # The last one's coverage is in its image alone.
+        layer = match_scene(pack, after).texture_index[0]
+        assert np.array_equal(after.textures[0].pixels, decode_image(pack, layer, 0)[..., :3])
+        assert np.array_equal(after.textures[2].pixels, before.textures[2].pixels)
+
+
+def test_the_picture_is_the_same(scene: Path, tmp_path: Path) -> None:
+    def picture(path: Path, *options: str) -> np.ndarray:
+        out = tmp_path / f"picture of {path.stem}"
+        given = ["--grouping", "baseline", "--view", "lit", "--size", "160x120", *options]
+        assert cli.main(["render", str(path), "--out", str(out), *given]) == 0
+        return read_image(out / "color.png")
+
+    expected = picture(scene)
+    for fallback in FALLBACKS:
+        out = tmp_path / f"{fallback}.glb"
+        assert export(scene, out, "--fallback", fallback) == 0
+        assert np.array_equal(picture(out), expected), fallback
+
+
+def test_layers_and_channels_are_where_the_extension_says(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out) == 0
+    content = json.loads(out.read_text())
+    assert content["extensionsUsed"] == ["NV_texture_swizzle"]
+    assert "extensionsRequired" not in content
+    pack = read_pack(out.with_name("other.baseline.ntc"))
+    images, textures = content["images"], content["textures"]
+    for number, expected in ((0, [0, 1, 2, -1]), (1, [7, 5, 6, -1]), (2, [3, 4, -1, -1])):
+        (option,) = textures[number]["extensions"]["NV_texture_swizzle"]["options"]
+        assert images[option["source"]] == {
+            "uri": "other.baseline.ntc",
+            "mimeType": "image/vnd.ntc-viewer.pack",
+            "name": "baseline",
+        }
+        texture = pack.textures[option["arrayLayer"]]
+        assert texture.pixel_hash == option["extras"]["pixelHash"]
+        if texture.maps == ("base", "normal", "roughness", "metalness", "occlusion"):
+            assert option["channels"] == expected
+
+
+def test_other_programs_show_the_images(scene: Path, tmp_path: Path) -> None:
+    for fallback, largest in (("original", 0), ("jpeg", 40)):
+        out = tmp_path / f"{fallback}.glb"
+        assert export(scene, out, "--fallback", fallback) == 0
+        shown = [mesh.visual.material.baseColorTexture for mesh in trimesh.load_scene(out).geometry.values()]
+        assert len(shown) == 3
+        for number, image in enumerate(shown[:2]):
+            difference = np.asarray(image.convert("RGB")).astype(int) - waves(number).astype(int)
+            assert np.abs(difference).max() <= largest
+
+
+def test_a_scene_without_images_is_not_opened_where_the_extension_is_unknown(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out, "--fallback", "none") == 0
+    content = json.loads(out.read_text())
+    assert content["extensionsRequired"] == ["NV_texture_swizzle"]
+    # What has coverage keeps its image.
+    assert [image.get("uri", "").endswith(".ntc") for image in content["images"]] == [False, True]
+
+
+def test_compressed_geometry_passes_through(scene: Path, tmp_path: Path) -> None:
+    twin = tmp_path / "twin.glb"
+    twin.write_bytes(meshopt_twin(scene.read_bytes()))
+    for name in ("a.gltf", "b.glb"):
+        out = tmp_path / name
+        pack = str(scene.with_name("scene.baseline.ntc"))
+        assert cli.main(["export", str(twin), "--pack", pack, "--out", str(out), "--fallback", "jpeg"]) == 0
+        before, after = load_scene(twin).geometry, load_scene(out).geometry
+        assert np.array_equal(before.positions, after.positions)
+        assert np.array_equal(before.indices, after.indices)
+
+
+@pytest.mark.parametrize("fallback", FALLBACKS)
+def test_an_export_is_exported_again(scene: Path, tmp_path: Path, fallback: str) -> None:
+    first, second = tmp_path / "first.gltf", tmp_path / "second.glb"
+    assert export(scene, first, "--fallback", fallback) == 0
+    again = ["export", str(first), "--pack", str(scene.with_name("scene.baseline.ntc")), "--out", str(second)]
+    assert cli.main(again) == 0
+    after = load_scene(second)
+    assert not after.report.missing
+    assert packs_of(after) == (second.with_name("second.baseline.ntc"),)
+    assert match_scene(read_pack(second.with_name("second.baseline.ntc")), after).matched == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["{scene}", "--out", "{folder}/scene.txt"], ".gltf or .glb"),
+        (["{scene}", "--out", "{scene}"], "the scene itself"),
+        (["{scene}"], "--out"),
+        (["{scene}", "--pack", "{folder}/none.ntc", "--out", "{folder}/o.glb"], "none.ntc"),
+        (["{folder}/none.glb", "--pack", "{pack}", "--out", "{folder}/o.glb"], "none.glb"),
+        (["--pack", "{pack}", "--out", "{folder}/o.glb"], "another scene"),
+        (["{scene}", "--pack", "{pack}", "{pack}", "--out", "{folder}/o.glb"], "one pack"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], named: str
+) -> None:
+    places = {"scene": scene, "pack": scene.with_name("scene.baseline.ntc"), "folder": tmp_path}
+    before = scene.read_bytes()
+    assert cli.main(["export", *(option.format(**places) for option in options)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert named in error
+    assert list(tmp_path.iterdir()) == []
+    assert scene.read_bytes() == before
+
+
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_nothing_stays_of_an_export_that_fails_midway(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    def fail(_document: GltfDocument) -> bytes:
+        raise InputError("full")
+
+    monkeypatch.setattr(gltf_writing, "_json_bytes", fail)
+    assert export(scene, tmp_path / f"other{suffix}") == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def spoil_uri(content: dict[str, Any]) -> None:
+    content["images"][-1]["uri"] = "../elsewhere.ntc"
+
+
+def spoil_data(content: dict[str, Any]) -> None:
+    content["images"][-1]["uri"] = "data:;base64,AAAA"
+
+
+def spoil_absent(content: dict[str, Any]) -> None:
+    content["images"][-1]["uri"] = "gone.ntc"
+
+
+@pytest.mark.parametrize("spoil", [spoil_uri, spoil_data, spoil_absent])
+@pytest.mark.parametrize("fallback", ["original", "none"])
+def test_packs_that_are_not_to_be_had_are_told(
+    scene: Path, tmp_path: Path, spoil: Callable[[dict[str, Any]], None], fallback: str
+) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out, "--fallback", fallback) == 0
+    content = json.loads(out.read_text())
+    spoil(content)
+    out.write_text(json.dumps(content))
+    read = load_scene(out)
+    assert not read.packs
+    assert any("images[" in line for line in read.report.missing)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("source", 99),
+        ("source", None),
+        ("arrayLayer", -1),
+        ("arrayLayer", 1e9),
+        ("channels", [0, 1, 2]),
+        ("channels", "rgba"),
+        ("channels", [0, 1, 2, -2]),
+    ],
+)
+def test_broken_options_are_refused_by_name(scene: Path, tmp_path: Path, field: str, value: object) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out) == 0
+    content = json.loads(out.read_text())
+    content["textures"][0]["extensions"]["NV_texture_swizzle"]["options"][0][field] = value
+    out.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=f"NV_texture_swizzle.*{field}"):
+        load_scene(out)
+
+
+def test_options_of_others_are_named(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out) == 0
+    content = json.loads(out.read_text())
+    content["images"][-1] = {"uri": "material.ntc", "mimeType": "image/vnd-nvidia.ntc"}
+    out.write_text(json.dumps(content))
+    read = load_scene(out)
+    assert any("NVIDIA" in line for line in read.report.ignored)
+    assert read.packs == ()
+    assert any("NVIDIA" in line for line in report_lines(read))

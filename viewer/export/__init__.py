@@ -1,0 +1,1 @@
+"""What is made of a scene and a pack for other programs."""

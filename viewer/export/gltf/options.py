@@ -1,0 +1,146 @@
+"""Which texture of a pack, and which of its channels, stand for each texture of a glTF file."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ntc.codec.maps import PLANE_OF_MAP, MapName, map_slices
+from ntc.codec.model import EncodedTexture, Pack
+from viewer.export.gltf.document import GltfDocument
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.maps.map_pixels import CHANNELS
+from viewer.scene.gltf.materials import MaterialSource, read_materials
+from viewer.scene.gltf.packed_textures import NO_CHANNEL, PACK_MIME_TYPE, PIXEL_HASH, SWIZZLE
+from viewer.scene.model import Scene
+from viewer.scene.report import ReportNotes
+
+GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+TEXTURE_PLACES: Mapping[MapName, tuple[tuple[str, ...], ...]] = {
+    "base": (("pbrMetallicRoughness", "baseColorTexture"), ("extensions", GLOSSINESS, "diffuseTexture")),
+    "normal": (("normalTexture",),),
+    "roughness": (("pbrMetallicRoughness", "metallicRoughnessTexture"),),
+    "metalness": (("pbrMetallicRoughness", "metallicRoughnessTexture"),),
+    "emissive": (("emissiveTexture",),),
+    "occlusion": (("occlusionTexture",),),
+}
+"""Where a material names the texture of each map (glTF 2.0, Sec. 3.9); of several places the last one that is there."""
+
+
+@dataclass(eq=False)
+class PackedTextureOption:
+    """A texture of the pack that stands for a texture entry of the file, in some materials."""
+
+    layer: int
+    channels: list[int] = field(default_factory=lambda: [NO_CHANNEL] * 4)
+    """By component of the glTF texture: the channel of the pack's texture."""
+    references: list[tuple[int, MapName]] = field(default_factory=list)
+    """(material, map) that read it."""
+
+
+def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
+    """By component of the glTF texture that holds map `name`: the channel of `texture`."""
+    place = map_slices(texture.maps, texture.channels)[name]
+    own = range(place.start, place.stop)
+    if name != "base":
+        return dict(zip(CHANNELS[name], own, strict=True))
+    # One or two channels are grey, with alpha last.
+    colors = list(own[:3]) if len(own) >= 3 else [own[0]] * 3
+    return dict(enumerate([*colors, own[-1]] if len(own) in (2, 4) else colors))
+
+
+def _packed_maps(scene: Scene, sources: tuple[MaterialSource, ...]) -> Iterator[tuple[int, MapName, int, int]]:
+    """(material, map, texture entry of the file, texture of the scene) of all maps that textures of the scene hold."""
+    for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
+        for name, reference in source.maps.items():
+            plane = material.plane(PLANE_OF_MAP[name])
+            if plane is not None and name in plane.maps:
+                yield number, name, reference.texture, plane.texture_id
+
+
+def packed_options(
+    file: GltfFile, scene: Scene, pack: Pack, layers: tuple[int, ...]
+) -> dict[int, list[PackedTextureOption]]:
+    """By texture entry of `file`: the textures of `pack` that stand for it. `layers`: by texture of `scene`, or -1."""
+    found: dict[int, list[PackedTextureOption]] = {}
+    for material, name, entry, texture_id in _packed_maps(scene, read_materials(file, ReportNotes())):
+        layer = layers[texture_id]
+        if layer < 0 or name not in pack.textures[layer].maps:
+            continue
+        options = found.setdefault(entry, [])
+        option = next((each for each in options if each.layer == layer), None)
+        if option is None:
+            option = PackedTextureOption(layer)
+            options.append(option)
+        for component, channel in _channels(pack.textures[layer], name).items():
+            option.channels[component] = channel
+        option.references.append((material, name))
+    return found
+
+
+def held_whole(file: GltfFile, scene: Scene, options: Mapping[int, list[PackedTextureOption]]) -> set[int]:
+    """Texture entries of which the pack holds all that materials read: no alpha, and no map that became a factor."""
+    held = {reference for found in options.values() for option in found for reference in option.references}
+    whole = set(options)
+    sources = read_materials(file, ReportNotes())
+    for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
+        for name, reference in source.maps.items():
+            texture_id = material.plane_texture(PLANE_OF_MAP[name])
+            coverage = name == "base" and texture_id >= 0 and scene.textures[texture_id].has_alpha
+            if (number, name) not in held or coverage:
+                whole.discard(reference.texture)
+    return whole
+
+
+def add_options(
+    document: GltfDocument, options: Mapping[int, list[PackedTextureOption]], pack: Pack, pack_uri: str
+) -> None:
+    """Name `pack`, which lies at `pack_uri`, beside the images of the document's textures.
+
+    A texture entry that several textures of the pack stand for, in different materials, becomes several.
+    """
+    images, textures = document.entries("images"), document.entries("textures")
+    images.append({"uri": pack_uri, "mimeType": PACK_MIME_TYPE, "name": pack.grouping.name})
+    for number, found in options.items():
+        plain = dict(textures[number])
+        for place, option in enumerate(found):
+            target = number
+            if place > 0:
+                target = len(textures)
+                textures.append(dict(plain))
+                for material, name in option.references:
+                    _texture_info(document.entries("materials")[material], name)["index"] = target
+            own = textures[target]
+            stated = {
+                "source": len(images) - 1,
+                "arrayLayer": option.layer,
+                "channels": option.channels,
+                "extras": {PIXEL_HASH: pack.textures[option.layer].pixel_hash},
+            }
+            before = own.get("extensions", {}).get(SWIZZLE, {}).get("options", [])
+            own["extensions"] = {**own.get("extensions", {}), SWIZZLE: {"options": [stated, *before]}}
+    document.use_extension(SWIZZLE)
+
+
+def remove_packs(document: GltfDocument) -> None:
+    """Take out what an earlier export said of packs."""
+    packs = {n for n, image in enumerate(document.entries("images")) if image.get("mimeType") == PACK_MIME_TYPE}
+    for texture in document.entries("textures"):
+        extension = texture.get("extensions", {}).get(SWIZZLE)
+        if extension is not None:
+            kept = [option for option in extension.get("options", []) if option["source"] not in packs]
+            texture["extensions"].pop(SWIZZLE)
+            if kept:
+                texture["extensions"][SWIZZLE] = {"options": kept}
+    document.remove_images(packs)
+
+
+def _texture_info(material: dict[str, Any], name: MapName) -> dict[str, Any]:
+    """The place where `material` names the texture of a map."""
+    found: dict[str, Any] = {}
+    for place in TEXTURE_PLACES[name]:
+        owner: Any = material
+        for key in place:
+            owner = owner.get(key) if isinstance(owner, dict) else None
+        if isinstance(owner, dict):
+            found = owner
+    return found

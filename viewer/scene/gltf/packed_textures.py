@@ -1,0 +1,136 @@
+"""Textures of a glTF file that are encoded in a pack of ours: extension NV_texture_swizzle (a draft: glTF pull request 2511).
+
+    "textures": [{"source": 0, "extensions": {"NV_texture_swizzle": {"options": [
+        {"source": 1, "arrayLayer": 3, "channels": [0, 1, 2, -1], "extras": {"pixelHash": "..."}}]}}}],
+    "images": [{"uri": "original.png"}, {"uri": "scene.clustered.ntc", "mimeType": "image/vnd.ntc-viewer.pack"}]
+
+`arrayLayer` is the texture in the pack, `channels` tell which of its channels stand for red, green, blue and alpha (-1: none), and
+`pixelHash`, which is ours, is its identity there, so that the pack may be encoded again in another order.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ntc.errors import InputError
+from viewer.scene.gltf.buffers import is_data_uri, resolve_uri
+from viewer.scene.gltf.container import GltfFile
+from viewer.scene.json_text import describe
+from viewer.scene.report import ReportNotes
+
+SWIZZLE = "NV_texture_swizzle"
+PACK_MIME_TYPE = "image/vnd.ntc-viewer.pack"
+"""Ours: no type is registered for packs."""
+NVIDIA_MIME_TYPES = ("image/vnd-nvidia.ntc", "image/vnd.nvidia.ntc")
+PIXEL_HASH = "pixelHash"
+MOST_OPTIONS = 64
+"""Options that are looked at for one texture: they are alternatives."""
+NO_CHANNEL = -1
+_MARK = "ntcViewerPackedTexture"
+"""Key of image entries that stand for a texture of a pack, which only exist in memory."""
+
+
+@dataclass(frozen=True)
+class PackOption:
+    """A texture of a pack that stands for a texture of the file."""
+
+    image: int
+    """Index of the image entry that names the pack."""
+    layer: int
+    """Which of the pack's textures it is."""
+    channels: tuple[int, int, int, int]
+    """Which of that texture's channels stand for red, green, blue and alpha, NO_CHANNEL for none."""
+    pixel_hash: str
+    """Identity of the texture in the pack; "" where the file does not tell."""
+
+
+def _channels(file: GltfFile, option: Mapping[str, Any], where: str) -> tuple[int, int, int, int]:
+    value = option.get("channels", [0, 1, 2, 3])
+    whole = isinstance(value, list) and len(value) == 4
+    if not whole or any(isinstance(each, bool) or not isinstance(each, int) or not -1 <= each <= 255 for each in value):
+        raise file.fail(f"{where}.channels", f"{describe(value)} is not four channels from -1 to 255")
+    red, green, blue, alpha = value
+    return red, green, blue, alpha
+
+
+def pack_option(file: GltfFile, texture: Mapping[str, Any], where: str, notes: ReportNotes) -> PackOption | None:
+    """The first option of the glTF texture `texture` that names a pack of ours; others are reported. Raises InputError."""
+    extension = file.extension(texture, SWIZZLE, where)
+    if extension is None:
+        return None
+    where = f"{where}.extensions.{SWIZZLE}"
+    for number, option in enumerate(file.array(extension, "options", where)[:MOST_OPTIONS]):
+        name = f"{where}.options[{number}]"
+        if not isinstance(option, dict):
+            raise file.fail(name, "must be an object")
+        images = file.entries("images")
+        index = file.index(option.get("source"), len(images), f"{name}.source")
+        mime_type = images[index].get("mimeType")
+        if mime_type != PACK_MIME_TYPE:
+            kind = "NVIDIA's NTC" if mime_type in NVIDIA_MIME_TYPES else describe(mime_type)
+            notes.ignored(f"{SWIZZLE}: options in images of type {kind}: texture references")
+            continue
+        notes.honoured(f"{SWIZZLE}: texture references")
+        extras = option.get("extras")
+        pixel_hash = extras.get(PIXEL_HASH) if isinstance(extras, dict) else None
+        return PackOption(
+            index,
+            file.integer(option, "arrayLayer", name, 0, high=65535),
+            _channels(file, option, name),
+            pixel_hash[:200] if isinstance(pixel_hash, str) else "",
+        )
+    return None
+
+
+def pack_path(file: GltfFile, image: int) -> Path:
+    """The file of the pack that the image entry `image` names. Raises InputError for one inside the glTF file."""
+    entry = file.entries("images")[image]
+    where = f"images[{image}]"
+    uri = file.text(entry, "uri", where)
+    if not uri or is_data_uri(uri):
+        raise file.fail(where, "packs are read from files beside the scene, not from inside it; write its uri")
+    path = resolve_uri(file, uri, f"{where}.uri")
+    if path is None:
+        raise file.fail(where, f"{uri[:60]!r}: external file of a scene that is not a file itself")
+    return path
+
+
+def pack_paths(file: GltfFile, notes: ReportNotes) -> tuple[Path, ...]:
+    """The packs that the file's images name, each once, as far as they are there; the others are reported."""
+    found: dict[Path, None] = {}
+    for index, entry in enumerate(file.entries("images")):
+        if entry.get("mimeType") != PACK_MIME_TYPE:
+            continue
+        try:
+            path = pack_path(file, index)
+            if not path.is_file():
+                raise file.fail(f"images[{index}].uri", f"{path.name}: is not there; put the pack beside the scene")
+        except InputError as error:
+            notes.missing(str(error).removeprefix(f"{file.name}: "))
+            continue
+        found[path] = None
+    return tuple(found)
+
+
+def with_packed_images(file: GltfFile) -> GltfFile:
+    """`file` with an image for each texture that has no other than one in a pack. Raises InputError."""
+    textures, images = list(file.entries("textures")), list(file.entries("images"))
+    quiet = ReportNotes()
+    for number, texture in enumerate(textures):
+        others = set(texture.get("extensions", {})) - {SWIZZLE} if isinstance(texture.get("extensions"), dict) else ()
+        option = pack_option(file, texture, f"textures[{number}]", quiet) if "source" not in texture else None
+        if option is None or others:
+            continue
+        label = file.label(texture, f"texture {number}")
+        images.append({"name": label, _MARK: option})
+        textures[number] = {**texture, "source": len(images) - 1}
+    if len(images) == len(file.entries("images")):
+        return file
+    return replace(file, json={**file.json, "textures": textures, "images": images})
+
+
+def packed_image(file: GltfFile, index: int) -> PackOption | None:
+    """What image `index` is read from, where `with_packed_images` made it; None for images of the file."""
+    option = file.entries("images")[index].get(_MARK)
+    return option if isinstance(option, PackOption) else None
