@@ -22,6 +22,7 @@ from ntc.codec.quantize import packed_cells, unpacked_cells
 from ntc.errors import InputError, MetadataError
 from ntc.io import read_file, write_bytes
 from ntc.pack.block_tensors import TensorShape, block_tensors, expected_block_tensors, read_block_parts, stored_decoders
+from ntc.pack.other_formats import beginning_of, refuse_other_formats
 from ntc.pack.schema import METADATA_KEY, PackMetadata, metadata_json, parse_metadata
 
 HIDDEN_LAYERS = 2
@@ -193,6 +194,7 @@ def read_pack(path: Path) -> Pack:
             raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty; {REMEDY}")
+        refuse_other_formats(path, beginning_of(path))
         data = read_file(path)
         file = dict(_deserialize(data))
         text = file_metadata(data).get(METADATA_KEY)

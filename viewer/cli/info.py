@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from ntc.accuracy.error_bound import ErrorBound, pack_bounds
@@ -13,6 +14,7 @@ from ntc.codec.model import AnyCodec, Pack
 from ntc.errors import InputError
 from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack
+from ntc.pack.other_formats import beginning_of, other_format, read_ntex
 from viewer.cli.info_all import info_all
 from viewer.cli.options import InfoOptions
 from viewer.cli.sources import load_with_progress
@@ -142,6 +144,15 @@ def pack_lines(pack: Pack) -> list[str]:
     ]
 
 
+def _ntc_file(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """(JSON, lines) of a pack, or of NVIDIA's file of that suffix. Raises InputError."""
+    if other_format(beginning_of(path)) == "ntex":
+        texture_set = read_ntex(path)
+        return texture_set.json(), texture_set.lines()
+    pack = read_pack(path)
+    return pack_json(pack), pack_lines(pack)
+
+
 def info(options: InfoOptions) -> int:
     """Run `ntc-viewer info`. Raises InputError for bad input."""
     if (options.file is None) == (options.all is None):
@@ -150,9 +161,7 @@ def info(options: InfoOptions) -> int:
         return info_all(options.all, options.json)
     assert options.file is not None
     if options.file.suffix.lower() == PACK_SUFFIX:
-        pack = read_pack(options.file)
-        content: dict[str, Any] = pack_json(pack)
-        lines = pack_lines(pack)
+        content, lines = _ntc_file(options.file)
     else:
         scene = load_with_progress(named_scene(options.file))
         content = report_json(scene)
