@@ -1,6 +1,10 @@
 """`ntc-viewer export`: a scene with its pack is written, read back and drawn the same; other programs show its images."""
 
+import csv
 import json
+import math
+import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,8 +13,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from ntc.codec.latents import latent_levels
+from ntc.codec.maps import map_slices
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
+from ntc.metrics.block_compression import decompress
+from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack
 from tests.end_to_end.conftest import SQUARE, SQUARE_UVS
 from tests.support.gltf_builder import GltfBuilder, png
@@ -270,3 +278,80 @@ def test_options_of_others_are_named(scene: Path, tmp_path: Path) -> None:
     assert any("NVIDIA" in line for line in read.report.ignored)
     assert read.packs == ()
     assert any("NVIDIA" in line for line in report_lines(read))
+
+
+def stored_images(path: Path) -> dict[str, np.ndarray]:
+    """By name: the pixels of the image files of an exported .gltf."""
+    folder = path.with_name(f"{path.stem}.files")
+    return {file.stem: read_image(file) for file in folder.iterdir() if file.suffix != ".bin"}
+
+
+@pytest.mark.parametrize(
+    ("image_format", "least_db"), [("png", math.inf), ("ktx2", 33.0), ("bc7", 33.0), ("bc1", 28.0)]
+)
+def test_decoded_images_are_stored_with_their_losses(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], image_format: str, least_db: float
+) -> None:
+    if image_format == "ktx2":
+        pytest.importorskip("alktx2")
+    out = tmp_path / "other.gltf"
+    assert export(scene, out, "--as", image_format) == 0
+    assert "PSNR of the mean square error" in capsys.readouterr().out
+    pack = read_pack(scene.with_name("scene.baseline.ntc"))
+    before, after = load_scene(scene), load_scene(out)
+    assert not after.report.missing
+    assert [texture.maps for texture in after.textures] == [texture.maps for texture in before.textures]
+    assert not after.packs
+    layers = match_scene(pack, before).texture_index
+    for texture, original, layer in zip(after.textures, before.textures, layers, strict=True):
+        decoded = decode_image(pack, layer, 0)
+        assert psnr_db(texture.pixels, decoded[..., :3]) >= least_db
+        for name, place in map_slices(pack.textures[layer].maps, decoded.shape[2]).items():
+            if name != "base":
+                assert psnr_db(texture.further_maps[name], decoded[..., place]) >= min(least_db, 50.0)
+        assert texture.has_alpha == original.has_alpha
+    rows = list(csv.DictReader((tmp_path / "other.losses.csv").read_text().splitlines()))
+    assert [row["name"] for row in rows] == ["base 0", "bumps", "orm", "base 1", "base 2"]
+    assert all(float(row["both_db"]) <= float(row["decoded_db"]) + 1.5 for row in rows)
+
+
+def test_astc_is_stored_with_mips(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out, "--as", "astc") == 0
+    content = json.loads(out.read_text())
+    assert all(image["mimeType"] == "image/ktx2" for image in content["images"])
+    data = (tmp_path / "other.files" / "base 0.ktx2").read_bytes()
+    number, _, width, height = struct.unpack_from("<4I", data, 12)
+    levels = struct.unpack_from("<I", data, 40)[0]
+    assert (number, width, height) == (166, 32, 32)
+    assert levels == len(latent_levels(32, 32, read_pack(scene.with_name("scene.baseline.ntc")).config))
+    offset, length, _ = struct.unpack_from("<3Q", data, 80)
+    read = decompress(data[offset : offset + length], (32, 32, 3), "astc-6x6")
+    decoded = decode_image(read_pack(scene.with_name("scene.baseline.ntc")), 0, 0)
+    assert psnr_db(read, decoded[..., :3]) > 30.0
+
+
+def test_decoded_images_lie_in_a_glb_too(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "other.glb"
+    assert export(scene, out, "--as", "png") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other.glb", "other.losses.csv"]
+    assert len(load_scene(out).textures) == 3
+    assert len(trimesh.load_scene(out).geometry) == 3
+
+
+def test_an_export_of_a_scene_without_images_has_them_again(scene: Path, tmp_path: Path) -> None:
+    bare, out = tmp_path / "bare.gltf", tmp_path / "whole.gltf"
+    assert export(scene, bare, "--fallback", "none") == 0
+    pack = str(scene.with_name("scene.baseline.ntc"))
+    assert cli.main(["export", str(bare), "--pack", pack, "--out", str(out), "--as", "png"]) == 0
+    assert np.array_equal(load_scene(out).textures[0].pixels, load_scene(bare).textures[0].pixels)
+    assert set(stored_images(out)) >= {"bumps"} or len(stored_images(out)) == 5
+
+
+def test_nothing_stays_of_images_that_cannot_be_stored(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "alktx2", None)
+    assert export(scene, tmp_path / "other.gltf", "--as", "ktx2") == 2
+    assert "pip install" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -1,14 +1,33 @@
 """`ntc-viewer export`: a scene and its pack for other programs."""
 
 import sys
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
+from rich.console import Console
+from rich.progress import Progress
+
 from ntc.errors import InputError
+from ntc.io import write_text
+from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from viewer.cli.options import ExportOptions
+from viewer.cli.table import Column, Table
+from viewer.export import ImageFormat
 from viewer.export.gltf.export import ExportedScene, export_gltf
 from viewer.locations import builtin_scene_path, named_scene
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.state.pack_files import PREFERRED_GROUPING, packs_beside
+
+LOSS_COLUMNS = (
+    Column("name", "image"),
+    Column("width", "width"),
+    Column("height", "height"),
+    Column("decoded_db", "decoded dB"),
+    Column("stored_db", "format alone dB"),
+    Column("both_db", "both dB"),
+    Column("file_bytes", "bytes"),
+)
 
 
 def _pack(options: ExportOptions, scene: Path) -> Path:
@@ -43,6 +62,54 @@ def export(options: ExportOptions) -> int:
     if options.out is None:
         raise InputError("export: name what to write: --out G.gltf or --out G.glb")
     scene = scene_file(named_scene(options.scene) if options.scene is not None else builtin_scene_path())
-    exported = export_gltf(scene, _pack(options, scene), options.out, options.fallback)
-    sys.stdout.write("\n".join(result_lines(exported)) + "\n")
+    pack = _pack(options, scene)
+    if options.image_format is None:
+        lines = result_lines(export_gltf(scene, pack, options.out, options.fallback))
+    else:
+        lines = _export_textures(scene, pack, options.out, options.image_format)
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageFormat) -> list[str]:
+    """Write the scene with decoded images, and what they lost as CSV beside it; returns what to tell. Raises InputError."""
+    # Decoding them takes torch, which takes a second to import.
+    from viewer.export.textures.export import export_textures
+
+    console = Console(stderr=True)
+    with Progress(
+        *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        exported = export_textures(scene, pack, out, image_format, _Bar(bar))
+    rows = [asdict(loss) for loss in exported.losses]
+    table = Table(LOSS_COLUMNS, rows)
+    losses = out.with_name(f"{out.stem}.losses.csv")
+    write_text(losses, table.csv())
+    lines = [f"note: {line}" for line in exported.missing]
+    if exported.kept:
+        lines.append(f"note: {exported.kept} images are in no texture of the pack, and stay as they are")
+    lines += table.text().splitlines()
+    mean = {key: _mean_db([row[key] for row in rows]) for key in ("decoded_db", "stored_db", "both_db")}
+    parts = f"the pack {mean['decoded_db']}, {image_format} alone {mean['stored_db']}, both {mean['both_db']}"
+    lines.append(f"PSNR of the mean square error: {parts}")
+    return [*lines, f"wrote {out} ({exported.scene_bytes / 1e6:.2f} MB with its files)", f"wrote {losses}"]
+
+
+def _mean_db(values: Sequence[float | None]) -> str:
+    """PSNR in dB of the mean of the square errors that `values` stand for; images count alike."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return "-"
+    error = sum(map(mse_of_psnr, known)) / len(known)
+    return f"{psnr_of_mse(error):.2f} dB" if error > 0.0 else "without loss"
+
+
+class _Bar:
+    """Shows how many images are written."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar, self._task = bar, bar.add_task("images", total=None)
+
+    def progress(self, done: int, of: int) -> None:
+        """`done` of `of` images are written."""
+        self._bar.update(self._task, completed=done, total=of)

@@ -10,7 +10,7 @@ import tyro
 from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from ntc.codec.map_weights import MapWeightsName
-from viewer.export.gltf.fallback import Fallback
+from viewer.export import Fallback, ImageFormat
 from viewer.scene.source_textures import MapChoice
 from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
@@ -309,6 +309,8 @@ class ExportOptions:
     """The pack that holds the scene's textures. None: one that lies beside the scene, clustered before others."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb")] = None
     """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle)."""
+    image_format: Annotated[ImageFormat | None, tyro.conf.arg(name="as")] = None
+    """Instead of naming the pack, write what it decodes to: png; with mips ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6, KTX2)."""
     fallback: Fallback = "original"
     """Images for programs that do not read packs: the scene's own, the same as JPEG, or none, as far as the pack holds them whole."""
 

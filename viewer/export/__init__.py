@@ -1,1 +1,8 @@
-"""What is made of a scene and a pack for other programs."""
+"""What is made of a scene and a pack for other programs. Here the choices alone: the command line needs no more of it."""
+
+from typing import Literal
+
+Fallback = Literal["original", "jpeg", "none"]
+"""Images for programs that do not read packs."""
+ImageFormat = Literal["png", "ktx2", "bc7", "bc1", "astc"]
+"""Formats of decoded images."""

@@ -89,7 +89,7 @@ def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> ND
         block_bytes, format_number, _ = BLOCKS[found.format]
         blocks = -(-found.width // 4) * -(-found.height // 4)
         level = _level(data, found, blocks * block_bytes)
-        return _dds_header(found.width, found.height, len(level), format_number) + level
+        return dds_header(found.width, found.height, len(level), format_number) + level
     other = next((f" ({what})" for first, last, what in OTHERS if first <= found.format <= last), "")
     known = ", ".join(sorted({block[2] for block in BLOCKS.values()}))
     raise InputError(
@@ -174,8 +174,10 @@ def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8
     return pixels if texture.has_alpha else pixels[..., :3]
 
 
-def _dds_header(width: int, height: int, size: int, format_number: int) -> bytes:
-    """Of a DDS file with one mip in blocks of a DXGI_FORMAT."""
+def dds_header(width: int, height: int, size: int, format_number: int, mips: int = 1) -> bytes:
+    """Of a DDS file of `mips` mips in blocks of a DXGI_FORMAT, the largest of `size` bytes."""
     flags, pixel_format, texture = 0x81007, (32, 4, 0x30315844, 0, 0, 0, 0, 0), 0x1000
+    if mips > 1:
+        flags, texture = flags | 0x20000, texture | 0x400008
     extended = (format_number, 3, 0, 1, 0)
-    return _DDS.pack(b"DDS ", 124, flags, height, width, size, 0, 1, *pixel_format, texture, 0, 0, 0, 0, *extended)
+    return _DDS.pack(b"DDS ", 124, flags, height, width, size, 0, mips, *pixel_format, texture, 0, 0, 0, 0, *extended)

@@ -1,19 +1,19 @@
 """What programs that do not read packs show of an exported scene."""
 
 import io
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from ntc.errors import InputError
+from viewer.export import Fallback
 from viewer.export.gltf.document import GltfDocument, ImageFile
 from viewer.scene.gltf.buffers import Buffers, read_uri
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.images import decode_image, is_constant
 
-Fallback = Literal["original", "jpeg", "none"]
 JPEG_QUALITY = 90
 """Of libjpeg, without subsampling of colour: normals and roughness are no colours."""
 OTHER_SOURCES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
@@ -66,6 +66,14 @@ def _as_jpeg(file: GltfFile, buffers: Buffers, index: int) -> ImageFile | None:
     if is_constant(decode_image(data, name)):
         return None
     return ImageFile(f"{name.rsplit('.', 1)[0]}.jpg", "image/jpeg", lambda: data)
+
+
+def image_pixels(file: GltfFile, index: int) -> NDArray[np.uint8] | None:
+    """[H, W, 3 or 4] of image entry `index`; None where it cannot be read, or lies in a pack alone."""
+    try:
+        return decode_image(_image_bytes(file, Buffers(file), index), f"{file.name}: images[{index}]")
+    except InputError:
+        return None
 
 
 def jpeg(pixels: NDArray[np.uint8]) -> bytes:

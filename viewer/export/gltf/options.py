@@ -100,25 +100,36 @@ def add_options(
     """
     images, textures = document.entries("images"), document.entries("textures")
     images.append({"uri": pack_uri, "mimeType": PACK_MIME_TYPE, "name": pack.grouping.name})
-    for number, found in options.items():
+    for number, option in separate_entries(document, options):
+        own = textures[number]
+        stated = {
+            "source": len(images) - 1,
+            "arrayLayer": option.layer,
+            "channels": option.channels,
+            "extras": {PIXEL_HASH: pack.textures[option.layer].pixel_hash},
+        }
+        before = own.get("extensions", {}).get(SWIZZLE, {}).get("options", [])
+        own["extensions"] = {**own.get("extensions", {}), SWIZZLE: {"options": [stated, *before]}}
+    document.use_extension(SWIZZLE)
+
+
+def separate_entries(
+    document: GltfDocument, options: Mapping[int, list[PackedTextureOption]]
+) -> list[tuple[int, PackedTextureOption]]:
+    """(texture entry, the option that it has): an entry with several, in different materials, becomes several."""
+    textures = document.entries("textures")
+    found: list[tuple[int, PackedTextureOption]] = []
+    for number, alternatives in options.items():
         plain = dict(textures[number])
-        for place, option in enumerate(found):
+        for place, option in enumerate(alternatives):
             target = number
             if place > 0:
                 target = len(textures)
                 textures.append(dict(plain))
                 for material, name in option.references:
                     _texture_info(document.entries("materials")[material], name)["index"] = target
-            own = textures[target]
-            stated = {
-                "source": len(images) - 1,
-                "arrayLayer": option.layer,
-                "channels": option.channels,
-                "extras": {PIXEL_HASH: pack.textures[option.layer].pixel_hash},
-            }
-            before = own.get("extensions", {}).get(SWIZZLE, {}).get("options", [])
-            own["extensions"] = {**own.get("extensions", {}), SWIZZLE: {"options": [stated, *before]}}
-    document.use_extension(SWIZZLE)
+            found.append((target, option))
+    return found
 
 
 def remove_packs(document: GltfDocument) -> None:

@@ -1,0 +1,89 @@
+"""The images of a glTF texture as a pack decodes them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ntc.codec.latents import latent_levels
+from ntc.codec.maps import SRGB_MAPS
+from ntc.codec.mips import normal_vectors
+from ntc.codec.model import Pack
+from viewer.export.gltf.options import PackedTextureOption
+from viewer.scene.gltf.packed_textures import NO_CHANNEL
+
+Pixels = NDArray[np.uint8]
+LevelDecoder = Callable[[int, int], Pixels]
+"""(texture of the pack, level) -> [h, w, channels] uint8."""
+OPAQUE = 255
+LEVELS_KEPT = 16
+
+
+def resized(pixels: Pixels, width: int, height: int) -> Pixels:
+    """[height, width, C]: `pixels` [H, W, C] averaged over areas."""
+    if pixels.shape[:2] == (height, width):
+        return pixels
+    channels = [
+        Image.fromarray(pixels[..., k]).resize((width, height), Image.Resampling.BOX) for k in range(pixels.shape[2])
+    ]
+    return np.dstack([np.asarray(channel) for channel in channels])
+
+
+@dataclass(frozen=True)
+class DecodedImage:
+    """An image of the scene: what the pack holds of it decoded, the rest from the original."""
+
+    pack: Pack
+    option: PackedTextureOption
+    original: Callable[[], Pixels | None]
+    """[H, W, 3 or 4]; None where there is none."""
+
+    @property
+    def srgb(self) -> bool:
+        """Whether it holds colours in sRGB."""
+        return bool(SRGB_MAPS.intersection(name for _, name in self.option.references))
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether it holds normals, whose z follows from x and y."""
+        return any(name == "normal" for _, name in self.option.references)
+
+    @property
+    def components(self) -> list[int]:
+        """Those of the image that the pack holds."""
+        held = [k for k, channel in enumerate(self.option.channels) if channel != NO_CHANNEL]
+        return [0, 1, 2] if self.is_normal else held
+
+    def mips(self, decode: LevelDecoder, all_levels: bool) -> list[Pixels]:
+        """The largest level that the pack has, or all from it on: [h, w, 3], or 4 where the original has alpha. Raises InputError."""
+        layer = self.option.layer
+        texture = self.pack.textures[layer]
+        original = self.original()
+        levels = latent_levels(texture.width, texture.height, self.pack.config)
+        return [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
+
+    def _composed(self, decoded: Pixels, original: Pixels | None) -> Pixels:
+        height, width = decoded.shape[:2]
+        channels = original.shape[2] if original is not None else 3
+        whole = np.full((height, width, channels), OPAQUE, np.uint8)
+        if original is not None:
+            whole[:] = resized(original, width, height)
+        for component, channel in enumerate(self.option.channels[:channels]):
+            if channel != NO_CHANNEL:
+                whole[..., component] = decoded[..., channel]
+        if self.is_normal:
+            z = normal_vectors(np.ascontiguousarray(whole[..., :2]))[..., 2]
+            whole[..., 2] = np.rint((z * 0.5 + 0.5) * 255.0)
+        return whole
+
+
+def torch_decoder(pack: Pack) -> LevelDecoder:
+    """Decodes levels of `pack` on the processor, many texels at once."""
+    from ntc.codec.torch_block import torch_codec
+
+    codec = torch_codec(pack, "cpu")
+    # A material set is asked for once for each of its images.
+    return lru_cache(LEVELS_KEPT)(codec.decode_image)

@@ -1,0 +1,171 @@
+"""`ntc-viewer export SCENE --pack F --out G.gltf --as FORMAT`: the scene with the images that its pack decodes to."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.metrics.metrics import psnr_db
+from viewer.export import ImageFormat
+from viewer.export.gltf.document import GltfDocument, ImageFile
+from viewer.export.gltf.fallback import OTHER_SOURCES, image_pixels
+from viewer.export.gltf.opened import OpenedExport, open_export
+from viewer.export.gltf.options import PackedTextureOption, separate_entries
+from viewer.export.gltf.write import write_gltf
+from viewer.export.textures.decoded import DecodedImage, LevelDecoder, resized, torch_decoder
+from viewer.export.textures.formats import FORMATS, StoredFormat
+from viewer.scene.images import ProgressReport
+
+Pixels = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ImageLoss:
+    """What became of one image, over the components that the pack holds of it: PSNR in dB of 8-bit values against the original, at
+    the size that the pack has; None where there is no original, infinite where nothing changed."""
+
+    name: str
+    width: int
+    height: int
+    decoded_db: float | None
+    """Of the pack alone."""
+    stored_db: float | None
+    """Of the format alone: the original stored in it."""
+    both_db: float | None
+    """Of what was written."""
+    file_bytes: int
+
+
+@dataclass(frozen=True)
+class ExportedTextures:
+    """What was written."""
+
+    out: Path
+    scene_bytes: int
+    losses: tuple[ImageLoss, ...]
+    kept: int
+    """Images of textures that the pack does not hold: they stay."""
+    missing: tuple[str, ...]
+
+
+def _loss(one: Pixels, other: Pixels | None, components: list[int]) -> float | None:
+    """PSNR in dB over `components`."""
+    return None if other is None else psnr_db(one[..., components], other[..., components])
+
+
+class _Storing:
+    """Makes images as they are written, and keeps what they lost."""
+
+    def __init__(self, stored: StoredFormat, decode: LevelDecoder, count: int, report: ProgressReport | None) -> None:
+        self._stored, self._decode, self._count, self._report = stored, decode, count, report
+        self.losses: list[ImageLoss] = []
+
+    def file(self, image: DecodedImage, name: str) -> ImageFile:
+        """`image`, to be decoded and stored when it is written."""
+        return ImageFile(f"{name}{self._stored.suffix}", self._stored.mime_type, lambda: self._made(image, name))
+
+    def _made(self, image: DecodedImage, name: str) -> bytes:
+        mips = image.mips(self._decode, self._stored.has_mips)
+        stored = self._stored.store(mips, image.srgb)
+        height, width = mips[0].shape[:2]
+        original = image.original()
+        if original is not None:
+            original = resized(original, width, height)
+        alone = None if original is None else self._stored.store([original], image.srgb).read
+        parts = image.components
+        self.losses.append(
+            ImageLoss(
+                name,
+                width,
+                height,
+                _loss(mips[0], original, parts),
+                None if alone is None else _loss(alone, original, parts),
+                _loss(stored.read, original, parts),
+                len(stored.data),
+            )
+        )
+        if self._report is not None:
+            self._report.progress(len(self.losses), self._count)
+        return stored.data
+
+
+def export_textures(
+    scene_path: Path, pack_path: Path, out: Path, image_format: ImageFormat, report: ProgressReport | None = None
+) -> ExportedTextures:
+    """Write the scene at `scene_path` to `out` with the images that the pack at `pack_path` decodes to, in `image_format`.
+
+    Raises InputError, and what `report` raises; then no file is there that was not there before.
+    """
+    opened = open_export(scene_path, pack_path, out)
+    stored = FORMATS[image_format]
+    entries = separate_entries(opened.document, opened.options)
+    images = _distinct(opened, entries)
+    storing = _Storing(stored, torch_decoder(opened.pack), len(images), report)
+    document = opened.document
+    first = len(document.entries("images"))
+    for place, ((source, _), (image, numbers)) in enumerate(images.items()):
+        name = opened.file.label(opened.file.entries("images")[source], f"image {source}")
+        index = first + place
+        document.entries("images").append({"name": name})
+        document.images[index] = storing.file(image, name.rsplit(".", 1)[0])
+        for number in numbers:
+            _name_image(document.entries("textures")[number], index, stored)
+    if stored.extension:
+        document.use_extension(stored.extension, required=True)
+    document.remove_images(_unused(document))
+    written = write_gltf(out, document)
+    kept = len(document.entries("images")) - len(images)
+    return ExportedTextures(out, written, tuple(storing.losses), kept, tuple(document.missing))
+
+
+_Key = tuple[int, tuple[int, tuple[int, ...]]]
+
+
+def _distinct(
+    opened: OpenedExport, entries: list[tuple[int, PackedTextureOption]]
+) -> Mapping[_Key, tuple[DecodedImage, list[int]]]:
+    """By (image of the file, what stands for it): the image to write, and the texture entries that show it."""
+    found: dict[_Key, tuple[DecodedImage, list[int]]] = {}
+    textures = opened.document.entries("textures")
+    of_file = opened.file.entries("textures")
+    for number, option in entries:
+        # Entries that were separated have the image of the one that they were separated from.
+        plain = of_file[number] if number < len(of_file) else textures[number]
+        owners = [plain.get("extensions", {}).get(name, {}) for name in OTHER_SOURCES]
+        source = next(owner["source"] for owner in (*owners, plain) if isinstance(owner.get("source"), int))
+        key = source, (option.layer, tuple(option.channels))
+        if key not in found:
+            found[key] = DecodedImage(opened.pack, option, _original(opened, source)), []
+        found[key][1].append(number)
+    return found
+
+
+def _original(opened: OpenedExport, image: int) -> Callable[[], Pixels | None]:
+    return lambda: image_pixels(opened.file, image)
+
+
+def _name_image(texture: dict[str, object], image: int, stored: StoredFormat) -> None:
+    """Let a texture entry show image entry `image` alone."""
+    extensions = texture.get("extensions")
+    kept = {k: v for k, v in extensions.items() if k not in OTHER_SOURCES} if isinstance(extensions, dict) else {}
+    texture.pop("source", None)
+    texture.pop("extensions", None)
+    if stored.extension:
+        kept[stored.extension] = {"source": image}
+    else:
+        texture["source"] = image
+    if kept:
+        texture["extensions"] = kept
+
+
+def _unused(document: GltfDocument) -> set[int]:
+    """Image entries that no texture names."""
+    used: set[int] = set()
+    for texture in document.entries("textures"):
+        for owner in (texture, *texture.get("extensions", {}).values()):
+            if isinstance(owner.get("source"), int):
+                used.add(owner["source"])
+            used |= {option["source"] for option in owner.get("options", []) if isinstance(option.get("source"), int)}
+    return set(range(len(document.entries("images")))) - used
