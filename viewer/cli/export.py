@@ -11,10 +11,13 @@ from rich.progress import Progress
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
+from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
+from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
-from viewer.export import ImageFormat
+from viewer.export import Fallback, ImageFormat
 from viewer.export.gltf.export import ExportedScene, export_gltf
+from viewer.export.web.export import export_page
 from viewer.locations import builtin_scene_path, named_scene
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.state.pack_files import PREFERRED_GROUPING, packs_beside
@@ -59,16 +62,36 @@ def result_lines(exported: ExportedScene) -> list[str]:
 
 def export(options: ExportOptions) -> int:
     """Run `ntc-viewer export`. Raises InputError for bad input."""
-    if options.out is None:
-        raise InputError("export: name what to write: --out G.gltf or --out G.glb")
+    if (options.out is None) == (options.web is None):
+        raise InputError("export: name what to write: --out G.gltf, --out G.glb, or --web DIR")
+    lines: list[str] = []
     scene = scene_file(named_scene(options.scene) if options.scene is not None else builtin_scene_path())
     pack = _pack(options, scene)
-    if options.image_format is None:
-        lines = result_lines(export_gltf(scene, pack, options.out, options.fallback))
-    else:
+    if options.web is not None and options.image_format is not None:
+        raise InputError(f"--as {options.image_format}: a page decodes by itself; leave it out, or write a glTF file")
+    if options.web is not None:
+        lines = _export_page(scene, pack, options.web, options.fallback)
+    elif options.out is not None and options.image_format is not None:
         lines = _export_textures(scene, pack, options.out, options.image_format)
+    elif options.out is not None:
+        lines = result_lines(export_gltf(scene, pack, options.out, options.fallback))
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
+    """Write the page, and return what to tell. Raises InputError."""
+    console = Console(stderr=True)
+    scene, pack = load_with_progress(scene_path), read_pack(pack_path)
+    with Progress(
+        *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", _Bar(bar, "textures"))
+    parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
+    return [
+        f"wrote {folder} ({page.files} files, {page.total_bytes / 1e6:.2f} MB: {parts})",
+        f"serve it by any file server: python3 -m http.server --directory {folder}",
+    ]
 
 
 def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageFormat) -> list[str]:
@@ -80,7 +103,7 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
     with Progress(
         *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        exported = export_textures(scene, pack, out, image_format, _Bar(bar))
+        exported = export_textures(scene, pack, out, image_format, _Bar(bar, "images"))
     rows = [asdict(loss) for loss in exported.losses]
     table = Table(LOSS_COLUMNS, rows)
     losses = out.with_name(f"{out.stem}.losses.csv")
@@ -105,11 +128,11 @@ def _mean_db(values: Sequence[float | None]) -> str:
 
 
 class _Bar:
-    """Shows how many images are written."""
+    """Shows how many images or textures are written."""
 
-    def __init__(self, bar: Progress) -> None:
-        self._bar, self._task = bar, bar.add_task("images", total=None)
+    def __init__(self, bar: Progress, title: str) -> None:
+        self._bar, self._task = bar, bar.add_task(title, total=None)
 
     def progress(self, done: int, of: int) -> None:
-        """`done` of `of` images are written."""
+        """`done` of `of` are written."""
         self._bar.update(self._task, completed=done, total=of)

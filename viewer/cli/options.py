@@ -309,6 +309,9 @@ class ExportOptions:
     """The pack that holds the scene's textures. None: one that lies beside the scene, clustered before others."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb")] = None
     """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle)."""
+    web: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Instead of a glTF file, write a folder with a page that decodes the pack in the browser. Originals to compare with: not with
+    --fallback none."""
     image_format: Annotated[ImageFormat | None, tyro.conf.arg(name="as")] = None
     """Instead of naming the pack, write what it decodes to: png; with mips ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6, KTX2)."""
     fallback: Fallback = "original"

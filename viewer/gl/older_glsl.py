@@ -1,6 +1,6 @@
-"""GLSL 4.30 of vertex and fragment shaders as GLSL 4.10: buffers are read through texture buffers, images through samplers.
+"""GLSL 4.30 of vertex and fragment shaders as GLSL 4.10, or GLSL ES 3.00 of WebGL 2: buffers and images are read through samplers.
 
-Only what draws can be written for both: no shader that is turned here may write into a buffer or an image. Lines stay where they are.
+Only what draws can be written for all: no shader that is turned here may write into a buffer or an image. Lines stay where they are.
 """
 
 import re
@@ -10,11 +10,10 @@ from typing import Final
 
 from viewer.gl.texture_buffers import IMAGE_UNITS, STORAGE_UNITS
 
-_LINES: Final = {
-    # Early tests are the rule for shaders that neither discard nor write a depth.
-    "layout(early_fragment_tests) in;": "",
-    "#version 430": "#version 410",
-}
+WORD_COLUMN_BITS: Final = 11
+"""Words of a buffer lie in rows of 2^11 where they are the texels of a picture: WebGL 2 has no smaller largest texture."""
+# Early tests are the rule for shaders that neither discard nor write a depth.
+_EARLY_TESTS: Final = "layout(early_fragment_tests) in;"
 _SNORM: Final = (
     "uint packSnorm2x16(vec2 v) { ivec2 s = ivec2(roundEven(clamp(v, -1.0, 1.0) * 32767.0)); "
     "return uint(s.x & 0xFFFF) | (uint(s.y) << 16); }",
@@ -28,6 +27,49 @@ _HALF: Final = (
     "vec2 unpackHalf2x16(uint bits) { return vec2(half_value(bits & 0xFFFFu), half_value(bits >> 16)); }",
 )
 """Of finite halves: weights are stored without others."""
+_WIDE_PRODUCT: Final = (
+    "void umulExtended(uint a, uint b, out uint high, out uint low) { uint al = a & 65535u; uint ah = a >> 16; "
+    "uint bl = b & 65535u; uint bh = b >> 16; uint m = ah * bl + ((al * bl) >> 16); uint n = al * bh + (m & 65535u); "
+    "high = ah * bh + (m >> 16) + (n >> 16); low = a * b; }",
+)
+_BIT_COUNT: Final = (
+    "int bitCount(uint v) { v = v - ((v >> 1) & 0x55555555u); v = (v & 0x33333333u) + ((v >> 2) & 0x33333333u); "
+    "return int((((v + (v >> 4)) & 0x0F0F0F0Fu) * 0x01010101u) >> 24); }",
+)
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A version of GLSL that has neither storage buffers nor images that are read."""
+
+    version: str
+    """What stands for `#version 430`."""
+    words: str
+    """Type of the samplers of words."""
+    fetch: str
+    """GLSL for the word at {place} of {words}."""
+    precision: str = ""
+    """Of samplers of images."""
+    opening: tuple[str, ...] = ()
+    """Lines that come first."""
+    missing: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """Functions that the version lacks: part of their names, and their lines."""
+
+
+GLSL_410: Final = Dialect(
+    "#version 410",
+    "usamplerBuffer",
+    "texelFetch({words}, {place}).x",
+    missing=(("Snorm2x16", _SNORM), ("unpackHalf2x16", _HALF)),
+)
+GLSL_ES_300: Final = Dialect(
+    "#version 300 es",
+    "highp usampler2D",
+    f"texelFetch({{words}}, ivec2(({{place}}) & {(1 << WORD_COLUMN_BITS) - 1}, ({{place}}) >> {WORD_COLUMN_BITS}), 0).x",
+    precision="highp ",
+    opening=("precision highp float;", "precision highp int;"),
+    missing=(("umulExtended", _WIDE_PRODUCT), ("bitCount", _BIT_COUNT)),
+)
 _STRUCT = re.compile(r"struct (\w+) \{(.*?)\};", re.DOTALL)
 _FIELD = re.compile(r"^\s*(\w+) (\w+)(?:\[(\d+)\])?;", re.MULTILINE)
 _BUFFER = re.compile(
@@ -42,12 +84,12 @@ _WRITTEN: Final = {"int": "int({})", "uint": "{}", "float": "uintBitsToFloat({})
 
 
 class UnsuitableShaderError(Exception):
-    """A shader that cannot be said in GLSL 4.10."""
+    """A shader that cannot be said in an older GLSL."""
 
 
 @dataclass(frozen=True)
 class OlderSource:
-    """A shader in GLSL 4.10, and what it cannot say itself."""
+    """A shader in an older GLSL, and what it cannot say itself."""
 
     text: str
     units: Mapping[str, int]
@@ -59,7 +101,8 @@ class OlderSource:
 class _Records:
     """The structs of a shader: how many words they take in a buffer (std430), and how they are read."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, fetch: str) -> None:
+        self._fetch = fetch
         self._fields = {
             match[1]: [(kind, name, int(count or 0)) for kind, name, count in _FIELD.findall(match[2])]
             for match in _STRUCT.finditer(text)
@@ -86,9 +129,9 @@ class _Records:
         return -(-place // alignment) * alignment
 
     def read(self, kind: str, words: str, first: int) -> str:
-        """GLSL for a value that begins at word `first` after `at`; `words` is the texture buffer."""
+        """GLSL for a value that begins at word `first` after `at`; `words` is the sampler."""
         if kind in _WRITTEN:
-            return _WRITTEN[kind].format(f"texelFetch({words}, at + {first}).x")
+            return _WRITTEN[kind].format(self._fetch.format(words=words, place=f"at + {first}"))
         if kind in _WORDS:
             part = {"u": "uint", "i": "int"}.get(kind[0], "float")
             return f"{kind}({', '.join(self.read(part, words, first + i) for i in range(_WORDS[kind]))})"
@@ -116,9 +159,9 @@ def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> s
     return text
 
 
-def older_source(text: str) -> OlderSource:
-    """An assembled shader in GLSL 4.10. Raises UnsuitableShaderError."""
-    records = _Records(text)
+def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
+    """An assembled shader in an older GLSL. Raises UnsuitableShaderError."""
+    records = _Records(text, dialect.fetch)
     numbers = {name: int(value) for name, value in _DEFINE.findall(text)}
     units: dict[str, int] = {}
     blocks: dict[str, int] = {}
@@ -134,12 +177,12 @@ def older_source(text: str) -> OlderSource:
         arrays.append(name)
         if re.search(rf"#define {kind}\b", text):
             # Of a kind that differs from program to program: such buffers are not read where nothing computes.
-            return f"uniform usamplerBuffer {words};" + "\n" * match[0].count("\n")
+            return f"uniform {dialect.words} {words};" + "\n" * match[0].count("\n")
         size = records.words(kind)
         read = records.read(kind, words, 0)
         lines = f"{kind} {name}_at(int index) {{ int at = index * {size}; return {read}; }}"
         blank = "\n" * (space.count("\n") + rest.count("\n"))
-        return f"uniform usamplerBuffer {words}; {lines}{blank}"
+        return f"uniform {dialect.words} {words}; {lines}{blank}"
 
     def block(match: re.Match[str]) -> str:
         blocks[match[2]] = number(match[1])
@@ -147,28 +190,27 @@ def older_source(text: str) -> OlderSource:
 
     def sampler(match: re.Match[str]) -> str:
         units[match[3]] = number(match[1])
-        return f"uniform {match[2]} {match[3]};"
+        return f"uniform {dialect.precision}{match[2]} {match[3]};"
 
     def image(match: re.Match[str]) -> str:
         units[match[3]] = IMAGE_UNITS + number(match[1])
-        return f"uniform {match[2]}sampler2D {match[3]};"
+        return f"uniform {dialect.precision}{match[2]}sampler2D {match[3]};"
 
-    for line, other in _LINES.items():
-        text = text.replace(line, other)
+    text = text.replace(_EARLY_TESTS, "").replace("#version 430", dialect.version)
     for pattern, replacement in ((_BUFFER, buffer), (_BLOCK, block), (_SAMPLER, sampler), (_IMAGE, image)):
         text = pattern.sub(replacement, text)
     text = _rewritten(text, r"\bimageLoad\(", ")", "texelFetch(", ", 0)")
     for name in dict.fromkeys(arrays):
         text = _rewritten(text, rf"(?<![\w.]){name}\[", "]", f"{name}_at(", ")")
-    return OlderSource(_completed(text), units, blocks)
+    return OlderSource(_completed(text, dialect), units, blocks)
 
 
-def _completed(text: str) -> str:
-    """`text` with the functions that GLSL 4.10 lacks, and macros on one line each."""
-    for name, lines in (("Snorm2x16", _SNORM), ("unpackHalf2x16", _HALF)):
-        if name in text:
-            head, line, rest = text.partition("#line 2 0\n")
-            text = "\n".join((head + lines[0], lines[1], line + rest))
+def _completed(text: str, dialect: Dialect) -> str:
+    """`text` with the functions that the version lacks, and macros on one line each."""
+    lines = [*dialect.opening, *(line for name, own in dialect.missing if name in text for line in own)]
+    head, mark, rest = text.partition("#line 2 0\n")
+    if mark:
+        text = head + "".join(f"{line}\n" for line in lines) + mark + rest
     if re.search(r"\\\n", text):
         text = re.sub(r"(?:[^\n]*\\\n)+[^\n]*", lambda found: _joined(found[0]), text)
     return text

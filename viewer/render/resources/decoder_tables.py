@@ -5,7 +5,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.maps import plane_channels
+from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import Adapter, EncodedTexture, Pack
 from viewer.render.resources.block_tables import BlockTables, block_glsl
 from viewer.render.resources.network import (
@@ -102,6 +102,20 @@ class BlockPackTables(BlockTables):
             # GLSL reads an axis at a time: a column.
             record["axes"][4 * place : 4 * place + 4][np.ix_(components, components)] = axes.T
             first += count * count
+
+
+def fill_texture_record(record: np.void, texture: EncodedTexture, levels: tuple[int, int], adapter: int) -> None:
+    """Write what every codec tells of a texture into its record: `levels` are the row of its finest mip and their number, `adapter`
+    the first block of its adapter."""
+    record["first_level"], record["levels"] = levels
+    record["decoder"], record["channels"] = texture.group, texture.channels
+    record["srgb"] = texture.color_space == "srgb"
+    record["components"] = sum(
+        1 << (4 * PLANES.index(plane) + component)
+        for plane, channels in plane_channels(texture.maps, texture.channels).items()
+        for component in channels
+    )
+    record["adapter"] = adapter
 
 
 def decoder_tables(pack: Pack, precision: Precision) -> DecoderTables:

@@ -48,6 +48,15 @@ def stored_words(texture: EncodedTexture, config: AnyCodec, cells: slice) -> NDA
     return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
 
 
+def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
+    """[levels] LEVEL_RECORD of one texture; `first_cell` is left to be told."""
+    records = np.zeros(len(pyramid), LEVEL_RECORD)
+    for record, level in zip(records, pyramid, strict=True):
+        record["width"], record["height"] = level.width, level.height
+        record["texel_width"], record["texel_height"] = level.texel_width, level.texel_height
+    return records
+
+
 class LatentStore:
     """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is.
 
@@ -81,10 +90,7 @@ class LatentStore:
         self.levels = np.zeros(max(1, sum(counts)), LEVEL_RECORD)
         """[mips] LEVEL_RECORD; `first_cell` means something for mips that are there."""
         for first, pyramid in zip(self.first_level, self.pyramids, strict=True):
-            for row, level in enumerate(pyramid, start=int(first)):
-                self.levels[row]["width"], self.levels[row]["height"] = level.width, level.height
-                self.levels[row]["texel_width"] = level.texel_width
-                self.levels[row]["texel_height"] = level.texel_height
+            self.levels[first : first + len(pyramid)] = level_records(pyramid)
         self.finest = np.array(counts, np.int32)
         """[textures] finest mip that is there; the number of mips where none is."""
         # Of each texture one entry more than mips, so that `finest` may say that none is there.

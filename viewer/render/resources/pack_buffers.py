@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from ntc.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.resources.decoder_tables import DecoderTables, decoder_glsl, decoder_tables
+from viewer.render.resources.decoder_tables import DecoderTables, decoder_glsl, decoder_tables, fill_texture_record
 from viewer.render.resources.latent_store import LatentBudget, LatentStore
 from viewer.render.resources.layout import (
     WEIGHT_COLUMN_BITS,
@@ -99,18 +98,9 @@ class PackBuffers:
         records["decoder"] = -1
         adapter = self._decoders.first_block + len(self.pack.decoders) * self._decoders.blocks
         for slot, texture in self._textures():
-            record = records[slot]
-            record["first_level"] = self.latent_store.first_level[slot]
-            record["levels"] = len(latent_levels(texture.width, texture.height, config))
-            record["decoder"], record["channels"] = texture.group, texture.channels
-            record["srgb"] = texture.color_space == "srgb"
-            record["components"] = sum(
-                1 << (4 * PLANES.index(plane) + component)
-                for plane, channels in plane_channels(texture.maps, texture.channels).items()
-                for component in channels
-            )
-            record["adapter"] = adapter
-            self._decoders.fill_record(record, texture)
+            levels = len(latent_levels(texture.width, texture.height, config))
+            fill_texture_record(records[slot], texture, (int(self.latent_store.first_level[slot]), levels), adapter)
+            self._decoders.fill_record(records[slot], texture)
             adapter += self._decoders.adapter_blocks
 
     def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:

@@ -20,8 +20,7 @@ from ntc.errors import InputError
 from ntc.metrics.block_compression import decompress
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack
-from tests.end_to_end.conftest import SQUARE, SQUARE_UVS
-from tests.support.gltf_builder import GltfBuilder, png
+from tests.end_to_end.export.material_scene import materials_scene, waves
 from tests.support.meshopt_twins import meshopt_twin
 from viewer import cli
 from viewer.export.gltf import write as gltf_writing
@@ -32,39 +31,6 @@ from viewer.scene.report import report_lines
 from viewer.state.pack_files import match_scene, packs_of
 
 FALLBACKS = ("original", "jpeg", "none")
-
-
-def waves(phase: int) -> np.ndarray:
-    """[32, 32, 3] uint8: smooth, as photographs are."""
-    y, x = np.mgrid[0:32, 0:32]
-    channels = [np.sin(x * 0.3 * (number + 1) + y * 0.2 + phase) * 40.0 + 128.0 for number in range(3)]
-    return np.stack(channels, axis=-1).astype(np.uint8)
-
-
-def materials_scene() -> GltfBuilder:
-    """A whole material whose occlusion lies in the image of roughness and metalness, a base colour alone, and one with coverage."""
-    builder, primitives = GltfBuilder(), []
-    for number in range(3):
-        pixels = waves(number)
-        if number == 2:
-            pixels = np.dstack([pixels, pixels[..., 1]])
-        pbr: dict[str, Any] = {
-            "baseColorTexture": {
-                "index": builder.add("textures", source=builder.image(png(pixels), name=f"base {number}"))
-            }
-        }
-        more: dict[str, Any] = {"alphaMode": "MASK"} if number == 2 else {}
-        if number == 0:
-            orm = builder.add("textures", source=builder.image(png(waves(7)), name="orm"))
-            tilted = waves(8)
-            tilted[..., 2] = 240
-            normal = builder.add("textures", source=builder.image(png(tilted), name="bumps"))
-            pbr["metallicRoughnessTexture"] = {"index": orm}
-            more = {"occlusionTexture": {"index": orm}, "normalTexture": {"index": normal}}
-        position = SQUARE + np.array([number - 1.5, -0.5, 0], np.float32)
-        material = builder.material(pbr=pbr, **more)
-        primitives.append(builder.triangle(material, POSITION=position, TEXCOORD_0=SQUARE_UVS))
-    return builder.drawn(*primitives)
 
 
 @pytest.fixture(scope="module")

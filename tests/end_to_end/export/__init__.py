@@ -1,0 +1,1 @@
+"""Exporters, by the command line."""

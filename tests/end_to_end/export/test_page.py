@@ -1,0 +1,194 @@
+"""`ntc-viewer export --web`: the page decodes the same texels in a browser, asks for nothing outside its folder, and tells faults."""
+
+import hashlib
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.codec.maps import plane_channels
+from ntc.codec.model import Pack
+from ntc.codec.reference import decode_image
+from ntc.pack.file import read_pack
+from tests.end_to_end.export.browser import Browser, chromium, served
+from tests.end_to_end.export.material_scene import materials_scene
+from viewer import cli
+from viewer.export.web.export import PAGE
+from viewer.locations import builtin_scene_path
+from viewer.scene.images import decode_image as decode_picture
+from viewer.scene.load import load_scene
+from viewer.state.pack_files import match_scene
+
+ENCODINGS = {
+    "grid": ["--codec", "grid", "--steps", "30", "--device", "cpu", "--maps", "base"],
+    "block": ["--codec", "block", "--bits", "4", "--maps", "base"],
+    "materials": ["--codec", "block", "--bits", "8", "--maps", "all"],
+}
+READY = "document.documentElement.dataset.first || !document.getElementById('error').hidden"
+COMPLETE = "document.documentElement.dataset.state === 'complete'"
+ERROR = "document.getElementById('error').hidden ? '' : document.getElementById('error').textContent"
+
+pytestmark = pytest.mark.process
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return materials_scene().write(tmp_path_factory.mktemp("scene") / "scene.glb")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if chromium() is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+def page_of(scene: Path, folder: Path, kind: str) -> tuple[Path, Pack]:
+    """The page of `scene` in an encoding of ENCODINGS, and the pack."""
+    pack = folder / f"{kind}.ntc"
+    assert cli.main(["encode", str(scene), "--out", str(pack), "--grouping", "baseline", *ENCODINGS[kind]]) == 0
+    page = folder / f"page of {kind}"
+    assert cli.main(["export", str(scene), "--pack", str(pack), "--web", str(page)]) == 0
+    return page, read_pack(pack)
+
+
+def decoded(browser: Browser, texture: int, plane: str, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """[H, W, 4] of the largest mip as the page decodes it."""
+    width, height = size
+    values = browser.ask(
+        f"""(async () => {{
+            const {{ decoder, renderer }} = window.ntcPage;
+            const target = await decoder.decode({texture}, {json.dumps(plane)}, [0, 0], 0);
+            const bytes = new Uint8Array({width * height * 4});
+            const gl = renderer.getContext();
+            renderer.setRenderTarget(target, 0, 0);
+            gl.readPixels(0, 0, {width}, {height}, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+            renderer.setRenderTarget(null);
+            return [...bytes];
+        }})()"""
+    )
+    return np.array(values, np.uint8).reshape(height, width, 4)
+
+
+@pytest.mark.parametrize("kind", list(ENCODINGS))
+def test_the_browser_decodes_what_the_float64_reference_does(
+    scene: Path, tmp_path: Path, browser: Browser, kind: str
+) -> None:
+    page, pack = page_of(scene, tmp_path, kind)
+    layers = [layer for layer in match_scene(pack, load_scene(scene)).texture_index if layer >= 0]
+    compared = 0
+    with served(page) as address:
+        browser.open(address)
+        browser.wait(READY)
+        assert browser.ask(ERROR) == ""
+        for number, layer in enumerate(layers):
+            texture = pack.textures[layer]
+            expected = decode_image(pack, layer, 0)
+            for plane, channels in plane_channels(texture.maps, texture.channels).items():
+                shown = decoded(browser, number, plane, (texture.width, texture.height))
+                for component, channel in channels.items():
+                    if component == 3 and plane == "base":
+                        continue
+                    difference = np.abs(shown[..., component].astype(int) - expected[..., channel])
+                    assert difference.max() <= 2, (texture.name, plane, component)
+                    compared += difference.size
+        assert all(own.startswith(address) for own in browser.requests)
+        assert not [line for line in browser.messages if "GPU stall" not in line]
+    assert compared >= 9 * 32 * 32
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
+def test_the_page_fits_the_window_and_compares(
+    scene: Path, tmp_path: Path, browser: Browser, size: tuple[int, int]
+) -> None:
+    page, _ = page_of(scene, tmp_path, "materials")
+    with served(page) as address:
+        browser.resize(*size, mobile=size[0] < 500)
+        browser.open(f"{address}#split=0.5&heat=1&view=base")
+        browser.wait(READY)
+        browser.wait(COMPLETE)
+        assert browser.ask(ERROR) == ""
+        picture = decode_picture(browser.picture(), "the page")
+        assert picture.shape[:2] == (size[1], size[0])
+        assert picture.std() > 10.0
+        assert browser.ask("document.documentElement.scrollWidth <= window.innerWidth")
+        boxes = "['panel', 'name', 'divider'].map((id) => document.getElementById(id).getBoundingClientRect())"
+        inside = f"{boxes}.every((box) => box.left >= 0 && box.right <= window.innerWidth && box.bottom <= window.innerHeight)"
+        assert browser.ask(inside)
+        browser.wait("window.ntcPage.view.figures.psnr !== null && window.ntcPage.view.figures.divergence")
+        assert browser.ask("window.ntcPage.view.figures.psnr") > 15.0
+        assert browser.ask("window.ntcPage.view.figures.divergence.most") >= 1
+
+
+def test_damaged_files_are_told_in_a_line(scene: Path, tmp_path: Path, browser: Browser) -> None:
+    page, _ = page_of(scene, tmp_path, "block")
+    for name in ("decoders.bin", "textures/00000.bin", "scene.glb", "page.json"):
+        spoilt = tmp_path / name.replace("/", "_")
+        shutil.copytree(page, spoilt)
+        (spoilt / name).write_bytes((spoilt / name).read_bytes()[:-5])
+        with served(spoilt) as address:
+            browser.open(address)
+            browser.wait("!document.getElementById('error').hidden")
+            line = browser.ask(ERROR)
+        assert name in line
+        assert "export the page again" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["{scene}", "--pack", "{pack}"], "--web"),
+        (["{scene}", "--pack", "{pack}", "--web", "{folder}/p", "--out", "{folder}/o.glb"], "--web"),
+        (["{scene}", "--pack", "{pack}", "--web", "{folder}/p", "--as", "png"], "--as"),
+        (["{scene}", "--pack", "{pack}", "--web", "{scene}"], "is a file"),
+        (["{scene}", "--pack", "{pack}", "--web", "{others}"], "other files"),
+        (["--pack", "{pack}", "--web", "{folder}/p"], "another scene"),
+        (["{scene}", "--pack", "{folder}/none.ntc", "--web", "{folder}/p"], "none.ntc"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], named: str
+) -> None:
+    pack, folder, others = scene.with_name("base.ntc"), tmp_path / "new", tmp_path / "others"
+    if not pack.exists():
+        assert cli.main(["encode", str(scene), "--out", str(pack), "--grouping", "single", *ENCODINGS["block"]]) == 0
+    others.mkdir()
+    (others / "letter.txt").write_text("mine")
+    places = {"scene": scene, "pack": pack, "folder": folder, "others": others}
+    capsys.readouterr()
+    assert cli.main(["export", *(option.format(**places) for option in options)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert named in error
+    assert not folder.exists()
+    assert [path.name for path in others.iterdir()] == ["letter.txt"]
+
+
+def test_the_built_page_is_that_of_its_sources() -> None:
+    source = PAGE.parent / "source"
+    files = [*sorted(source.glob("*.js")), source / "package.json", source / "package-lock.json"]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
+    assert f"sources {digest}" in (PAGE / "viewer.js").read_text()[:400]
+    for name in ("index.html", "page.css", "icon.svg"):
+        assert (PAGE / name).read_bytes() == (source / name).read_bytes()
+
+
+@pytest.mark.timing
+def test_the_courtyard_is_seen_within_ten_seconds(tmp_path: Path, browser: Browser) -> None:
+    page = tmp_path / "courtyard"
+    assert cli.main(["export", str(builtin_scene_path()), "--web", str(page)]) == 0
+    with served(page) as address:
+        browser.resize(1280, 720)
+        browser.open(address)
+        browser.wait(READY)
+        assert browser.ask(ERROR) == ""
+        milliseconds = float(browser.ask("document.documentElement.dataset.first"))
+    sys.stdout.write(f"first picture after {milliseconds:.0f} ms\n")
+    assert milliseconds < 10_000.0

@@ -1,0 +1,180 @@
+"""`export --web`: writes the folder of a page."""
+
+import json
+import shutil
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, Plane
+from ntc.codec.model import Pack
+from ntc.errors import InputError
+from viewer.export.web.description import (
+    FORMAT,
+    PageFile,
+    TextureFiles,
+    describe_figures,
+    describe_material,
+    describe_texture,
+    describe_view,
+    texture_planes,
+)
+from viewer.export.web.geometry import scene_glb
+from viewer.export.web.packed import PackedTexture, decoding_shaders, packed_decoders, packed_textures
+from viewer.export.web.pictures import plane_picture, webp
+from viewer.scene.images import ProgressReport, map_in_threads
+from viewer.scene.model import Scene
+from viewer.state.pack_files import match_scene
+
+PAGE = Path(__file__).resolve().parent / "page"
+"""The files that every page has: built by `source/build.py`."""
+DESCRIPTION = "page.json"
+Originals = Literal["lossless", "none"]
+
+
+@dataclass(frozen=True)
+class PageSummary:
+    """What has been written."""
+
+    files: int
+    total_bytes: int
+    pack_bytes: int
+    """Of latents, decoders and what the page reads besides to decode."""
+    original_bytes: int
+    """Of pictures that are read only where the page compares."""
+
+
+class _Writer:
+    """Writes files below a folder and knows their sums."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.sizes: dict[str, int] = {}
+
+    def write(self, name: str, data: bytes) -> PageFile:
+        """A file, and how the page finds it."""
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        self.sizes[name] = len(data)
+        return PageFile(name, len(data), zlib.crc32(data))
+
+    def total(self, prefix: str = "") -> int:
+        """Bytes of the files whose names begin so."""
+        return sum(size for name, size in self.sizes.items() if name.startswith(prefix))
+
+
+@contextmanager
+def whole_folder(destination: Path) -> Iterator[Path]:
+    """Yield a new folder beside `destination`, which takes its place when the block ends without an exception.
+
+    Raises InputError where there is something else than an empty folder or an earlier page, and where nothing can be written.
+    """
+    if destination.exists() and not destination.is_dir():
+        raise InputError(f"{destination}: is a file; name a folder")
+    if destination.is_dir() and any(destination.iterdir()) and not (destination / DESCRIPTION).is_file():
+        raise InputError(f"{destination}: holds other files than an exported page; name a new or empty folder")
+    try:
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
+    except OSError as error:
+        raise InputError(f"{destination}: cannot be written ({error.strerror}); choose a writable folder") from error
+    try:
+        yield temporary
+        temporary.chmod(0o755)
+        old = temporary.with_suffix(".old")
+        if destination.exists():
+            destination.rename(old)
+        temporary.rename(destination)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise InputError(f"{destination}: cannot be written ({error.strerror}); check space and permissions") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _chosen(pack: Pack, scene: Scene) -> dict[int, int]:
+    """By texture of the scene that the pack holds and a material reads: its index in the pack."""
+    match = match_scene(pack, scene)
+    read = {texture for material in scene.materials for texture in map(material.plane_texture, PLANE_COMPONENTS)}
+    found = {own: index for own, index in enumerate(match.texture_index) if index >= 0 and own in read}
+    if not found:
+        raise InputError(f"{pack.name}: made for another scene than {scene.name}: {match.line()}; encode this scene")
+    return found
+
+
+def _texture_files(
+    writer: _Writer, scene: Scene, pack: Pack, originals: Originals, job: tuple[int, int, int, PackedTexture]
+) -> TextureFiles:
+    """Write the files of texture `job[0]` of the page, which is `job[1]` of the scene and `job[2]` of the pack."""
+    number, own, index, packed = job
+    source, name = scene.textures[own], f"{number:05d}"
+    planes: tuple[Plane, ...] = texture_planes(pack.textures[index]) if originals != "none" else ()
+    pictures = {
+        plane: writer.write(f"originals/{name}.{plane}.webp", webp(plane_picture(source, plane), source.name))
+        for plane in planes
+    }
+    coverage = source.alpha
+    alpha = writer.write(f"alpha/{name}.webp", webp(coverage, source.name)) if coverage is not None else None
+    data = writer.write(f"textures/{name}.bin", packed.record + packed.levels + packed.latents)
+    return TextureFiles(data, len(packed.record), len(packed.levels), pictures, alpha)
+
+
+def export_page(
+    scene: Scene, pack: Pack, destination: Path, originals: Originals = "lossless", report: ProgressReport | None = None
+) -> PageSummary:
+    """Write into the folder `destination` a page that shows `scene` with `pack`, as a whole or not at all.
+
+    Texture by texture: no more pixels are held than cores work on. `report` is told how many textures are written. Raises InputError
+    for a pack of another scene, and where the folder cannot be written.
+    """
+    chosen = _chosen(pack, scene)
+    indices = list(chosen.values())
+    with whole_folder(destination) as folder:
+        writer = _Writer(folder)
+        for path in sorted(PAGE.iterdir()):
+            writer.write(path.name, path.read_bytes())
+        glb = writer.write("scene.glb", scene_glb(scene))
+        shaders = {
+            plane: writer.write(f"shaders/{plane}.frag", text.encode()).json()
+            for plane, text in decoding_shaders(pack).items()
+        }
+        decoders = packed_decoders(pack, indices)
+        weights = writer.write("decoders.bin", decoders.data)
+        jobs = zip(range(len(chosen)), chosen, indices, packed_textures(pack, indices), strict=True)
+        write: Callable[[tuple[int, int, int, PackedTexture]], TextureFiles]
+        write = partial(_texture_files, writer, scene, pack, originals)
+        files = map_in_threads(write, jobs, report)
+        pixel_bytes = sum(
+            scene.textures[own].size[0] * scene.textures[own].size[1] * MAP_CHANNELS[name]
+            for own, index in chosen.items()
+            for name in pack.textures[index].maps
+        )
+        page = {own: number for number, own in enumerate(chosen)}
+        texture_index = [chosen.get(own, -1) for own in range(len(scene.textures))]
+        content: dict[str, Any] = {
+            "format": FORMAT,
+            "name": scene.name,
+            "scene": glb.json(),
+            "shaders": shaders,
+            "decoders": {
+                **weights.json(),
+                "integer": decoders.is_integer,
+                "rows": decoders.rows,
+                "loop_length": decoders.loop_length,
+            },
+            "textures": [
+                describe_texture(pack, pack.textures[index], own) for index, own in zip(indices, files, strict=True)
+            ],
+            "materials": [describe_material(own, pack, texture_index, page) for own in scene.materials],
+            "figures": describe_figures(pack, scene, indices, pixel_bytes),
+            **describe_view(scene),
+        }
+        writer.write(DESCRIPTION, json.dumps(content, allow_nan=False, separators=(",", ":")).encode())
+        packed = writer.total("textures/") + writer.total("decoders.bin")
+        return PageSummary(len(writer.sizes), writer.total(), packed, writer.total("originals/"))

@@ -1,0 +1,188 @@
+// What is on the screen: the picture, its divider, the divergence map, and which textures it needs.
+import * as THREE from "three";
+import { gpuDone } from "./gpu.js";
+
+const REST_MS = 160; // without a movement: then what is finer is asked for, and figures are taken
+
+export class View {
+  constructor(renderer, stage, materials, surfaces, identity) {
+    Object.assign(this, { renderer, stage, materials, surfaces, identity });
+    this.state = { view: "lit", split: null, heat: false };
+    this.figures = { frame: [], divergence: null, psnr: null };
+    this.listeners = [];
+    this.isDirty = false;
+    this.version = 0;
+    this.looked = -1; // version whose needs are known
+    this.settled = -1; // version whose figures are known
+    this.drawn = 0;
+  }
+
+  set(change) {
+    Object.assign(this.state, change);
+    if ("split" in change) this.surfaces.compare(this.state.split !== null);
+    this.moved();
+  }
+
+  /** The picture is out of date, because the camera or a setting changed. */
+  moved() {
+    ++this.version;
+    this.invalidate();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.rest(), REST_MS);
+  }
+
+  invalidate() {
+    if (this.isDirty) return;
+    this.isDirty = true;
+    requestAnimationFrame(() => this.frame());
+  }
+
+  frame() {
+    this.isDirty = false;
+    const start = (this.drawn = performance.now());
+    this.draw();
+    gpuDone(this.renderer, start).then((time) => {
+      this.figures.frame.push(time);
+      if (this.figures.frame.length > 15) this.figures.frame.shift();
+      this.tell();
+    });
+  }
+
+  material(mesh, original) {
+    return this.materials.get(mesh.userData.number, mesh.geometry, this.state.view, original);
+  }
+
+  side(original) {
+    const isLit = this.state.view === "lit";
+    this.stage.scene.background = isLit && !this.isMeasuring ? this.stage.sky : null;
+    this.renderer.toneMapping = isLit ? THREE.NeutralToneMapping : THREE.NoToneMapping;
+    this.stage.draw((mesh) => this.material(mesh, original), isLit);
+  }
+
+  draw() {
+    const { renderer } = this;
+    const { split, heat } = this.state;
+    const [width, height] = this.stage.size;
+    const place = split === null ? width : Math.round(split * width);
+    renderer.setRenderTarget(null);
+    renderer.setScissorTest(false);
+    renderer.setClearColor(0x15171c, 1);
+    renderer.autoClear = true;
+    if (split === null) this.side(false);
+    else {
+      renderer.setScissorTest(true);
+      renderer.setScissor(0, 0, place, height);
+      if (place > 0) this.side(false);
+      renderer.setScissor(place, 0, width - place, height);
+      if (place < width) this.side(true);
+      renderer.setScissorTest(false);
+    }
+    if (heat && this.figures.divergence) this.identity.show();
+  }
+
+  pixels() {
+    const gl = this.renderer.getContext();
+    const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+    const found = new Uint8Array(width * height * 4);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, found);
+    return found;
+  }
+
+  /** PSNR in dB of the picture of decoded textures against that of the originals, where there is a surface. */
+  measure() {
+    this.isMeasuring = true;
+    this.renderer.setRenderTarget(null);
+    this.renderer.setScissorTest(false);
+    const side = (original) => {
+      this.renderer.setClearColor(0x000000, 0);
+      this.side(original);
+      return this.pixels();
+    };
+    const [decoded, original] = [side(false), side(true)];
+    this.isMeasuring = false;
+    this.draw();
+    let [sum, count] = [0, 0];
+    for (let at = 0; at < decoded.length; at += 4) {
+      if (decoded[at + 3] === 0) continue;
+      for (let channel = 0; channel < 3; ++channel) sum += (decoded[at + channel] - original[at + channel]) ** 2;
+      count += 3;
+    }
+    return sum > 0 ? 10 * Math.log10((255 * 255 * count) / sum) : null;
+  }
+
+  /** Once the camera rests: what it needs, then the divergence map, then the figures. */
+  async rest() {
+    if (this.isResting) return void (this.again = true);
+    this.isResting = true;
+    try {
+      await this.need();
+      await this.diverge();
+    } finally {
+      this.isResting = false;
+      if (this.again) {
+        this.again = false;
+        this.rest();
+      }
+    }
+  }
+
+  async diverge() {
+    if (!this.state.heat) return;
+    const pixels = this.renderer.getDrawingBufferSize(new THREE.Vector2());
+    this.figures.divergence = await this.identity.diverge(this.stage.scene, this.stage.camera, this.stage.meshes, pixels.x, pixels.y);
+    this.identity.overlay.uniforms.most.value = Math.max(4, this.figures.divergence.most);
+    this.tell();
+    this.invalidate();
+  }
+
+  async need() {
+    const version = this.version;
+    if (this.looked === version) return;
+    const pixels = this.renderer.getDrawingBufferSize(new THREE.Vector2());
+    const found = await this.identity.footprints(this.stage.scene, this.stage.camera, this.stage.meshes, pixels.x, pixels.y);
+    const seen = new Map();
+    const planes = this.shownPlanes();
+    for (const [number, size] of found) {
+      for (const [plane, entry] of Object.entries(this.materials.planes(number))) {
+        if (!planes.includes(plane)) continue;
+        // As the hardware chooses: the mip below.
+        const level = Math.floor(Math.max(0, size + Math.log2(Math.max(...entry.mips[0]))));
+        seen.set(entry, Math.min(seen.get(entry) ?? Infinity, level));
+      }
+    }
+    this.looked = version;
+    this.surfaces.want(seen);
+    this.tell();
+  }
+
+  shownPlanes() {
+    return { lit: ["base", "surface", "emission"], base: ["base"], emissive: ["emission"] }[this.state.view] ?? ["surface"];
+  }
+
+  /** A texture came: the picture is out of date. Not drawn for each one of many: drawing would take the time from decoding. */
+  refreshed() {
+    const isWhole = this.surfaces.pending === 0;
+    const last = this.figures.frame.at(-1) ?? 0;
+    if (isWhole || (this.surfaces.hasFirstPicture && performance.now() - this.drawn > Math.max(200, 8 * last))) this.invalidate();
+    if (this.looked === this.version && this.surfaces.pending === 0) this.settle();
+    this.tell();
+  }
+
+  settle() {
+    if (this.settled === this.version) return;
+    this.settled = this.version;
+    // After the frame that shows the last texture.
+    requestAnimationFrame(() => {
+      this.figures.psnr = this.state.split !== null ? this.measure() : null;
+      this.tell();
+    });
+  }
+
+  get isComplete() {
+    return this.looked === this.version && this.surfaces.pending === 0;
+  }
+
+  tell() {
+    for (const listener of this.listeners) listener();
+  }
+}
