@@ -99,6 +99,11 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
     # Decoding them takes torch, which takes a second to import.
     from viewer.export.textures.export import export_textures
 
+    losses = out.with_name(f"{out.stem}.losses.csv")
+    if losses.exists() and not losses.is_file():
+        raise InputError(
+            f"{losses}: is no file, and what images lose is written there; remove it, or name another --out"
+        )
     console = Console(stderr=True)
     with Progress(
         *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
@@ -106,7 +111,6 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
         exported = export_textures(scene, pack, out, image_format, _Bar(bar, "images"))
     rows = [asdict(loss) for loss in exported.losses]
     table = Table(LOSS_COLUMNS, rows)
-    losses = out.with_name(f"{out.stem}.losses.csv")
     write_text(losses, table.csv())
     lines = [f"note: {line}" for line in exported.missing]
     if exported.kept:

@@ -1,5 +1,6 @@
 """`ntc-viewer export`: a scene with its pack is written, read back and drawn the same; other programs show its images."""
 
+import contextlib
 import csv
 import json
 import math
@@ -24,9 +25,10 @@ from tests.end_to_end.export.material_scene import materials_scene, waves
 from tests.support.meshopt_twins import meshopt_twin
 from viewer import cli
 from viewer.export.gltf import write as gltf_writing
-from viewer.export.gltf.document import GltfDocument
+from viewer.export.gltf.document import GltfDocument, read_document
+from viewer.export.gltf.write import write_gltf
 from viewer.scene.images import read_image
-from viewer.scene.load import load_scene
+from viewer.scene.load import load_scene, open_container
 from viewer.scene.report import report_lines
 from viewer.state.pack_files import match_scene, packs_of
 
@@ -183,6 +185,34 @@ def test_nothing_stays_of_an_export_that_fails_midway(
     monkeypatch.setattr(gltf_writing, "_json_bytes", fail)
     assert export(scene, tmp_path / f"other{suffix}") == 2
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [OSError("full"), KeyboardInterrupt()])
+def test_an_earlier_export_stays_where_the_next_one_fails(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    out = tmp_path / "other.gltf"
+    assert export(scene, out, "--fallback", "jpeg") == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def fail(_self: Path, _target: Path) -> Path:
+        raise error
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", fail)
+        with contextlib.suppress(InputError, KeyboardInterrupt):
+            write_gltf(out, read_document(open_container(scene)))
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert not load_scene(out).report.missing
+
+
+def test_losses_that_cannot_be_written_are_told_first(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "other.losses.csv").mkdir()
+    assert export(scene, tmp_path / "other.gltf", "--as", "png") == 2
+    assert "other.losses.csv" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["other.losses.csv"]
 
 
 def spoil_uri(content: dict[str, Any]) -> None:

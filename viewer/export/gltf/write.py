@@ -5,7 +5,6 @@ import re
 import shutil
 import struct
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -49,21 +48,31 @@ def write_gltf(out: Path, document: GltfDocument) -> int:
         byte_count = _write_files(document, content, folder.name)
         text = _json_bytes(document)
         (made / "scene.gltf").write_bytes(text)
-        if folder.exists():
-            folder.rename(made / "before")
-        # An empty folder would be one more thing to wonder about.
-        if any(content.iterdir()):
-            content.rename(folder)
-        (made / "scene.gltf").replace(out)
+        _take_places(out, made)
     except OSError as error:
-        if (made / "before").exists() and not folder.exists():
-            with suppress(OSError):
-                (made / "before").rename(folder)
         problem = f"{out}: cannot be written ({error.strerror or error}); check space and permissions"
         raise InputError(problem) from error
     finally:
         shutil.rmtree(made, ignore_errors=True)
     return byte_count + len(text)
+
+
+def _take_places(out: Path, made: Path) -> None:
+    """Put the file and the folder that lie in `made` where `out` and its folder are. Whatever is raised, those before are back."""
+    folder, before, content = files_folder(out), made / "before", made / "files"
+    if folder.exists():
+        folder.rename(before)
+    try:
+        # An empty folder would be one more thing to wonder about.
+        if any(content.iterdir()):
+            content.rename(folder)
+        (made / "scene.gltf").replace(out)
+    except BaseException:
+        if not content.exists():
+            folder.rename(content)
+        if before.exists():
+            before.rename(folder)
+        raise
 
 
 def _json_bytes(document: GltfDocument) -> bytes:
