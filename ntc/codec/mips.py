@@ -58,6 +58,11 @@ def normal_vectors(coded: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.concatenate([xy, z], axis=-1)
 
 
+def coded_z(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """[H, W, 1] uint8: z of the normals whose xy are `coded` [H, W, 2] uint8, as (n + 1) / 2."""
+    return np.asarray(np.rint((normal_vectors(coded)[..., 2:] * 0.5 + 0.5) * 255.0), np.uint8)
+
+
 def coded_normals(vectors: NDArray[np.float32]) -> NDArray[np.uint8]:
     """[H, W, 2] uint8: xy of `vectors` [H, W, 3] made unit vectors, as (n + 1) / 2; straight up where they have no length."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)

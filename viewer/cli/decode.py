@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import MapName, map_slices
-from ntc.codec.mips import normal_vectors
+from ntc.codec.mips import coded_z
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
@@ -48,8 +48,7 @@ def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapNa
     for name, place in map_slices(maps, pixels.shape[2]).items():
         images[name] = np.ascontiguousarray(pixels[..., place])
         if name == "normal":
-            z = normal_vectors(images[name])[..., 2:] * 0.5 + 0.5
-            images[name] = np.concatenate([images[name], np.rint(z * 255.0).astype(np.uint8)], axis=-1)
+            images[name] = np.concatenate([images[name], coded_z(images[name])], axis=-1)
     return images
 
 

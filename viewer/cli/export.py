@@ -1,7 +1,8 @@
 """`ntc-viewer export`: a scene and its pack for other programs."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from ntc.io import write_text
 from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
-from viewer.cli.sources import load_with_progress
+from viewer.cli.sources import ShownProgress, load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.export import Fallback, ImageFormat
 from viewer.export.gltf.export import ExportedScene, export_gltf
@@ -79,14 +80,19 @@ def export(options: ExportOptions) -> int:
     return 0
 
 
+@contextmanager
+def _progress(title: str) -> Iterator[ShownProgress]:
+    """A bar with the time that is left, where there is a terminal."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        yield ShownProgress(bar, title)
+
+
 def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
-    console = Console(stderr=True)
     scene, pack = load_with_progress(scene_path), read_pack(pack_path)
-    with Progress(
-        *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", _Bar(bar, "textures"))
+    with _progress("textures") as report:
+        page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", report)
     parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
     return [
         f"wrote {folder} ({page.files} files, {page.total_bytes / 1e6:.2f} MB: {parts})",
@@ -104,11 +110,8 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
         raise InputError(
             f"{losses}: is no file, and what images lose is written there; remove it, or name another --out"
         )
-    console = Console(stderr=True)
-    with Progress(
-        *Progress.get_default_columns(), console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        exported = export_textures(scene, pack, out, image_format, _Bar(bar, "images"))
+    with _progress("images") as report:
+        exported = export_textures(scene, pack, out, image_format, report)
     rows = [asdict(loss) for loss in exported.losses]
     table = Table(LOSS_COLUMNS, rows)
     write_text(losses, table.csv())
@@ -129,14 +132,3 @@ def _mean_db(values: Sequence[float | None]) -> str:
         return "-"
     error = sum(map(mse_of_psnr, known)) / len(known)
     return f"{psnr_of_mse(error):.2f} dB" if error > 0.0 else "without loss"
-
-
-class _Bar:
-    """Shows how many images or textures are written."""
-
-    def __init__(self, bar: Progress, title: str) -> None:
-        self._bar, self._task = bar, bar.add_task(title, total=None)
-
-    def progress(self, done: int, of: int) -> None:
-        """`done` of `of` are written."""
-        self._bar.update(self._task, completed=done, total=of)

@@ -49,14 +49,14 @@ def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -
     return scene
 
 
-class _Bar:
-    """Shows how far the opening of a scene is."""
+class ShownProgress:
+    """Shows on a terminal how far long work is."""
 
     def __init__(self, bar: Progress, title: str) -> None:
         self._bar, self._task = bar, bar.add_task(title, total=None)
 
     def progress(self, done: int, of: int) -> None:
-        """`done` of `of` images are known."""
+        """`done` of `of` steps are done."""
         self._bar.update(self._task, completed=done, total=of)
 
 
@@ -67,7 +67,7 @@ def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) 
         return load_scene(path, variant, pose)
     columns = (*Progress.get_default_columns(), TextColumn("{task.completed} of {task.total} images"))
     with Progress(*columns, console=console, transient=True) as bar:
-        return load_scene(path, variant, pose, _Bar(bar, f"opening {path.name}"))
+        return load_scene(path, variant, pose, ShownProgress(bar, f"opening {path.name}"))
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:

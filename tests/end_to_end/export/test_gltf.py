@@ -27,6 +27,7 @@ from viewer import cli
 from viewer.export.gltf import write as gltf_writing
 from viewer.export.gltf.document import GltfDocument, read_document
 from viewer.export.gltf.write import write_gltf
+from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene, open_container
 from viewer.scene.report import report_lines
@@ -201,7 +202,8 @@ def test_an_earlier_export_stays_where_the_next_one_fails(
     with monkeypatch.context() as patched:
         patched.setattr(Path, "replace", fail)
         with contextlib.suppress(InputError, KeyboardInterrupt):
-            write_gltf(out, read_document(open_container(scene)))
+            file = open_container(scene)
+            write_gltf(out, read_document(file, Buffers(file)))
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     assert not load_scene(out).report.missing
 

@@ -154,9 +154,8 @@ def _compacted(data: NDArray[np.uint8], owners: list[dict[str, Any]]) -> NDArray
     return np.concatenate(parts) if parts else data[:0]
 
 
-def read_document(file: GltfFile) -> GltfDocument:
+def read_document(file: GltfFile, buffers: Buffers) -> GltfDocument:
     """All that `file` holds and names. Images that cannot be read stay out, and are told. Raises InputError for others."""
-    buffers = Buffers(file)
     found: list[NDArray[np.uint8] | None] = []
     for number, entry in enumerate(file.entries("buffers")):
         has_data = "uri" in entry or (number == 0 and file.binary is not None)

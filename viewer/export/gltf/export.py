@@ -50,7 +50,7 @@ def export_gltf(
     opened = open_export(scene_path, pack_path, out, report)
     pack, document, options = opened.pack, opened.document, opened.options
     whole = held_whole(opened.file, opened.scene, options)
-    replaced = apply_fallback(document, opened.file, whole, fallback)
+    replaced = apply_fallback(document, opened.file, opened.buffers, whole, fallback)
     # Where it lies beside the new file already, it is not copied.
     beside = same_place(pack_path.parent, out.parent) and pack_path.exists()
     target = pack_path if beside else exported_pack_path(out, pack)
@@ -58,9 +58,8 @@ def export_gltf(
     if fallback == "none" and replaced:
         document.use_extension(SWIZZLE, required=True)
     existed = target.exists()
-    data = read_file(pack_path)
     if not beside:
-        write_bytes(target, data)
+        write_bytes(target, read_file(pack_path))
     try:
         written = write_gltf(out, document)
     except BaseException:
@@ -71,7 +70,7 @@ def export_gltf(
         out,
         target,
         written,
-        len(data),
+        target.stat().st_size,
         opened.match.matched,
         len(opened.scene.textures),
         replaced,

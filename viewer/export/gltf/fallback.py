@@ -10,14 +10,14 @@ from PIL import Image
 from ntc.errors import InputError
 from viewer.export import Fallback
 from viewer.export.gltf.document import GltfDocument, ImageFile
-from viewer.scene.gltf.buffers import Buffers, read_uri
+from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.maps.images import image_bytes
+from viewer.scene.gltf.textures import IMAGE_EXTENSIONS
 from viewer.scene.images import decode_image, is_constant
 
 JPEG_QUALITY = 90
 """Of libjpeg, without subsampling of colour: normals and roughness are no colours."""
-OTHER_SOURCES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
-"""Extensions of a texture that name another image of it."""
 
 
 def replaceable_images(document: GltfDocument, textures: set[int]) -> tuple[int, ...]:
@@ -30,11 +30,13 @@ def replaceable_images(document: GltfDocument, textures: set[int]) -> tuple[int,
 
 def _images_of(texture: dict[str, Any]) -> set[int]:
     extensions = texture.get("extensions", {})
-    owners = [texture, *(extensions[name] for name in OTHER_SOURCES if name in extensions)]
+    owners = [texture, *(extensions[name] for name in IMAGE_EXTENSIONS if name in extensions)]
     return {owner["source"] for owner in owners if isinstance(owner.get("source"), int)}
 
 
-def apply_fallback(document: GltfDocument, file: GltfFile, textures: set[int], fallback: Fallback) -> int:
+def apply_fallback(
+    document: GltfDocument, file: GltfFile, buffers: Buffers, textures: set[int], fallback: Fallback
+) -> int:
     """Replace the images of the texture entries `textures`, which a pack holds whole; returns how many were replaced.
 
     Raises InputError for images that cannot be read.
@@ -45,7 +47,6 @@ def apply_fallback(document: GltfDocument, file: GltfFile, textures: set[int], f
     if fallback == "none":
         document.remove_images(set(images))
         return len(images)
-    buffers = Buffers(file)
     replaced = 0
     for index in images:
         found = _as_jpeg(file, buffers, index)
@@ -58,7 +59,7 @@ def apply_fallback(document: GltfDocument, file: GltfFile, textures: set[int], f
 def _as_jpeg(file: GltfFile, buffers: Buffers, index: int) -> ImageFile | None:
     """Image entry `index` as JPEG; None where that cannot hold it."""
     name = file.label(file.entries("images")[index], f"image {index}")
-    pixels = decode_image(_image_bytes(file, buffers, index), f"{file.name}: images[{index}]")
+    pixels = decode_image(image_bytes(file, buffers, index), f"{file.name}: images[{index}]")
     # JPEG has no alpha, and could make one colour of an image that has hardly more.
     if pixels.shape[2] != 3:
         return None
@@ -68,10 +69,10 @@ def _as_jpeg(file: GltfFile, buffers: Buffers, index: int) -> ImageFile | None:
     return ImageFile(f"{name.rsplit('.', 1)[0]}.jpg", "image/jpeg", lambda: data)
 
 
-def image_pixels(file: GltfFile, index: int) -> NDArray[np.uint8] | None:
+def image_pixels(file: GltfFile, buffers: Buffers, index: int) -> NDArray[np.uint8] | None:
     """[H, W, 3 or 4] of image entry `index`; None where it cannot be read, or lies in a pack alone."""
     try:
-        return decode_image(_image_bytes(file, Buffers(file), index), f"{file.name}: images[{index}]")
+        return decode_image(image_bytes(file, buffers, index), f"{file.name}: images[{index}]")
     except InputError:
         return None
 
@@ -81,13 +82,3 @@ def jpeg(pixels: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     return buffer.getvalue()
-
-
-def _image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
-    entry = file.entries("images")[index]
-    where = f"images[{index}]"
-    if "uri" in entry:
-        return read_uri(file, file.text(entry, "uri", where), f"{where}.uri")
-    if "bufferView" in entry:
-        return buffers.view(entry["bufferView"], f"{where}.bufferView")[0].tobytes()
-    raise InputError(f"{file.name}: {where}: has neither a uri nor a bufferView")

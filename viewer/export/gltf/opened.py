@@ -11,6 +11,7 @@ from ntc.pack.match import PackMatch, require_match
 from viewer.export.gltf.document import GltfDocument, read_document
 from viewer.export.gltf.options import PackedTextureOption, packed_options, remove_packs
 from viewer.export.gltf.write import files_folder
+from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.packed_textures import with_packed_images
 from viewer.scene.images import ProgressReport
@@ -26,6 +27,8 @@ class OpenedExport:
 
     file: GltfFile
     """As it was read; images that only a pack holds are entries too."""
+    buffers: Buffers
+    """Of `file`, each read once."""
     scene: Scene
     pack: Pack
     match: PackMatch
@@ -59,7 +62,9 @@ def open_export(scene_path: Path, pack_path: Path, out: Path, report: ProgressRe
     scene = build_scene(file, scene_path.stem, scene_path, report=report)
     match = match_scene(pack, scene)
     require_match(pack, match, scene.name)
-    document = read_document(file)
+    buffers = Buffers(file)
+    document = read_document(file, buffers)
     remove_packs(document)
     file = with_packed_images(file)
-    return OpenedExport(file, scene, pack, match, document, packed_options(file, scene, pack, match.texture_index))
+    options = packed_options(file, scene, pack, match.texture_index)
+    return OpenedExport(file, buffers, scene, pack, match, document, options)

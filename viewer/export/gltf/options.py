@@ -11,6 +11,7 @@ from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.maps.map_pixels import CHANNELS
 from viewer.scene.gltf.materials import MaterialSource, read_materials
 from viewer.scene.gltf.packed_textures import NO_CHANNEL, PACK_MIME_TYPE, PIXEL_HASH, SWIZZLE
+from viewer.scene.gltf.textures import TextureReference
 from viewer.scene.model import Scene
 from viewer.scene.report import ReportNotes
 
@@ -30,6 +31,8 @@ TEXTURE_PLACES: Mapping[MapName, tuple[tuple[str, ...], ...]] = {
 class PackedTextureOption:
     """A texture of the pack that stands for a texture entry of the file, in some materials."""
 
+    image: int
+    """Index of the file's image that it stands for, as the viewer chooses it."""
     layer: int
     channels: list[int] = field(default_factory=lambda: [NO_CHANNEL] * 4)
     """By component of the glTF texture: the channel of the pack's texture."""
@@ -48,13 +51,15 @@ def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
     return dict(enumerate([*colors, own[-1]] if len(own) in (2, 4) else colors))
 
 
-def _packed_maps(scene: Scene, sources: tuple[MaterialSource, ...]) -> Iterator[tuple[int, MapName, int, int]]:
-    """(material, map, texture entry of the file, texture of the scene) of all maps that textures of the scene hold."""
+def _packed_maps(
+    scene: Scene, sources: tuple[MaterialSource, ...]
+) -> Iterator[tuple[int, MapName, TextureReference, int]]:
+    """(material, map, its reference in the file, texture of the scene) of all maps that textures of the scene hold."""
     for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
         for name, reference in source.maps.items():
             plane = material.plane(PLANE_OF_MAP[name])
             if plane is not None and name in plane.maps:
-                yield number, name, reference.texture, plane.texture_id
+                yield number, name, reference, plane.texture_id
 
 
 def packed_options(
@@ -62,14 +67,14 @@ def packed_options(
 ) -> dict[int, list[PackedTextureOption]]:
     """By texture entry of `file`: the textures of `pack` that stand for it. `layers`: by texture of `scene`, or -1."""
     found: dict[int, list[PackedTextureOption]] = {}
-    for material, name, entry, texture_id in _packed_maps(scene, read_materials(file, ReportNotes())):
+    for material, name, reference, texture_id in _packed_maps(scene, read_materials(file, ReportNotes())):
         layer = layers[texture_id]
         if layer < 0 or name not in pack.textures[layer].maps:
             continue
-        options = found.setdefault(entry, [])
+        options = found.setdefault(reference.texture, [])
         option = next((each for each in options if each.layer == layer), None)
         if option is None:
-            option = PackedTextureOption(layer)
+            option = PackedTextureOption(reference.image, layer)
             options.append(option)
         for component, channel in _channels(pack.textures[layer], name).items():
             option.channels[component] = channel

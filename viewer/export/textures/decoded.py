@@ -10,7 +10,7 @@ from PIL import Image
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import SRGB_MAPS
-from ntc.codec.mips import normal_vectors
+from ntc.codec.mips import coded_z
 from ntc.codec.model import Pack
 from viewer.export.gltf.options import PackedTextureOption
 from viewer.scene.gltf.packed_textures import NO_CHANNEL
@@ -57,11 +57,10 @@ class DecodedImage:
         held = [k for k, channel in enumerate(self.option.channels) if channel != NO_CHANNEL]
         return [0, 1, 2] if self.is_normal else held
 
-    def mips(self, decode: LevelDecoder, all_levels: bool) -> list[Pixels]:
-        """The largest level that the pack has, or all from it on: [h, w, 3], or 4 where the original has alpha. Raises InputError."""
+    def mips(self, decode: LevelDecoder, original: Pixels | None, all_levels: bool) -> list[Pixels]:
+        """The largest level that the pack has, or all from it on: [h, w, 3], or 4 where `original` has alpha."""
         layer = self.option.layer
         texture = self.pack.textures[layer]
-        original = self.original()
         levels = latent_levels(texture.width, texture.height, self.pack.config)
         return [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
 
@@ -75,8 +74,7 @@ class DecodedImage:
             if channel != NO_CHANNEL:
                 whole[..., component] = decoded[..., channel]
         if self.is_normal:
-            z = normal_vectors(np.ascontiguousarray(whole[..., :2]))[..., 2]
-            whole[..., 2] = np.rint((z * 0.5 + 0.5) * 255.0)
+            whole[..., 2:3] = coded_z(whole[..., :2])
         return whole
 
 

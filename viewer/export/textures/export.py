@@ -1,7 +1,8 @@
 """`ntc-viewer export SCENE --pack F --out G.gltf --as FORMAT`: the scene with the images that its pack decodes to."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 from ntc.metrics.metrics import psnr_db
 from viewer.export import ImageFormat
 from viewer.export.gltf.document import GltfDocument, ImageFile
-from viewer.export.gltf.fallback import OTHER_SOURCES, image_pixels
+from viewer.export.gltf.fallback import image_pixels
 from viewer.export.gltf.opened import OpenedExport, open_export
 from viewer.export.gltf.options import PackedTextureOption, separate_entries
 from viewer.export.gltf.write import write_gltf
 from viewer.export.textures.decoded import DecodedImage, LevelDecoder, resized, torch_decoder
 from viewer.export.textures.formats import FORMATS, StoredFormat
+from viewer.scene.gltf.textures import IMAGE_EXTENSIONS
 from viewer.scene.images import ProgressReport
 
 Pixels = NDArray[np.uint8]
@@ -67,10 +69,10 @@ class _Storing:
         return ImageFile(f"{name}{self._stored.suffix}", self._stored.mime_type, lambda: self._made(image, name))
 
     def _made(self, image: DecodedImage, name: str) -> bytes:
-        mips = image.mips(self._decode, self._stored.has_mips)
+        original = image.original()
+        mips = image.mips(self._decode, original, self._stored.has_mips)
         stored = self._stored.store(mips, image.srgb)
         height, width = mips[0].shape[:2]
-        original = image.original()
         if original is not None:
             original = resized(original, width, height)
         alone = None if original is None else self._stored.store([original], image.srgb).read
@@ -105,7 +107,7 @@ def export_textures(
     storing = _Storing(stored, torch_decoder(opened.pack), len(images), report)
     document = opened.document
     first = len(document.entries("images"))
-    for place, ((source, _), (image, numbers)) in enumerate(images.items()):
+    for place, ((source, *_), (image, numbers)) in enumerate(images.items()):
         name = opened.file.label(opened.file.entries("images")[source], f"image {source}")
         index = first + place
         document.entries("images").append({"name": name})
@@ -120,36 +122,27 @@ def export_textures(
     return ExportedTextures(out, written, tuple(storing.losses), kept, tuple(document.missing))
 
 
-_Key = tuple[int, tuple[int, tuple[int, ...]]]
+_Key = tuple[int, int, tuple[int, ...]]
 
 
 def _distinct(
     opened: OpenedExport, entries: list[tuple[int, PackedTextureOption]]
 ) -> Mapping[_Key, tuple[DecodedImage, list[int]]]:
-    """By (image of the file, what stands for it): the image to write, and the texture entries that show it."""
+    """By (image of the file, texture of the pack, its channels): the image to write, and the texture entries that show it."""
     found: dict[_Key, tuple[DecodedImage, list[int]]] = {}
-    textures = opened.document.entries("textures")
-    of_file = opened.file.entries("textures")
     for number, option in entries:
-        # Entries that were separated have the image of the one that they were separated from.
-        plain = of_file[number] if number < len(of_file) else textures[number]
-        owners = [plain.get("extensions", {}).get(name, {}) for name in OTHER_SOURCES]
-        source = next(owner["source"] for owner in (*owners, plain) if isinstance(owner.get("source"), int))
-        key = source, (option.layer, tuple(option.channels))
+        key = option.image, option.layer, tuple(option.channels)
         if key not in found:
-            found[key] = DecodedImage(opened.pack, option, _original(opened, source)), []
+            original = partial(image_pixels, opened.file, opened.buffers, option.image)
+            found[key] = DecodedImage(opened.pack, option, original), []
         found[key][1].append(number)
     return found
-
-
-def _original(opened: OpenedExport, image: int) -> Callable[[], Pixels | None]:
-    return lambda: image_pixels(opened.file, image)
 
 
 def _name_image(texture: dict[str, object], image: int, stored: StoredFormat) -> None:
     """Let a texture entry show image entry `image` alone."""
     extensions = texture.get("extensions")
-    kept = {k: v for k, v in extensions.items() if k not in OTHER_SOURCES} if isinstance(extensions, dict) else {}
+    kept = {k: v for k, v in extensions.items() if k not in IMAGE_EXTENSIONS} if isinstance(extensions, dict) else {}
     texture.pop("source", None)
     texture.pop("extensions", None)
     if stored.extension:

@@ -143,6 +143,11 @@ def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, by
     raise file.fail(where, "has neither a uri nor a bufferView")
 
 
+def image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
+    """The file of image `index`, wherever it lies. Raises InputError."""
+    return _found(file, buffers, index)[1]
+
+
 def _source(file: GltfFile, index: int) -> tuple[str, Any]:
     """What image `index` is read from: images with the same source are decoded once."""
     entry = file.entries("images")[index]

@@ -226,43 +226,40 @@ class _Gathering:
 
 def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
     further = {key: draft.maps[key] for key in MAPS if key in draft.maps}
-    maps: tuple[MapName, ...]
     base, source = draft.base, ImagesOfTexture(draft.base, further, cache)
-    has_alpha = base is not None and base.facts.has_alpha
-    packed_hash = draft.packed_hash
-    only_packed = next(
-        (found.image.packed_hash for found in further.values()), base.packed_hash if base is not None else ""
-    )
-    if only_packed:
-        # Not what its pixels would give: they would have to be decoded for that.
-        maps = (*(BASE_ALONE if base is not None else ()), *further)
-        return SceneTexture(
-            name,
-            draft.size,
-            has_alpha,
-            only_packed,
-            draft.origin,
-            source,
-            draft.category,
-            maps,
-            only_packed,
-            packed_hash,
-        )
-    base_hash = base.facts.pixel_hash if base is not None else ""
-    if base is not None and not further:
-        return SceneTexture(
-            name, draft.size, has_alpha, base_hash, draft.origin, source, draft.category, packed_hash=packed_hash
-        )
-    key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
-    set_hash = facts.set_hash(key)
-    if set_hash is None:
-        set_hash = source.set_hash()
-    facts.add_set(key, set_hash)
-    maps = (*(BASE_ALONE if base is not None else ()), *further)
-    digest = base_hash or set_hash
+    maps: tuple[MapName, ...] = (*(BASE_ALONE if base is not None else ()), *further)
+    read = [*(found.image for found in further.values()), *([base] if base is not None else [])]
+    # Of what a pack alone holds not what its pixels would give: they would have to be decoded for that.
+    digest = set_hash = read[0].packed_hash
+    if not digest:
+        digest = base.facts.pixel_hash if base is not None else ""
+        if further:
+            set_hash = _set_hash(digest, draft, further, source, facts)
+            digest = digest or set_hash
     return SceneTexture(
-        name, draft.size, has_alpha, digest, draft.origin, source, draft.category, maps, set_hash, packed_hash
+        name,
+        draft.size,
+        base is not None and base.facts.has_alpha,
+        digest,
+        draft.origin,
+        source,
+        draft.category,
+        maps,
+        set_hash,
+        draft.packed_hash,
     )
+
+
+def _set_hash(
+    base_hash: str, draft: _Draft, further: Mapping[MapName, ImageMap], source: ImagesOfTexture, facts: FactsFile
+) -> str:
+    """The hash of all maps of a set, as it is known, else of its pixels."""
+    key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
+    found = facts.set_hash(key)
+    if found is None:
+        found = source.set_hash()
+    facts.add_set(key, found)
+    return found
 
 
 def _with_base(material: Material, image: SceneImage | None, texture_id: int) -> Material:
