@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 import stat
 import sys
 import tempfile
@@ -141,6 +142,42 @@ def atomic_path(destination: Path) -> Iterator[Path]:
             temporary.unlink()
         if sys.platform != "win32":
             os.close(handle)
+
+
+@contextmanager
+def atomic_folder(destination: Path, mark: str) -> Iterator[Path]:
+    """Yield a new folder beside `destination`, which takes its place when the block ends without an exception.
+
+    What it replaces is an empty folder, or one written earlier: such a folder has a file called `mark`. Raises InputError where there
+    is something else, and where nothing can be written; then all is as it was.
+    """
+    if destination.exists() and not destination.is_dir():
+        raise InputError(f"{destination}: is a file; name a folder")
+    if destination.is_dir() and any(destination.iterdir()) and not (destination / mark).is_file():
+        raise InputError(f"{destination}: holds other files than an earlier export; name a new or empty folder")
+    try:
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        prefix = f".{destination.name[:STEM_SHOWN]}."
+        made = Path(tempfile.mkdtemp(prefix=prefix, suffix=PARTIAL_MARK, dir=destination.parent))
+    except OSError as error:
+        raise InputError(f"{destination}: cannot be written ({error.strerror}); choose a writable folder") from error
+    before = made / "before"
+    try:
+        content = made / "content"
+        content.mkdir()
+        yield content
+        if destination.exists():
+            destination.rename(before)
+        try:
+            content.rename(destination)
+        except OSError:
+            if before.exists():
+                before.rename(destination)
+            raise
+    except OSError as error:
+        raise InputError(f"{destination}: cannot be written ({error.strerror}); check space and permissions") from error
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
 
 
 def numbered_path(path: Path) -> Path:

@@ -39,16 +39,16 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     uint before = classes & ((1u << (2 * place)) - 1u);
     uint low = before & 0x55555555u;
     uint high = (before >> 1) & 0x55555555u;
-    code.first_word += int(latent_words[entry]) + place * CLASS_WORDS.x;
-    code.first_word += bitCount(low & ~high) * (CLASS_WORDS.y - CLASS_WORDS.x);
-    code.first_word += bitCount(high & ~low) * (CLASS_WORDS.z - CLASS_WORDS.x);
-    code.first_word += bitCount(low & high) * (CLASS_WORDS.w - CLASS_WORDS.x);
+    code.first_word += int(latent_words[entry]) + place * CLASS_0_WORDS;
+    code.first_word += bitCount(low & ~high) * (CLASS_1_WORDS - CLASS_0_WORDS);
+    code.first_word += bitCount(high & ~low) * (CLASS_2_WORDS - CLASS_0_WORDS);
+    code.first_word += bitCount(low & high) * (CLASS_3_WORDS - CLASS_0_WORDS);
     int words = size_class < 2
-        ? (size_class == 0 ? CLASS_WORDS.x : CLASS_WORDS.y)
-        : (size_class == 2 ? CLASS_WORDS.z : CLASS_WORDS.w);
+        ? (size_class == 0 ? CLASS_0_WORDS : CLASS_1_WORDS)
+        : (size_class == 2 ? CLASS_2_WORDS : CLASS_3_WORDS);
     code.lists += size_class * MODES * LIST_BLOCKS;
 #else
-    int words = CLASS_WORDS.x;
+    int words = CLASS_0_WORDS;
     code.first_word += number * words;
 #endif
     code.last_word = code.first_word + words - 1;
@@ -144,13 +144,13 @@ Four next_four(inout Reader reader, Code code, int part) {
     return four;
 }
 
-// Adds the products of four coefficients with their bytes of the basis for one texel.
-void add_texel(inout CHANNELS_T sum, Four four, Code code, int part, int texel) {
-    if (!four.any) return;
+// `sum` and the products of four coefficients with their bytes of the basis for one texel.
+CHANNELS_T add_texel(CHANNELS_T sum, Four four, Code code, int part, int texel) {
+    if (!four.any) return sum;
     uvec4 texels = table_block(code.basis + part * (BLOCK_SIDE * BLOCK_SIDE / 4) + (texel >> 2));
     uvec2 pair = (texel & 2) == 0 ? texels.xy : texels.zw;
     int bits = int((texel & 1) == 0 ? pair.x : pair.y);
-    sum += CHANNELS_T(four.columns * vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24));
+    return sum + CHANNELS_T(four.columns * vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24));
 }
 #else
 #define Four vec4
@@ -162,11 +162,11 @@ CHANNELS_T basis_row(uint word) {
     return CHANNELS_T(BASIS_BYTES(bits));
 }
 
-// Adds the products of four coefficients with the rows of one texel.
-void add_texel(inout CHANNELS_T sum, vec4 values, Code code, int part, int texel) {
+// `sum` and the products of four coefficients with the rows of one texel.
+CHANNELS_T add_texel(CHANNELS_T sum, vec4 values, Code code, int part, int texel) {
     uvec4 rows = table_block(code.basis + part * BLOCK_SIDE * BLOCK_SIDE + texel);
     sum += values.x * basis_row(rows.x) + values.y * basis_row(rows.y);
-    sum += values.z * basis_row(rows.z) + values.w * basis_row(rows.w);
+    return sum + (values.z * basis_row(rows.z) + values.w * basis_row(rows.w));
 }
 #endif
 
@@ -183,10 +183,10 @@ Texels block_texels(Code code, ivec4 texels) {
     Reader reader = reader_of(code);
     for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
         Four values = next_four(reader, code, part);
-        add_texel(sums.first, values, code, part, texels.x);
-        add_texel(sums.second, values, code, part, texels.y);
-        add_texel(sums.third, values, code, part, texels.z);
-        add_texel(sums.fourth, values, code, part, texels.w);
+        sums.first = add_texel(sums.first, values, code, part, texels.x);
+        sums.second = add_texel(sums.second, values, code, part, texels.y);
+        sums.third = add_texel(sums.third, values, code, part, texels.z);
+        sums.fourth = add_texel(sums.fourth, values, code, part, texels.w);
     }
     return sums;
 }
@@ -196,7 +196,7 @@ CHANNELS_T block_texel(Code code, int texel) {
     CHANNELS_T sum = CHANNELS_T(0.0);
     Reader reader = reader_of(code);
     for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
-        add_texel(sum, next_four(reader, code, part), code, part, texel);
+        sum = add_texel(sum, next_four(reader, code, part), code, part, texel);
     }
     return sum;
 }

@@ -34,7 +34,7 @@ float as_fraction(uint steps) {
 
 // The centre of texel `texel` of a side of `texels`, in units of 2^-32 of the side.
 uint texel_centre(int texel, int texels) {
-    uint near = uint((float(texel) + 0.5) / float(texels) * 4294967296.0);
+    uint near = uint((0.5 + float(texel)) / float(texels) * 4294967296.0);
     // A quotient in fp32 is off by up to some thousandths of a texel: the rest is computed in integers.
     int missing = int(0x80000000u - place_along(near, texels).within);
     return near + uint(int(roundEven(float(missing) / float(texels))));

@@ -16,7 +16,7 @@ from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
 from viewer.cli.sources import ShownProgress, load_with_progress
 from viewer.cli.table import Column, Table
-from viewer.export import Fallback, ImageFormat
+from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.export.gltf.export import ExportedScene, export_gltf
 from viewer.export.web.export import export_page
 from viewer.locations import builtin_scene_path, named_scene
@@ -64,10 +64,17 @@ def result_lines(exported: ExportedScene) -> list[str]:
 def export(options: ExportOptions) -> int:
     """Run `ntc-viewer export`. Raises InputError for bad input."""
     if (options.out is None) == (options.web is None):
-        raise InputError("export: name what to write: --out G.gltf, --out G.glb, or --web DIR")
+        raise InputError(
+            "export: name what to write: --out G.gltf, --out G.glb, --web DIR, or --shader LANGUAGE --out DIR"
+        )
+    if options.shader is not None and (options.out is None or options.image_format is not None):
+        raise InputError(f"--shader {options.shader}: is written into the folder --out, without --web and --as")
     lines: list[str] = []
     scene = scene_file(named_scene(options.scene) if options.scene is not None else builtin_scene_path())
     pack = _pack(options, scene)
+    if options.shader is not None and options.out is not None:
+        sys.stdout.write("\n".join(_export_decoder(pack, options.shader, options.out)) + "\n")
+        return 0
     if options.web is not None and options.image_format is not None:
         raise InputError(f"--as {options.image_format}: a page decodes by itself; leave it out, or write a glTF file")
     if options.web is not None:
@@ -86,6 +93,17 @@ def _progress(title: str) -> Iterator[ShownProgress]:
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         yield ShownProgress(bar, title)
+
+
+def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> list[str]:
+    """Write the decoder, and return what to tell. Raises InputError."""
+    try:
+        from viewer.export.shader.export import export_decoder
+    except ImportError as error:
+        problem = f"shaders are read by pcpp and tree-sitter ({error}); pip install 'ntc-viewer[export]'"
+        raise InputError(f"--shader {language}: {problem}") from error
+    exported = export_decoder(read_pack(pack_path), language, folder)
+    return [f"wrote {folder / name} ({size} bytes)" for name, size in exported.files.items()]
 
 
 def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:

@@ -10,7 +10,7 @@ import tyro
 from ntc.codec.block.targets import PresetName
 from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
 from ntc.codec.map_weights import MapWeightsName
-from viewer.export import Fallback, ImageFormat
+from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
 from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
@@ -307,11 +307,15 @@ class ExportOptions:
     """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
     pack: Packs = ()
     """The pack that holds the scene's textures. None: one that lies beside the scene, clustered before others."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb")] = None
-    """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle)."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb|DIR")] = None
+    """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle). With --shader: a
+    folder."""
     web: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Instead of a glTF file, write a folder with a page that decodes the pack in the browser. Originals to compare with: not with
     --fallback none."""
+    shader: ShaderLanguage | None = None
+    """Instead of a scene, write the pack's decoder as source for other programs into the folder --out, with its data, their layout as
+    a header of C, and a program in C++ that decodes texels."""
     image_format: Annotated[ImageFormat | None, tyro.conf.arg(name="as")] = None
     """Instead of naming the pack, write what it decodes to: png; with mips ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6, KTX2)."""
     fallback: Fallback = "original"

@@ -6,3 +6,5 @@ Fallback = Literal["original", "jpeg", "none"]
 """Images for programs that do not read packs."""
 ImageFormat = Literal["png", "ktx2", "bc7", "bc1", "astc"]
 """Formats of decoded images."""
+ShaderLanguage = Literal["glsl", "hlsl", "wgsl", "cuda"]
+"""Languages of exported decoders."""

@@ -1,11 +1,8 @@
 """`export --web`: writes the folder of a page."""
 
 import json
-import shutil
-import tempfile
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +11,7 @@ from typing import Any, Literal
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, Plane
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.io import atomic_folder
 from viewer.export.web.description import (
     FORMAT,
     PageFile,
@@ -69,35 +67,6 @@ class _Writer:
         return sum(size for name, size in self.sizes.items() if name.startswith(prefix))
 
 
-@contextmanager
-def whole_folder(destination: Path) -> Iterator[Path]:
-    """Yield a new folder beside `destination`, which takes its place when the block ends without an exception.
-
-    Raises InputError where there is something else than an empty folder or an earlier page, and where nothing can be written.
-    """
-    if destination.exists() and not destination.is_dir():
-        raise InputError(f"{destination}: is a file; name a folder")
-    if destination.is_dir() and any(destination.iterdir()) and not (destination / DESCRIPTION).is_file():
-        raise InputError(f"{destination}: holds other files than an exported page; name a new or empty folder")
-    try:
-        destination.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
-    except OSError as error:
-        raise InputError(f"{destination}: cannot be written ({error.strerror}); choose a writable folder") from error
-    try:
-        yield temporary
-        temporary.chmod(0o755)
-        old = temporary.with_suffix(".old")
-        if destination.exists():
-            destination.rename(old)
-        temporary.rename(destination)
-        shutil.rmtree(old, ignore_errors=True)
-    except OSError as error:
-        raise InputError(f"{destination}: cannot be written ({error.strerror}); check space and permissions") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
 def _chosen(pack: Pack, scene: Scene) -> dict[int, int]:
     """By texture of the scene that the pack holds and a material reads: its index in the pack."""
     match = match_scene(pack, scene)
@@ -135,7 +104,7 @@ def export_page(
     """
     chosen = _chosen(pack, scene)
     indices = list(chosen.values())
-    with whole_folder(destination) as folder:
+    with atomic_folder(destination, DESCRIPTION) as folder:
         writer = _Writer(folder)
         for path in sorted(PAGE.iterdir()):
             writer.write(path.name, path.read_bytes())

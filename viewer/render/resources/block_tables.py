@@ -142,7 +142,7 @@ def block_glsl(config: BlockCodecConfig) -> str:
     values = {
         "BLOCK_SIDE": config.block_side,
         "CODE_SIZES": len(config.block_words),
-        "CLASS_WORDS": f"ivec4({', '.join(str(words) for words in _four(config.block_words))})",
+        **{f"CLASS_{number}_WORDS": words for number, words in enumerate(_four(config.block_words))},
         "DIRECTORY_RUN": DIRECTORY_RUN,
         "MODES": config.modes,
         "FIRST_TABLE_BLOCK": tables.first_block,

@@ -1,0 +1,134 @@
+"""The viewer's decoding shader of a plane, with a pack's settings filled in: GLSL without directives, comments kept."""
+
+import io
+import re
+from typing import Final
+
+import numpy as np
+import pcpp  # type: ignore[import-untyped]
+
+from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.maps import PLANES, Plane
+from ntc.codec.model import Pack
+from viewer.export.shader.words import HEADER_FIELDS
+from viewer.gl.program import ShaderLibrary
+from viewer.locations import shaders_folder
+from viewer.render.resources.decoder_tables import decoder_glsl, decoder_tables
+from viewer.render.resources.layout import LEVEL_RECORD, codec_layout_glsl, scene_layout_glsl, texture_record
+from viewer.render.resources.variant import SOFTWARE
+
+SHADER: Final = "export/decode.glsl"
+ENTRY: Final = "decode"
+"""The function of the source that other programs call."""
+WORD_AT: Final = "word"
+"""The function that other programs supply: a word of the pack's data."""
+STORED: Final = {
+    "textures": "texture_at",
+    "levels": "level_at",
+    "latent_words": "latent_word",
+    "weights": "weights_at",
+    "table_blocks": "table_at",
+}
+"""By buffer of the viewer's shaders: the function that reads an element of it."""
+_CONSTANT = re.compile(r"^\s*#define (\w+) (-?(?:0x)?[\dA-Fa-f.]+u?)\s*$", re.MULTILINE)
+_BUFFER = re.compile(r"layout\(std430[^{]*\{[^}]*\};")
+_UNIFORM = re.compile(r"uniform int network_blocks;")
+_MARK: Final = "constant_to_keep_"
+
+
+class _Conditions(pcpp.Preprocessor):  # type: ignore[misc]
+    """Evaluates what is conditional, and keeps comments."""
+
+    def on_comment(self, _token: object) -> bool:
+        """Keep it."""
+        return True
+
+    def on_error(self, file: str, line: int, message: str) -> None:
+        """Fail where the shaders are wrong."""
+        raise AssertionError(f"{file}:{line}: {message}")
+
+
+def _place(section: str) -> str:
+    """The constant that tells where a section of the data begins: its word of the header."""
+    return f"HEADER_{section.upper()}"
+
+
+def _reader(name: str, result: str, record: np.dtype, section: str) -> str:
+    """GLSL of the function that reads a record of `section` of the data."""
+    lines = [
+        f"{result} {name}(int number) {{",
+        f"    int at = int({WORD_AT}({_place(section)})) + number * {record.itemsize // 4};",
+        f"    {result} record;",
+    ]
+    for field in record.names or ():
+        if field.startswith("padding"):
+            continue
+        kind, place = record[field], record.fields[field][1] // 4  # type: ignore[index]
+        if kind.shape:
+            read = f"vec4_at(at + {place} + 4 * i)"
+            lines.append(f"    for (int i = 0; i < {kind.shape[0]}; ++i) record.{field}[i] = {read};")
+        else:
+            lines.append(f"    record.{field} = int({WORD_AT}(at + {place}));")
+    return "\n".join([*lines, "    return record;", "}"])
+
+
+def _readers(pack: Pack) -> str:
+    """GLSL of the functions that stand for the viewer's buffers."""
+    decoders, latents = _place("decoders"), _place("latents")
+    vec4 = ", ".join(f"uintBitsToFloat({WORD_AT}(at + {part}))" for part in range(4))
+    uvec4 = ", ".join(f"{WORD_AT}(at + {part})" for part in range(4))
+    is_block = isinstance(pack.config, BlockCodecConfig)
+    name, result = (STORED["table_blocks"], "uvec4") if is_block else (STORED["weights"], "vec4")
+    header = [f"const int {_place(name)} = {place};" for place, name in enumerate(HEADER_FIELDS)]
+    return "\n".join(
+        [
+            "// Words of the data's header.",
+            *header,
+            "// Four numbers of the data from word `at` on.",
+            f"vec4 vec4_at(int at) {{\n    return vec4({vec4});\n}}",
+            f"uvec4 uvec4_at(int at) {{\n    return uvec4({uvec4});\n}}",
+            "// What the data tells of texture `number` of the pack.",
+            _reader(STORED["textures"], "TextureRecord", texture_record(pack.config), "textures"),
+            "// What the data tells of a mip; `number` counts those of all textures.",
+            _reader(STORED["levels"], "LevelRecord", LEVEL_RECORD, "levels"),
+            "// A word of the latents of all textures.",
+            f"uint {STORED['latent_words']}(int number) {{",
+            f"    return {WORD_AT}(int({WORD_AT}({latents})) + number);\n}}",
+            "// Four numbers of what decoders hold.",
+            f"{result} {name}(int number) {{",
+            f"    return {result}_at(int({WORD_AT}({decoders})) + 4 * number);\n}}",
+            "",
+        ]
+    )
+
+
+def decoding_source(pack: Pack, plane: Plane) -> str:
+    """GLSL of constants, structs and functions that decode `plane` of a texture of `pack`, the last of them ENTRY."""
+    config = pack.config
+    generated = {"generated/layout.glsl": scene_layout_glsl(), "generated/codec.glsl": codec_layout_glsl(config)}
+    library = ShaderLibrary(shaders_folder(), {**generated, **decoder_glsl(pack, SOFTWARE)})
+    text = library.assemble(SHADER, {"PRECISION_FP16": 0, "PLANE": PLANES.index(plane)}).text
+    lines = [line for line in text.splitlines() if not line.startswith(("#version", "#line"))]
+    names = dict.fromkeys(name for name, _ in _CONSTANT.findall("\n".join(lines)))
+    kept = re.compile(rf"\b({'|'.join(names)})\b")
+    marked = [line if line.lstrip().startswith("#") else kept.sub(rf"{_MARK}\1", line) for line in lines]
+    conditions, resolved = _Conditions(), io.StringIO()
+    conditions.line_directive = None
+    conditions.parse("\n".join(marked) + "\n")
+    conditions.write(resolved)
+    text = resolved.getvalue().replace(_MARK, "")
+    text = _UNIFORM.sub(f"const int network_blocks = {decoder_tables(pack, 'fp32').loop_length};", text)
+    # Functions that read buffers follow the records; the first buffer stands behind the last record.
+    first = _BUFFER.search(text)
+    assert first is not None, "the decoding shaders read no buffer"
+    text = (
+        text[: first.start()] + f"uint {WORD_AT}(int place);\n{_readers(pack)}" + _BUFFER.sub("", text[first.end() :])
+    )
+    macros = {name: conditions.macros[name] for name in names if name in conditions.macros}
+    constants = {name: "".join(token.value for token in macro.value).strip() for name, macro in macros.items()}
+    written = "\n".join(f"const {_type_of(value)} {name} = {value};" for name, value in constants.items())
+    return f"{written}\n{text}"
+
+
+def _type_of(value: str) -> str:
+    return "uint" if value.endswith("u") else "float" if "." in value else "int"
