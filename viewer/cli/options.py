@@ -319,7 +319,8 @@ class ExportOptions:
     image_format: Annotated[ImageFormat | None, tyro.conf.arg(name="as")] = None
     """Instead of naming the pack, write what it decodes to: png; with mips ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6, KTX2)."""
     fallback: Fallback = "original"
-    """Images for programs that do not read packs: the scene's own, the same as JPEG, or none, as far as the pack holds them whole."""
+    """Images for programs that do not read packs: the scene's own, the same as JPEG or KTX2 (Basis Universal), or none, as far as
+    the pack holds them whole."""
 
 
 @dataclass(frozen=True)

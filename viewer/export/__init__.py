@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-Fallback = Literal["original", "jpeg", "none"]
+Fallback = Literal["original", "jpeg", "ktx2", "none"]
 """Images for programs that do not read packs."""
 ImageFormat = Literal["png", "ktx2", "bc7", "bc1", "astc"]
 """Formats of decoded images."""

@@ -33,7 +33,7 @@ from viewer.scene.load import load_scene, open_container
 from viewer.scene.report import report_lines
 from viewer.state.pack_files import match_scene, packs_of
 
-FALLBACKS = ("original", "jpeg", "none")
+FALLBACKS = ("original", "jpeg", "ktx2", "none")
 
 
 @pytest.fixture(scope="module")

@@ -50,7 +50,7 @@ def export_gltf(
     opened = open_export(scene_path, pack_path, out, report)
     pack, document, options = opened.pack, opened.document, opened.options
     whole = held_whole(opened.file, opened.scene, options)
-    replaced = apply_fallback(document, opened.file, opened.buffers, whole, fallback)
+    replaced = apply_fallback(opened, whole, fallback)
     # Where it lies beside the new file already, it is not copied.
     beside = same_place(pack_path.parent, out.parent) and pack_path.exists()
     target = pack_path if beside else exported_pack_path(out, pack)

@@ -15,8 +15,8 @@ from viewer.export.gltf.fallback import image_pixels
 from viewer.export.gltf.opened import OpenedExport, open_export
 from viewer.export.gltf.options import PackedTextureOption, separate_entries
 from viewer.export.gltf.write import write_gltf
+from viewer.export.images.formats import FORMATS, StoredFormat
 from viewer.export.textures.decoded import DecodedImage, LevelDecoder, resized, torch_decoder
-from viewer.export.textures.formats import FORMATS, StoredFormat
 from viewer.scene.gltf.textures import IMAGE_EXTENSIONS
 from viewer.scene.images import ProgressReport
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the files that every exported page has, in ../page, from this folder: needs node and npm, which nothing else here does.
+# Builds viewer.js and licenses.txt of ../page, whose other files are written by hand, from this folder: needs node and npm, which nothing else here does.
 set -euo pipefail
 cd "$(dirname "$0")"
 work="$(mktemp -d)"
@@ -9,7 +9,7 @@ cp ./*.js package.json package-lock.json "$work"
 "$work/node_modules/.bin/esbuild" "$work/main.js" --bundle --minify --format=iife --target=es2020 --legal-comments=none \
     --outfile="$work/viewer.js" --log-level=warning \
     --banner:js="/* ntc-viewer (Apache-2.0) with three.js $(node -p "require('$work/node_modules/three/package.json').version") (MIT), see licenses.txt; sources $(cat ./*.js package.json package-lock.json | sha256sum | cut -c1-16) */"
-cp "$work/viewer.js" index.html page.css icon.svg ../page/
+cp "$work/viewer.js" ../page/
 {
     echo "This page: ntc-viewer, Apache License 2.0, https://www.apache.org/licenses/LICENSE-2.0"
     echo

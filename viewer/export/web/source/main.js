@@ -1,5 +1,6 @@
 // Starts the page. What goes wrong is told in one line.
 import * as THREE from "three";
+import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { readJson, PageError } from "./folder.js";
 import { Decoder } from "./decoder.js";
 import { Identity } from "./identity.js";
@@ -70,7 +71,7 @@ async function start() {
   const panel = new Panel(page, view, stage, surfaces, decoder, VIRIDIS);
   panel.refresh();
   watch(view, surfaces);
-  window.ntcPage = { page, renderer, decoder, surfaces, stage, view, panel };
+  window.ntcPage = { page, renderer, decoder, surfaces, stage, view, panel, GLTFLoader };
 }
 
 /** Says in the console when the first picture is there, and when all of it is. */

@@ -12,7 +12,7 @@ from PIL import Image
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat, compressed_blocks, decompress
 from viewer.export import ImageFormat
-from viewer.export.textures.containers import dds, ktx2_astc
+from viewer.export.images.containers import dds, ktx2_astc
 from viewer.scene.images import decode_image
 
 ASTC: BlockFormat = "astc-6x6"

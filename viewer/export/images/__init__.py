@@ -1,0 +1,1 @@
+"""Formats that images of an exported scene are stored in."""
