@@ -76,10 +76,15 @@ def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
     return expected
 
 
+def pack_bytes(pack: Pack) -> bytes:
+    """The file of `pack`: the same pack always gives the same bytes."""
+    tensors = block_tensors(pack) if isinstance(pack.config, BlockCodecConfig) else _grid_tensors(pack)
+    return bytes(save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+
+
 def write_pack(path: Path, pack: Pack) -> None:
     """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
-    tensors = block_tensors(pack) if isinstance(pack.config, BlockCodecConfig) else _grid_tensors(pack)
-    write_bytes(path, save(tensors, metadata={METADATA_KEY: metadata_json(pack)}))
+    write_bytes(path, pack_bytes(pack))
 
 
 def _grid_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
@@ -183,6 +188,15 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     return Pack(config, grouping, textures, decoders, metadata.training, path)
 
 
+def checked_pack(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
+    """The pack of tensors `file` (by name: "dtype", "shape", "data") and `metadata`, read from `path`.
+
+    Raises InputError where they are not those that the metadata stand for, or hold what no pack may.
+    """
+    _check_header(file, metadata, path)
+    return _read(file, metadata, path)
+
+
 def read_pack(path: Path) -> Pack:
     """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
 
@@ -200,9 +214,7 @@ def read_pack(path: Path) -> Pack:
         text = file_metadata(data).get(METADATA_KEY)
         if text is None:
             raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
-        metadata = parse_metadata(text)
-        _check_header(file, metadata, path)
-        return _read(file, metadata, path)
+        return checked_pack(file, parse_metadata(text), path)
     except SafetensorError as error:
         raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
     except MetadataError as error:

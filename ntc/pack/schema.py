@@ -99,7 +99,8 @@ def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in found.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
 
 
-def _codec_json(config: AnyCodec) -> dict[str, Any]:
+def codec_json(config: AnyCodec) -> dict[str, Any]:
+    """The settings of a codec as the metadata hold them."""
     # Files of codec `grid` are as they were before there was another one.
     found = _without_set_fields(asdict(config))
     return found if isinstance(config, CodecConfig) else {KIND: config.kind, **found}
@@ -119,7 +120,7 @@ def metadata_json(pack: Pack) -> str:
     grouping = {name: getattr(pack.grouping, name) for name in GroupingMetadata.__struct_fields__}
     document = {
         "format_version": FORMAT_VERSION,
-        "codec": _codec_json(pack.config),
+        "codec": codec_json(pack.config),
         "grouping": {**grouping, "parameters": dict(pack.grouping.parameters)},
         "decoders": len(pack.decoders),
         "textures": list(map(_without_set_fields, textures)),

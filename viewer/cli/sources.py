@@ -14,6 +14,7 @@ from ntc.accuracy.precision_choice import chosen_precision
 from ntc.codec.config import Precision, PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.library.index import is_library
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
@@ -25,7 +26,14 @@ from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.camera import frame_all
-from viewer.state.pack_files import match_scene, open_packs, packs_of, preferred_source, source_of_grouping
+from viewer.state.pack_files import (
+    match_scene,
+    open_packs,
+    packs_of,
+    preferred_source,
+    source_of_grouping,
+    wanted_textures,
+)
 from viewer.state.view_state import REFERENCE, is_image_source
 
 MISSING_SHOWN = 3
@@ -75,7 +83,12 @@ def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
 
     Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
     """
-    packs = open_packs([*named, *packs_of(scene)])
+    packs = open_packs([*named, *packs_of(scene)], wanted_textures(scene))
+    for path in named:
+        if not any(pack.path == path for pack in packs.values()) and is_library(path):
+            raise InputError(
+                f"{path}: the library holds no texture of {scene.name}; encode the scene with --out {path}"
+            )
     for pack in packs.values():
         match = match_scene(pack, scene)
         if pack.path in named:

@@ -7,8 +7,8 @@ from pathlib import Path
 from ntc.codec.config import PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.library.index import is_library
 from ntc.metrics.block_compression import named_format
-from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, require_match
 from viewer.locations import is_builtin
 from viewer.scene.cameras_file import with_cameras_beside
@@ -22,9 +22,11 @@ from viewer.state.pack_files import (
     match_scene,
     packs_of,
     preferred_source,
+    read_packs,
     same_place,
     source_of_grouping,
     unused_name,
+    wanted_textures,
 )
 from viewer.state.session import InspectionState, Requests, Session, WindowState
 from viewer.state.settings import ViewerSettings, with_recent
@@ -98,12 +100,13 @@ def _remember(session: Session, path: Path) -> None:
 
 
 def open_file(session: Session, path: Path) -> None:
-    """Open a scene with the packs and cameras beside it, or a pack of the scene that is open; a folder stands for the one scene in it.
+    """Open a scene with the packs and cameras beside it, or a pack or library with textures of the open scene; any other
+    folder stands for the one scene in it.
 
     Raises InputError; all stays open then.
     """
     try:
-        if path.suffix.lower() == PACK_SUFFIX:
+        if path.suffix.lower() == PACK_SUFFIX or is_library(path):
             _open_pack(session, path)
         else:
             _open_scene(session, path)
@@ -183,8 +186,11 @@ def _open_pack(session: Session, path: Path) -> None:
 
 
 def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
-    """Read a pack that holds textures of `scene`. Raises InputError for any other."""
-    pack = read_pack(path)
+    """Read a pack that holds textures of `scene`, of a library the one that holds the most. Raises InputError for any other."""
+    packs = read_packs(path, wanted_textures(scene))
+    if not packs:
+        raise InputError(f"{path}: the library holds no texture of {scene.name}; encode the scene with --out {path}")
+    pack = packs[0]
     match = match_scene(pack, scene)
     require_match(pack, match, scene.name)
     return pack, match

@@ -6,6 +6,8 @@ from itertools import chain, count
 from pathlib import Path
 
 from ntc.codec.model import Pack
+from ntc.library.index import is_library
+from ntc.library.reading import library_packs
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from viewer.locations import packs_folder
@@ -14,6 +16,8 @@ from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 PREFERRED_GROUPING = "clustered"
+MOST_OF_A_LIBRARY = 4
+"""Packs that a library gives at most: one for each way in which it holds a scene's textures."""
 
 
 def match_scene(pack: Pack, scene: Scene) -> PackMatch:
@@ -77,8 +81,24 @@ def same_place(first: Path, second: Path) -> bool:
     return os.path.realpath(first) == os.path.realpath(second)
 
 
-def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
-    """Read packs and name each by its grouping; a second pack of one grouping gets its file name as name.
+def wanted_textures(scene: Scene) -> frozenset[str]:
+    """The hashes by which a pack may hold a texture of `scene`."""
+    return frozenset(
+        own for texture in scene.textures for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own
+    )
+
+
+def read_packs(path: Path, wanted: Container[str]) -> list[Pack]:
+    """The pack at `path`; of a library there, packs of the textures whose pixel hash is `wanted`, the fullest first.
+
+    Raises InputError where it cannot be read.
+    """
+    return library_packs(path, wanted, MOST_OF_A_LIBRARY) if is_library(path) else [read_pack(path)]
+
+
+def open_packs(paths: Iterable[Path], wanted: Container[str] = ()) -> dict[str, Pack]:
+    """Read packs and name each by its grouping; a second pack of one grouping gets its file name as name. Libraries give what is
+    `wanted` (`read_packs`).
 
     Raises InputError where a file cannot be read.
     """
@@ -89,8 +109,8 @@ def open_packs(paths: Iterable[Path]) -> dict[str, Pack]:
         if place in seen:
             continue
         seen.add(place)
-        pack = read_pack(path)
-        packs[unused_name(pack.grouping.name, path, packs)] = pack
+        for pack in read_packs(path, wanted):
+            packs[unused_name(pack.grouping.name, path, packs)] = pack
     return packs
 
 

@@ -1,0 +1,110 @@
+"""What a library holds, as its index says: shards, where each texture is, and image files that were looked at."""
+
+from collections.abc import Container, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ntc.errors import InputError, MetadataError
+from ntc.io import read_file
+from ntc.library.records import INDEX_VERSION, Beginning, ImageFile, ImageFiles, Record, Shard, read_line
+
+INDEX_FILE = "index.ntc-library"
+SHARDS_FOLDER = "shards"
+SHARD_SUFFIX = ".ntc"
+NAME_DIGITS = 32
+"""Of a shard's digest, that its file is named by."""
+
+
+def is_library(folder: Path) -> bool:
+    """Whether `folder` holds a library."""
+    return (folder / INDEX_FILE).is_file()
+
+
+def shard_path(folder: Path, digest: str) -> Path:
+    """Where the library in `folder` keeps the shard with this SHA-256."""
+    return folder / SHARDS_FOLDER / f"{digest[:NAME_DIGITS]}{SHARD_SUFFIX}"
+
+
+@dataclass
+class LibraryIndex:
+    """The records of a library in `folder`."""
+
+    folder: Path
+    shards: dict[str, Shard] = field(default_factory=dict)
+    """By digest, in the order of the index."""
+    places: dict[tuple[str, str], str] = field(default_factory=dict)
+    """By (settings key, pixel hash): digest of the first shard that holds the texture so encoded."""
+    files: dict[str, ImageFile] = field(default_factory=dict)
+    """By path: what was last found in image files."""
+    damaged_lines: list[int] = field(default_factory=list)
+    """Numbers of lines, from 1, that are no records; what they said is not known."""
+    whole_bytes: int = 0
+    """Length of the index up to its last whole line; what follows was torn when a process ended."""
+
+    def take(self, record: Record) -> None:
+        """Note a record."""
+        if isinstance(record, Shard):
+            self.shards.setdefault(record.digest, record)
+            for texture in record.textures:
+                self.places.setdefault((record.settings, texture.pixel_hash), record.digest)
+        elif isinstance(record, ImageFiles):
+            self.files.update((file.path, file) for file in record.files)
+
+    def holds(self, settings: str, pixel_hash: str) -> bool:
+        """Whether a texture is there, encoded so."""
+        return (settings, pixel_hash) in self.places
+
+    def shards_with(self, wanted: Container[str]) -> dict[str, list[tuple[Shard, frozenset[str]]]]:
+        """By settings key, those with the most textures first: the shards to read for the textures whose pixel hash is `wanted`, and
+        which ones each is to give."""
+        found: dict[str, dict[str, set[str]]] = {}
+        for (settings, pixel_hash), digest in self.places.items():
+            if pixel_hash in wanted:
+                found.setdefault(settings, {}).setdefault(digest, set()).add(pixel_hash)
+        count = {key: sum(map(len, shards.values())) for key, shards in found.items()}
+        return {
+            key: [(self.shards[digest], frozenset(hashes)) for digest, hashes in found[key].items()]
+            for key in sorted(found, key=lambda key: (-count[key], key))
+        }
+
+    def path(self, shard: Shard) -> Path:
+        """The file of a shard."""
+        return shard_path(self.folder, shard.digest)
+
+
+def records_of(lines: Iterable[bytes], index: LibraryIndex) -> None:
+    """Take the records of whole lines into `index`."""
+    for number, line in enumerate(lines, 1):
+        try:
+            index.take(read_line(line))
+        except MetadataError:
+            index.damaged_lines.append(number)
+
+
+def read_index(folder: Path) -> LibraryIndex:
+    """The index of the library in `folder`; damaged lines are left out and counted. Raises InputError for a folder without one, and
+    for a library of another version."""
+    path = Path(folder) / INDEX_FILE
+    try:
+        data = read_file(path)
+    except OSError as error:
+        raise InputError(f"{folder}: holds no library that can be read ({error.strerror}); name its folder") from error
+    index, end = LibraryIndex(Path(folder)), data.rfind(b"\n") + 1
+    index.whole_bytes = end
+    lines = data[:end].split(b"\n")[:-1]
+    _require_version(lines[:1], path)
+    records_of(lines, index)
+    return index
+
+
+def _require_version(first: list[bytes], path: Path) -> None:
+    """Refuse indices of other versions. One whose first line is damaged is read for what can be read."""
+    for line in first:
+        try:
+            record = read_line(line)
+        except MetadataError:
+            return
+        if isinstance(record, Beginning) and record.version != INDEX_VERSION:
+            raise InputError(
+                f"{path}: version {record.version}, this program reads {INDEX_VERSION}; install a newer one"
+            )
