@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 import tyro
 
 from ntc.errors import InputError
+from ntc.library.index import is_library
 from viewer.cli.options import SUBCOMMANDS, Subcommand
 from viewer.scene.scene_files import PACK_SUFFIX
 
@@ -120,7 +121,7 @@ def _with_scene_found(options: Any) -> Any:
     """`options` with the scene that was written behind `--pack F ...` and so was read as a pack."""
     if not isinstance(options, SceneAndPacks) or options.scene is not None:
         return options
-    scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX]
+    scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX and not is_library(path)]
     if len(scenes) != 1:
         return options
     return replace(options, scene=scenes[0], pack=tuple(path for path in options.pack if path != scenes[0]))

@@ -323,6 +323,25 @@ class ExportOptions:
     the pack holds them whole."""
 
 
+LibraryAction = Literal["add", "list", "verify", "compact", "extract"]
+
+
+@dataclass(frozen=True)
+class LibraryOptions:
+    """Look after a library: a folder of encoded textures of many scenes (docs/library.md)."""
+
+    action: Annotated[LibraryAction, tyro.conf.Positional]
+    """add packs to it; list its textures; verify every byte; compact: join small shards, leave damaged ones out; extract a pack."""
+    folder: Annotated[Path, tyro.conf.arg(metavar="LIBRARY"), tyro.conf.Positional]
+    """The library's folder; `add` makes one."""
+    files: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc|SCENE"), tyro.conf.Positional] = ()
+    """add: the packs. extract: the scene whose textures are wanted; none: all textures."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="F.ntc")] = None
+    """extract: the pack to write."""
+    json: Switch = False
+    """list: print JSON instead of a table."""
+
+
 @dataclass(frozen=True)
 class InfoOptions:
     """Print what a scene, a pack or all of a folder contains, what of it is honoured and what is ignored."""
@@ -351,6 +370,7 @@ SUBCOMMANDS = (
     Subcommand("encode", EncodeOptions, "viewer.cli.encode", "encode"),
     Subcommand("decode", DecodeOptions, "viewer.cli.decode", "decode"),
     Subcommand("export", ExportOptions, "viewer.cli.export", "export"),
+    Subcommand("library", LibraryOptions, "viewer.cli.library", "library"),
     Subcommand("info", InfoOptions, "viewer.cli.info", "info"),
     Subcommand("doctor", DoctorOptions, "viewer.cli.doctor", "doctor"),
 )

@@ -1,0 +1,1 @@
+"""Benchmarks of libraries of encoded textures."""
