@@ -1,7 +1,7 @@
 """Descriptions of textures as vectors, by which groupings find what is alike. Chosen by name; see docs/features.md."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from ntc.features.cache import cache_path, read_features, write_features
 from ntc.features.extractor import Extractor
 from ntc.features.pixels import first_map
 
-__all__ = ["FeatureOptions", "feature_matrix"]
+__all__ = ["FeatureOptions", "feature_matrix", "raw_features"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,8 @@ class FeatureOptions:
     """For clip: the path of a file of weights, or the word "download"."""
     progress: Callable[[int, int], None] | None = None
     """Called with (textures done, textures in all)."""
+    known: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """By pixel hash: raw features that need not be found (`raw_features`)."""
 
 
 def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:
@@ -56,7 +58,9 @@ def _raw_features(
     paths = [cache_path(options.cache, extractor, texture) if options.cache else None for texture in textures]
     missing: list[int] = []
     for index, path in enumerate(paths):
-        kept = read_features(path, extractor.length) if path else None
+        kept = options.known.get(textures[index].pixel_hash)
+        if kept is None and path:
+            kept = read_features(path, extractor.length)
         if kept is None:
             missing.append(index)
         else:
@@ -77,6 +81,13 @@ def _raw_features(
     return raw
 
 
+def raw_features(
+    name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
+) -> NDArray[np.float64]:
+    """[textures, F] float64: what `feature_matrix` makes comparable, of each texture whatever the others are. Raises InputError."""
+    return _raw_features(_extractor(name, options), [first_map(texture) for texture in textures], options)
+
+
 def feature_matrix(
     name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
 ) -> NDArray[np.float64]:
@@ -88,5 +99,5 @@ def feature_matrix(
     Raises InputError where a package or weights that `name` needs are missing or do not fit.
     """
     extractor = _extractor(name, options)
-    textures = [first_map(texture) for texture in textures]
+    textures = [texture if texture.pixel_hash in options.known else first_map(texture) for texture in textures]
     return extractor.scale(_raw_features(extractor, textures, options))

@@ -53,7 +53,7 @@ class FunctionProcess(Generic[Argument, Result]):
 
     def __init__(self, function: Callable[[Argument], Result], name: str, niceness: int = 0) -> None:
         """`function` is found by its module and name; `name` is that of the process, for error texts too."""
-        self._function, self._name, self._niceness = function, name, niceness
+        self._function, self.name, self._niceness = function, name, niceness
         self._lock = threading.Lock()
         self._process: BaseProcess | None = None
         self._connection: Connection | None = None
@@ -65,7 +65,7 @@ class FunctionProcess(Generic[Argument, Result]):
 
         The job raises InputError for what the function raises, and where the process ends without an answer.
         """
-        self._job = Job(partial(self._call, argument)).start(self._name)
+        self._job = Job(partial(self._call, argument)).start(self.name)
         return self._job
 
     def _call(self, argument: Argument, _report: JobReport) -> Result:
@@ -76,7 +76,7 @@ class FunctionProcess(Generic[Argument, Result]):
         except (OSError, EOFError) as error:
             self._end()
             raise InputError(
-                f"{self._name}: its process gave no answer ({error or 'it has ended'}); try again"
+                f"{self.name}: its process gave no answer ({error or 'it has ended'}); try again"
             ) from error
         if isinstance(answer, InputError):
             raise answer
@@ -90,7 +90,7 @@ class FunctionProcess(Generic[Argument, Result]):
                 context = multiprocessing.get_context("spawn")
                 here, there = context.Pipe()
                 arguments = (there, self._function, self._niceness)
-                self._process = context.Process(target=_serve, args=arguments, name=self._name, daemon=True)
+                self._process = context.Process(target=_serve, args=arguments, name=self.name, daemon=True)
                 self._connection = here
                 try:
                     self._process.start()

@@ -250,13 +250,8 @@ def split_alpha(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[n
     return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3])
 
 
-def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
-    """All images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
-
-    The category is the name of the sub-folder, None for images that lie in `folder` itself; the name is the path
-    inside `folder` without suffix. Alpha is kept as a fourth channel unless all of it is 255. Raises InputError.
-    """
-    folder = Path(folder)
+def folder_images(folder: Path) -> list[Path]:
+    """The image files in `folder` and its sub-folders, ordered by path. Raises InputError where there are none."""
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; give one that holds images")
     paths = sorted(
@@ -264,6 +259,17 @@ def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
     )
     if not paths:
         raise InputError(f"{folder}: holds no images (PNG, JPEG, WebP ...)")
+    return paths
+
+
+def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
+    """All images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
+
+    The category is the name of the sub-folder, None for images that lie in `folder` itself; the name is the path
+    inside `folder` without suffix. Alpha is kept as a fourth channel unless all of it is 255. Raises InputError.
+    """
+    folder = Path(folder)
+    paths = folder_images(folder)
 
     def read(path: Path) -> SourceTexture | None:
         pixels = read_image(path)

@@ -1,5 +1,6 @@
 """The textures of a scene as the codec wants them, and smaller copies of them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -51,6 +52,32 @@ def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
     return wraps
 
 
+def has_source(texture: SceneTexture, maps: MapChoice) -> bool:
+    """Whether `source_textures` gives the texture."""
+    return maps == "all" or "base" in texture.maps
+
+
+def source_texture(scene: Scene, index: int, size: int | None, maps: MapChoice = "base") -> SourceTexture:
+    """The texture of `scene` with the id `index`, as `source_textures` gives it."""
+    return _source(scene, index, _wraps(scene), size, maps)
+
+
+def _source(
+    scene: Scene, index: int, wraps: Mapping[int, tuple[WrapMode, WrapMode]], size: int | None, maps: MapChoice
+) -> SourceTexture:
+    texture = scene.textures[index]
+    is_set = maps == "all" and texture.maps != BASE_ALONE
+    whole = SourceTexture(
+        name=texture.name,
+        pixels=_whole(texture) if is_set else texture.pixels,
+        pixel_hash=texture.set_hash if is_set else texture.pixel_hash,
+        wrap=wraps.get(index, ("repeat", "repeat")),
+        category=texture.category,
+        maps=texture.maps if is_set else BASE_ALONE,
+    )
+    return whole if size is None else reduce_texture(whole, size)
+
+
 def source_textures(scene: Scene, size: int | None, maps: MapChoice = "base") -> tuple[SourceTexture, ...]:
     """Textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
 
@@ -59,19 +86,5 @@ def source_textures(scene: Scene, size: int | None, maps: MapChoice = "base") ->
     the texture. Alpha is not part of them: it stays a plain texture. Raises InputError for a size below 1.
     """
     wraps = _wraps(scene)
-
-    def source(index: int) -> SourceTexture:
-        texture = scene.textures[index]
-        is_set = maps == "all" and texture.maps != BASE_ALONE
-        whole = SourceTexture(
-            name=texture.name,
-            pixels=_whole(texture) if is_set else texture.pixels,
-            pixel_hash=texture.set_hash if is_set else texture.pixel_hash,
-            wrap=wraps.get(index, ("repeat", "repeat")),
-            category=texture.category,
-            maps=texture.maps if is_set else BASE_ALONE,
-        )
-        return whole if size is None else reduce_texture(whole, size)
-
-    chosen = [i for i, texture in enumerate(scene.textures) if maps == "all" or "base" in texture.maps]
-    return tuple(map_in_threads(source, chosen))
+    chosen = [index for index, texture in enumerate(scene.textures) if has_source(texture, maps)]
+    return tuple(map_in_threads(lambda index: _source(scene, index, wraps, size, maps), chosen))
