@@ -11,7 +11,7 @@ PROGRAM = """
 import sys
 from viewer.cli import main
 status = main(sys.argv[1:])
-heavy = sorted({"torch", "sklearn", "trimesh", "imgui_bundle", "glfw"} & set(sys.modules))
+heavy = sorted({"torch", "ray", "sklearn", "trimesh", "imgui_bundle", "glfw"} & set(sys.modules))
 print("HEAVY", heavy)
 sys.exit(status)
 """

@@ -1,15 +1,10 @@
 """`ntc-viewer encode`: encode textures, show progress, write a pack and a PSNR table."""
 
-import signal
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 import torch
@@ -36,8 +31,10 @@ from ntc.training.encode import train
 from ntc.training.encode_blocks import BlockProgress, BlockWork
 from ntc.training.encode_targets import encode_to_target
 from ntc.training.progress import TrainingProgress
+from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs
 from viewer.cli.encode_target import asked_target, given_targets, result_lines, worth_on_screen
 from viewer.cli.info import block_lines
+from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
 from viewer.locations import features_cache, named_scene
@@ -51,10 +48,12 @@ LINES_PER_RUN = 20
 
 
 def _check(options: EncodeOptions) -> None:
-    if options.out.suffix != PACK_SUFFIX:
-        raise InputError(f"--out {options.out}: a pack's name ends in {PACK_SUFFIX}")
-    if options.out.is_dir():
+    if options.out.suffix == PACK_SUFFIX and options.out.is_dir():
         raise InputError(f"--out {options.out}: is a folder; name a file")
+    if options.out.suffix not in ("", PACK_SUFFIX) and not options.out.is_dir():
+        raise InputError(
+            f"--out {options.out}: a pack's name ends in {PACK_SUFFIX}, that of a library's folder in nothing"
+        )
     if options.steps is not None and options.epochs is not None:
         raise InputError("--steps and --epochs exclude each other: give one of them")
     for name, value in (("steps", options.steps), ("epochs", options.epochs), ("texture-size", options.texture_size)):
@@ -224,33 +223,11 @@ class _ProgressReport:
             self._console.print(f"{share:4.0%}  {status}", highlight=False)
 
 
-@contextmanager
-def deferred_interrupt() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether Ctrl-C was pressed in the block; a second Ctrl-C interrupts at once.
-
-    Off the main thread, where Python delivers no signals, it always returns False.
-    """
-    pressed = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield pressed.is_set
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        if pressed.is_set():
-            raise KeyboardInterrupt
-        pressed.set()
-
-    signal.signal(signal.SIGINT, handle)
-    try:
-        yield pressed.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
+    if is_by_jobs(options):
+        return encode_by_jobs(options, _codec_kind(options), _maps(options), training_config(options))
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
     inputs = grouping_inputs(source, options)

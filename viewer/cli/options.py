@@ -210,12 +210,21 @@ class RenderOptions(DecoderOptions):
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Encode the textures of a scene or of a folder of images, and write a pack."""
+    """Encode the textures of a scene or of a folder of images, and write a pack; or as jobs, into a library (docs/library.md)."""
 
-    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
-    """glTF scene, or a folder of images (sub-folder names become categories)."""
-    out: Annotated[Path, tyro.conf.arg(metavar="F.ntc")]
-    """The pack to write."""
+    source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER|LIST"), tyro.conf.Positional]
+    """glTF scene, a folder of images (sub-folder names become categories), or a text file (.txt) with the path of an image a line."""
+    out: Annotated[Path, tyro.conf.arg(metavar="F.ntc|LIBRARY")]
+    """The pack to write, or the folder of a library to add to, by jobs."""
+    workers: int | None = None
+    """Encode by jobs in so many processes, one thread each; the bytes are the same with any number. None: in this process; for a
+    library as many as there are cores."""
+    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS|auto")] = None
+    """Encode by jobs on this Ray cluster (extra `ray`); auto: the one that runs on this machine."""
+    gpus_per_job: float = 0.0
+    """--ray: share of a GPU that a job takes, e.g. 0.25: four jobs share one (with --device cuda)."""
+    report: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """By jobs: folder for a page with figures, a plot and the worst textures. None: beside --out, its name with .report."""
     grouping: GroupingName = "clustered"
     """Which textures share a decoder."""
     clusters: int | None = None
