@@ -222,6 +222,20 @@ def encode_blocks(
     return encoded_pack(reported(), grouping, config, seed)
 
 
+def encode_fitted(
+    textures: Sequence[SourceTexture],
+    fitted: Sequence[FittedGroup],
+    grouping: Grouping,
+    config: BlockCodecConfig,
+    seed: int = 0,
+    threads: int | None = None,
+) -> Pack:
+    """A pack of `textures`, whose groups have the tables `fitted`; they all share its words."""
+    return encoded_pack(
+        _encoding_stages(textures, _shared(fitted, config), config, len(textures), threads), grouping, config, seed
+    )
+
+
 def encoded_pack(stages: Iterable[BlockStage], grouping: Grouping, config: BlockCodecConfig, seed: int) -> Pack:
     """The pack that `stages` of all groups end with."""
     encoded: dict[int, EncodedTexture] = {}

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from ntc.pack.file import read_pack
-from tests.end_to_end.export.material_scene import materials_scene
+from tests.end_to_end.export.material_scene import materials_scene, waves
+from tests.support.gltf_builder import png
 from viewer import cli
 from viewer.locations import builtin_scene_path
 from viewer.scene.images import read_image
@@ -67,12 +68,33 @@ def test_it_is_listed_verified_compacted_and_taken_out(
     assert {each.pixel_hash for each in read_pack(out).textures} == {each.pixel_hash for each in own.textures}
 
 
+def test_new_textures_take_decoders_that_are_there(
+    scene: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    images = tmp_path / "images"
+    images.mkdir()
+    for number in range(3):
+        (images / f"{number}.png").write_bytes(png(waves(20 + number)))
+    decoders = {own.name for own in (library / "shards").iterdir()}
+    assert cli.main(["library", "assign", str(library), str(images)]) == 0
+    told = capsys.readouterr().out
+    assert "3 of 3 textures were added" in told
+    assert "drift: " in told
+    (new,) = [own for own in (library / "shards").iterdir() if own.name not in decoders]
+    assert [each.name for each in read_pack(new).textures] == ["0", "1", "2"]
+    assert cli.main(["library", "assign", str(library), str(images)]) == 0
+    assert "holds all 3 textures" in capsys.readouterr().out
+    assert cli.main(["library", "verify", str(library)]) == 0
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [
         (["add", "{folder}/new"], "name the packs"),
         (["add", "{folder}/new", "{folder}/none.ntc"], "none.ntc"),
         (["list", "{folder}/none"], "holds no library"),
+        (["assign", "{library}"], "one scene or folder"),
+        (["assign", "{folder}/none", "{folder}"], "holds no library"),
         (["verify", "{library}", "more"], "the library alone"),
         (["extract", "{library}"], "--out"),
         (["extract", "{library}", "--out", "{folder}/x.png"], "--out"),
@@ -91,3 +113,4 @@ def test_bad_input_is_one_line(
     assert error.count("\n") == 1
     assert named in error
     assert not (tmp_path / "new").exists()
+    assert not (tmp_path / "none").exists()

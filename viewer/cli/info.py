@@ -17,8 +17,8 @@ from ntc.metrics.metrics import finite_or_none, psnr_table
 from ntc.pack.file import read_pack
 from ntc.pack.other_formats import beginning_of, other_format, read_ntex
 from viewer.cli.info_all import info_all
-from viewer.cli.library import library
-from viewer.cli.options import InfoOptions, LibraryOptions
+from viewer.cli.library_list import library_lines
+from viewer.cli.options import InfoOptions
 from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.locations import named_scene
@@ -163,7 +163,8 @@ def info(options: InfoOptions) -> int:
         return info_all(options.all, options.json)
     assert options.file is not None
     if is_library(options.file):
-        return library(LibraryOptions("list", options.file, json=options.json))
+        sys.stdout.write("\n".join(library_lines(options.file, options.json)) + "\n")
+        return 0
     if options.file.suffix.lower() == PACK_SUFFIX:
         content, lines = _ntc_file(options.file)
     else:

@@ -1,9 +1,6 @@
-"""`ntc-viewer library`: adds packs to a library, lists what it holds, verifies and compacts it, and takes packs out."""
+"""`ntc-viewer library`: adds packs and textures to a library, lists what it holds, verifies and compacts it, takes packs out."""
 
-import json
 import sys
-from collections.abc import Iterable
-from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.library.index import read_index
@@ -11,25 +8,13 @@ from ntc.library.reading import library_packs
 from ntc.library.upkeep import compact, problems
 from ntc.library.writer import LibraryWriter
 from ntc.pack.file import read_pack, write_pack
+from viewer.cli.library_list import library_lines
 from viewer.cli.options import LibraryOptions
 from viewer.cli.sources import load_with_progress
-from viewer.cli.table import Cell, Column, Table
 from viewer.locations import named_scene
-from viewer.scene.json_text import printable
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.pack_files import wanted_textures
 
-COLUMNS = (
-    Column("name", "texture"),
-    Column("pixel_hash", "pixel hash"),
-    Column("width", "width"),
-    Column("height", "height"),
-    Column("bits_per_texel", "bits/texel"),
-    Column("psnr_db", "PSNR dB"),
-    Column("grouping", "grouping"),
-    Column("settings", "settings"),
-    Column("shard", "shard"),
-)
 PROBLEMS_FOUND = 1
 """Exit status of `verify` where something is not as it was written."""
 
@@ -57,33 +42,13 @@ def _add(options: LibraryOptions) -> list[str]:
         return [*lines, f"{options.folder}: {len(index.shards)} shards, {len(index.places)} textures"]
 
 
-def _rows(folder: Path) -> Iterable[dict[str, Cell]]:
-    index = read_index(folder)
-    for shard in index.shards.values():
-        for texture in shard.textures:
-            if index.places.get((shard.settings, texture.pixel_hash)) == shard.digest:
-                yield {
-                    "name": printable(texture.name),
-                    "pixel_hash": texture.pixel_hash,
-                    "width": texture.width,
-                    "height": texture.height,
-                    "bits_per_texel": texture.bits_per_texel,
-                    "psnr_db": texture.psnr_db,
-                    "grouping": printable(shard.grouping),
-                    "settings": shard.settings,
-                    "shard": index.path(shard).name,
-                }
+def _assign(options: LibraryOptions) -> list[str]:
+    if len(options.files) != 1:
+        raise InputError("library assign: name one scene or folder of images")
+    # Encoding takes torch, which takes a second to import.
+    from viewer.cli.library_assign import assign
 
-
-def _list(options: LibraryOptions) -> list[str]:
-    rows = list(_rows(options.folder))
-    if options.json:
-        return [json.dumps(rows, indent=1)]
-    index = read_index(options.folder)
-    size = sum(shard.bytes for shard in index.shards.values())
-    total = f"{len(index.shards)} shards, {len(rows)} textures, {size / 1e6:.2f} MB"
-    damaged = [f"note: line {number} of the index is damaged; run verify" for number in index.damaged_lines]
-    return [*Table(COLUMNS, rows).text().splitlines(), f"{options.folder}: {total}", *damaged]
+    return assign(options.folder, options.files[0])
 
 
 def _compact(options: LibraryOptions) -> list[str]:
@@ -115,8 +80,10 @@ def library(options: LibraryOptions) -> int:
     match options.action:
         case "add":
             lines = _add(options)
+        case "assign":
+            lines = _assign(options)
         case "list":
-            lines = _list(options)
+            lines = library_lines(options.folder, options.json)
         case "verify":
             lines = list(problems(options.folder))
             found = bool(lines)

@@ -332,7 +332,7 @@ class ExportOptions:
     the pack holds them whole."""
 
 
-LibraryAction = Literal["add", "list", "verify", "compact", "extract"]
+LibraryAction = Literal["add", "assign", "list", "verify", "compact", "extract"]
 
 
 @dataclass(frozen=True)
@@ -340,11 +340,12 @@ class LibraryOptions:
     """Look after a library: a folder of encoded textures of many scenes (docs/library.md)."""
 
     action: Annotated[LibraryAction, tyro.conf.Positional]
-    """add packs to it; list its textures; verify every byte; compact: join small shards, leave damaged ones out; extract a pack."""
+    """add packs to it; assign: encode what it lacks of a scene or a folder of images with decoders that it has, and tell what that
+    loses; list its textures; verify every byte; compact: join small shards, leave damaged ones out; extract a pack."""
     folder: Annotated[Path, tyro.conf.arg(metavar="LIBRARY"), tyro.conf.Positional]
     """The library's folder; `add` makes one."""
     files: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc|SCENE"), tyro.conf.Positional] = ()
-    """add: the packs. extract: the scene whose textures are wanted; none: all textures."""
+    """add: the packs. assign: one scene or folder. extract: the scene whose textures are wanted; none: all textures."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="F.ntc")] = None
     """extract: the pack to write."""
     json: Switch = False

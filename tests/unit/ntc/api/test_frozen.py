@@ -1,0 +1,61 @@
+"""New textures in old groups: the best decoder is taken, decoders stay as they are, and what that loses is told."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.api.frozen import encode_with_decoders, measured_drift
+from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture, hash_pixels
+from ntc.errors import InputError
+from ntc.training.encode_blocks import encode_blocks
+
+
+def stripes(phase: int, horizontal: bool) -> SourceTexture:
+    """64 x 64 texels of waves along one axis, and a little noise."""
+    y, x = np.mgrid[0:64, 0:64]
+    wave = np.sin((y if horizontal else x) * (0.9 + 0.05 * phase) + phase) * 70.0 + 128.0
+    noise = np.random.default_rng(phase).normal(0.0, 4.0, (64, 64))
+    pixels: NDArray[np.uint8] = np.repeat((wave + noise)[..., None], 3, axis=-1).clip(0, 255).astype(np.uint8)
+    return SourceTexture(f"{'rows' if horizontal else 'columns'} {phase}", pixels, hash_pixels(pixels))
+
+
+def test_each_texture_takes_the_decoder_of_its_kind() -> None:
+    old = [stripes(number, horizontal) for horizontal in (True, False) for number in range(4)]
+    config = config_for_bits(2.0, texture_set(old, 2, None))
+    pack = encode_blocks(old, Grouping("clustered", (0, 0, 0, 0, 1, 1, 1, 1)), config)
+    new = [stripes(7, False), stripes(8, True), stripes(9, False)]
+    found = encode_with_decoders(new, pack.block_decoders, config, "clustered")
+    assert found.grouping.groups == (0, 1, 0)
+    assert found.config == config
+    for own, expected in zip(found.block_decoders, (pack.block_decoders[1], pack.block_decoders[0]), strict=True):
+        assert np.array_equal(own.basis, expected.basis)
+        assert np.array_equal(own.scales, expected.scales)
+    fresh = encode_blocks(new, Grouping("single", (0, 0, 0)), config)
+    wrong = encode_with_decoders(new[:1], pack.block_decoders[:1], config, "clustered")
+    assert (found.textures[0].psnr_db or 0.0) > (wrong.textures[0].psnr_db or 0.0) + 1.0
+    drift = measured_drift(new, pack.block_decoders, config, 16)
+    assert drift.textures == 3
+    # Waves of other lengths than those that the old decoder was fitted to.
+    assert 0.0 < drift.loss_db < 8.0
+    assert drift.fresh_db == pytest.approx(_of_mean_mse([each.psnr_db or 0.0 for each in fresh.textures]), abs=0.01)
+
+
+def _of_mean_mse(values: list[float]) -> float:
+    return float(10.0 * np.log10(255.0**2 / np.mean([255.0**2 / 10.0 ** (value / 10.0) for value in values])))
+
+
+def test_the_same_seed_gives_the_same_pack() -> None:
+    old = [stripes(number, True) for number in range(3)]
+    config = config_for_bits(2.0, texture_set(old, 1, None))
+    decoders = encode_blocks(old, Grouping("single", (0, 0, 0)), config).block_decoders
+    packs = [encode_with_decoders([stripes(5, True)], decoders, config, "single", threads=n) for n in (1, 2)]
+    assert np.array_equal(packs[0].textures[0].latents, packs[1].textures[0].latents)
+
+
+def test_without_decoders_it_is_refused() -> None:
+    old = [stripes(0, True)]
+    config = config_for_bits(2.0, texture_set(old, 1, None))
+    with pytest.raises(InputError, match="no decoder"):
+        encode_with_decoders(old, [], config, "single")
