@@ -23,7 +23,7 @@ LARGEST_LIST = 1 << 28
 """Bytes of a list of paths."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class TextureRef:
     """One texture, by where it lies."""
 

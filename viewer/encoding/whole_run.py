@@ -37,7 +37,7 @@ class RunProgress:
     """A job that was begun once more, and why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Stored:
     """A texture that the library holds."""
 

@@ -32,7 +32,7 @@ class LookJob:
     """Also by which the groups will be found."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Looked:
     """What a texture is, besides its pixels."""
 

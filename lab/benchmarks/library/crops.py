@@ -48,3 +48,15 @@ def write_crops(large: Path, folder: Path, count: int, side: int) -> None:
             each = MOST_OF_ONE
     if len(seen) < count:
         raise InputError(f"{large}: has {len(seen)} distinct crops of {side} texels, not {count}")
+
+
+def write_tiny(folder: Path, count: int, side: int = 16) -> None:
+    """Write `count` distinct pictures of [side, side] texels, a hundred to a sub-folder, unless they are there."""
+    if folder.is_dir():
+        return
+    y, x = np.mgrid[0:side, 0:side] / side
+    for number in range(count):
+        chance = np.random.default_rng(number)
+        waves = [np.sin(6.0 * (x * a + y * b) + c) for a, b, c in chance.random((3, 3))]
+        pixels = 128.0 + 90.0 * np.stack(waves, axis=-1) + chance.normal(0.0, 4.0, (side, side, 3))
+        write_png(folder / f"{number // 100:04}" / f"{number:06}.png", np.clip(pixels, 0.0, 255.0).astype(np.uint8))
