@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -171,13 +171,26 @@ def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
         LookJob(tuple(due[first : first + LOOKED_TOGETHER]), reading, features)
         for first in range(0, len(due), LOOKED_TOGETHER)
     )
-    for failure in run_jobs(run.executor, jobs, take, run.stopped, run.tried_again):
+    for failure in run_jobs(run.executor, jobs, take, run.stopped, run.tried_again, _halves):
         run.fail(_refs(failure.argument), failure.problem)
     return [found[ref] for ref in refs if ref in found]
 
 
 def _refs(job: WorkJob) -> tuple[TextureRef, ...]:
     return job.refs if isinstance(job, LookJob) else tuple(each.ref for each in job.textures)
+
+
+def _halves(job: WorkJob) -> list[WorkJob]:
+    """Two jobs that do the same together; none where it has one texture."""
+    refs = _refs(job)
+    middle = len(refs) // 2
+    if middle == 0:
+        return []
+    if isinstance(job, LookJob):
+        return [replace(job, refs=refs[:middle]), replace(job, refs=refs[middle:])]
+    hashes = [each.pixel_hash for each in job.textures]
+    halves = (without(job, frozenset(hashes[middle:])), without(job, frozenset(hashes[:middle])))
+    return [half for half in halves if half is not None]
 
 
 def _image_file(looked: Looked, stamp: tuple[int, int] | None) -> ImageFile | None:
@@ -211,7 +224,7 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
         run.advance(len(job.textures), job.texels)
         return None
 
-    for failure in run_jobs(run.executor, arguments, take, run.stopped, run.tried_again):
+    for failure in run_jobs(run.executor, arguments, take, run.stopped, run.tried_again, _halves):
         assert isinstance(failure.argument, EncodeJob)
         run.fail(_refs(failure.argument), failure.problem)
     for job in jobs:

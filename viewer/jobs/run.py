@@ -1,11 +1,11 @@
 """Running many jobs in an executor: each is tried again elsewhere when it fails, and named when it fails again and again."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Generic
 
-from viewer.jobs.executor import Ended, Executor
+from viewer.jobs.executor import Executor
 from viewer.jobs.function_process import Argument
 from viewer.jobs.job import Result
 
@@ -39,8 +39,11 @@ def run_jobs(
     take: Take[Argument, Result],
     stopped: Callable[[], bool] = lambda: False,
     tried_again: Callable[[str], None] = lambda _problem: None,
+    parts: Callable[[Argument], Sequence[Argument]] = lambda _argument: (),
 ) -> list[Failure[Argument]]:
     """Run a job for each argument and hand the results to `take` as they come; returns the jobs that failed MOST_ATTEMPTS times.
+
+    A job that no worker survives, or whose function raises, is cut into `parts` then, where it has some: those fail alone that must.
 
     Arguments are asked for when a slot is free, so neither they nor results pile up. `stopped` ends it early; jobs that are under
     way then are lost. `tried_again` is told why a job is begun once more.
@@ -49,12 +52,15 @@ def run_jobs(
     under_way: dict[int, _Due[Argument]] = {}
     failures, number = list[Failure[Argument]](), 0
 
-    def failed(due: _Due[Argument], problem: str) -> None:
-        if due.attempt + 1 >= MOST_ATTEMPTS:
-            failures.append(Failure(due.argument, problem))
-        else:
+    def failed(due: _Due[Argument], problem: str, cut: Sequence[Argument]) -> None:
+        if due.attempt + 1 < MOST_ATTEMPTS:
             tried_again(problem)
             again.append(_Due(due.argument, due.attempt + 1))
+        elif cut:
+            tried_again(problem)
+            again.extend(_Due(each, 0) for each in cut)
+        else:
+            failures.append(Failure(due.argument, problem))
 
     while not stopped():
         while len(under_way) < executor.slots:
@@ -68,13 +74,12 @@ def run_jobs(
             break
         for ended in executor.wait(SECONDS_BETWEEN_QUESTIONS):
             due = under_way.pop(ended.number)
-            answer = _taken(ended, due, take)
+            if ended.result is None:
+                failed(due, ended.problem, parts(due.argument))
+                continue
+            answer = take(due.argument, ended.result, due.attempt)
             if isinstance(answer, str):
-                failed(due, answer)
+                failed(due, answer, ())
             elif answer is not None:
                 again.append(_Due(answer, 0))
     return failures
-
-
-def _taken(ended: Ended[Result], due: _Due[Argument], take: Take[Argument, Result]) -> Argument | str | None:
-    return ended.problem if ended.result is None else take(due.argument, ended.result, due.attempt)
