@@ -226,6 +226,10 @@ class RateStudyOptions:
     """Whether JPEG XL, a bound without random access, is measured."""
     flip_every: int = 4
     """FLIP, which takes longest, is the mean over every so many textures."""
+    workers: int | None = None
+    """Measure points side by side in so many processes, in one thread each. None: one after the other, in this process."""
+    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS|auto")] = None
+    """The same on this Ray cluster (extra `ray`)."""
 
 
 @dataclass(frozen=True)

@@ -2,27 +2,24 @@
 
 import sys
 import time
-from pathlib import Path
+from itertools import count
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 
 from lab.commands.options import RateStudyOptions
+from lab.commands.rate_points import Found, points_by_jobs, rate_study
 from lab.commands.study_output import check_output, machine, write_study
 from lab.studies.rate import RateStudy
 from lab.studies.rate_table import RatePoint, rate_figure, rate_table
-from ntc.codec.config import GroupingConfig
-from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.features import FeatureOptions
-from ntc.grouping import GroupingInputs, make_grouping
-from viewer.cli.encode import read_source
-from viewer.locations import blocks_cache, features_cache
 
 
 def _check(options: RateStudyOptions) -> None:
     check_output(options.out)
+    if options.workers is not None and options.ray is not None:
+        raise InputError("--workers and --ray exclude each other: a cluster has as many workers as it has cores")
     at_least_one = {
         "texture-size": options.texture_size,
         "most": options.most,
@@ -41,37 +38,13 @@ def _check(options: RateStudyOptions) -> None:
         raise InputError("--groupings: name at least one")
 
 
-def read_textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
-    """At most `most` RGB textures of a scene or folder, evenly among all of them, at most `side` texels large. Raises InputError."""
-    textures = [texture for texture in read_source(source, side).textures if texture.pixels.shape[2] == 3]
-    if not textures:
-        raise InputError(f"{source}: holds no texture of three channels")
-    if len(textures) > most:
-        textures = [textures[index * len(textures) // most] for index in range(most)]
-    return tuple(textures)
-
-
 def study_rate(options: RateStudyOptions) -> int:
     """Run `ntc-viewer study rate`. Raises InputError for bad input."""
     _check(options)
     began = time.monotonic()
-    textures = read_textures(options.source, options.texture_size, options.most)
-    inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
-    clusters = min(options.clusters, len(textures))
-    groupings = [make_grouping(GroupingConfig(name, clusters), textures, inputs) for name in options.groupings]
-    study = RateStudy(
-        textures,
-        groupings,
-        options.sides,
-        options.bits,
-        options.formats,
-        options.grid_steps,
-        options.jpeg_xl,
-        options.flip_every,
-        options.out / "runs",
-        blocks_cache(),
-    )
-    points = _points(study)
+    study = rate_study(options)
+    textures, clusters = study.textures, min(options.clusters, len(study.textures))
+    points = _points(study) if options.workers is None and options.ray is None else _points_by_jobs(study, options)
     side = max(max(texture.size) for texture in textures)
     title = f"{options.source.stem}: {len(textures)} textures of at most {side} texels, {clusters} clusters"
     if options.grid_steps:
@@ -110,10 +83,28 @@ def _points(study: RateStudy) -> list[RatePoint]:
             except InputError as error:
                 line = f"left out: {error}"
             else:
-                quality = points[-1].quality
-                line = f"{quality.bits_per_texel:.2f} bits, {quality.mean_db:.2f} dB"
+                line = _line(points[-1])
             bar.update(whole, completed=number + 1)
             console.print(f"{number + 1}/{len(steps)} {name}: {line}", highlight=False)
     if not points:
         raise InputError("study rate: no codec could be measured; the lines above say why")
     return points
+
+
+def _points_by_jobs(study: RateStudy, options: RateStudyOptions) -> list[RatePoint]:
+    """The same, measured side by side."""
+    console, steps = Console(stderr=True, soft_wrap=True), study.steps()
+    done = count(1)
+
+    def tell(number: int, point: Found) -> None:
+        line = f"left out: {point}" if isinstance(point, str) else _line(point)
+        console.print(f"{next(done)}/{len(steps)} {steps[number][0]}: {line}", highlight=False)
+
+    points = points_by_jobs(options, tell)
+    if not points:
+        raise InputError("study rate: no codec could be measured; the lines above say why")
+    return points
+
+
+def _line(point: RatePoint) -> str:
+    return f"{point.quality.bits_per_texel:.2f} bits, {point.quality.mean_db:.2f} dB"

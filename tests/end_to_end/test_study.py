@@ -6,7 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
+from lab.commands.options import RateStudyOptions
+from lab.commands.rate_points import PointJob, measured_point
+from lab.studies.rate_table import RatePoint
 from tests.unit.ntc.training.test_encode_blocks import waves
 from viewer import cli
 from viewer.locations import builtin_scene_path
@@ -213,6 +217,16 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for wrong, line in (("--bits 0", "--bits 0: must be above 0"), ("--most 0", "--most 0: must be at least 1")):
         assert cli.main(["study", "rate", str(images), "--out", str(out), *wrong.split()]) == 2
         assert line in capsys.readouterr().err
+    # What a worker measures is the same.
+    options = RateStudyOptions(
+        images, out, 128, groupings=("single",), bits=(3.0, 1000.0), sides=(8,), formats=(), jpeg_xl=False
+    )
+    threads = torch.get_num_threads()
+    point, refused = (measured_point(PointJob(options, number)) for number in range(2))
+    torch.set_num_threads(threads)
+    assert isinstance(point, RatePoint)
+    assert point.quality.mean_db == pytest.approx(rows["block 8x8, single", "3 bits"]["mean_db"])
+    assert isinstance(refused, str)
 
 
 @pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16), ("mips", 1)])

@@ -102,6 +102,15 @@ def read_texture(ref: TextureRef, reading: Reading) -> SourceTexture | None:
     return whole if reading.texture_size is None else reduce_texture(whole, reading.texture_size)
 
 
+def stamp_of(path: str) -> tuple[int, int] | None:
+    """(bytes, time of change in ns) of a file; None where there is none."""
+    try:
+        status = Path(path).stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
 def blank(shape: Sequence[int]) -> NDArray[np.uint8]:
     """[shape] zeros that share one byte."""
     return np.broadcast_to(np.uint8(0), tuple(shape))

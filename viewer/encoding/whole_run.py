@@ -10,7 +10,7 @@ from ntc.errors import InputError
 from ntc.library.records import ImageFile, StoredTexture
 from ntc.library.writer import LibraryWriter
 from viewer.encoding.plan import Asked, encode_jobs, needs_features, without
-from viewer.encoding.sources import TextureRef
+from viewer.encoding.sources import TextureRef, stamp_of
 from viewer.encoding.work import Encoded, EncodeJob, Looked, LookJob, Unread, WorkJob, WorkResult
 from viewer.jobs.executor import Executor
 from viewer.jobs.run import MOST_ATTEMPTS, run_jobs
@@ -130,23 +130,14 @@ def _unread(run: _Run, problems: Unread, attempt: int) -> str | None:
     return None
 
 
-def _stamp(path: str) -> tuple[int, int] | None:
-    try:
-        status = Path(path).stat()
-    except OSError:
-        return None
-    return status.st_size, status.st_mtime_ns
-
-
 def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
     """What each of `refs` is; those that fail are left out and named."""
     reading, found = run.asked.reading, dict[TextureRef, Looked]()
     features = run.asked.grouping.features if needs_features(run.asked) else None
-    stamps = {ref.path: _stamp(ref.path) for ref in refs}
     plain = features is None and reading.texture_size is None
     for ref in refs:
         known = run.writer.index.files.get(ref.path) if plain and ref.index is None else None
-        if known is not None and (known.bytes, known.modified_ns) == stamps[ref.path]:
+        if known is not None and (known.bytes, known.modified_ns) == stamp_of(ref.path):
             found[ref] = Looked(ref, known.pixel_hash, known.width, known.height, known.channels)
     due = [ref for ref in refs if ref not in found]
     run.begin("looking at", len(due), len(due))
@@ -160,9 +151,11 @@ def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
             left = tuple(ref for ref in _refs(job) if ref not in result.problems)
             return LookJob(left, reading, features) if left else None
         assert isinstance(result, tuple)
-        found.update((each.ref, each) for each in result)
+        # Texts that came with a message would be held a second time.
+        own = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
+        found.update((each.ref, each) for each in own)
         if plain:
-            files = [_image_file(each, stamps[each.ref.path]) for each in result if each.ref.index is None]
+            files = [_image_file(each) for each in own if each.ref.index is None]
             run.writer.remember([file for file in files if file is not None])
         run.advance(len(result), len(result))
         return None
@@ -193,10 +186,11 @@ def _halves(job: WorkJob) -> list[WorkJob]:
     return [half for half in halves if half is not None]
 
 
-def _image_file(looked: Looked, stamp: tuple[int, int] | None) -> ImageFile | None:
-    if stamp is None:
+def _image_file(looked: Looked) -> ImageFile | None:
+    """What is remembered of an image; None where its time cannot be trusted."""
+    if looked.stamp is None:
         return None
-    return ImageFile(looked.ref.path, *stamp, looked.pixel_hash, looked.width, looked.height, looked.channels)
+    return ImageFile(looked.ref.path, *looked.stamp, looked.pixel_hash, looked.width, looked.height, looked.channels)
 
 
 def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:

@@ -19,7 +19,7 @@ from ntc.pack.file import pack_bytes
 from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from ntc.training.encode_blocks import encode_blocks
-from viewer.encoding.sources import Reading, TextureRef, read_texture
+from viewer.encoding.sources import Reading, TextureRef, read_texture, stamp_of
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ class Looked:
     channels: int = 1
     maps: tuple[MapName, ...] = ("base",)
     features: tuple[float, ...] = ()
+    stamp: tuple[int, int] | None = None
+    """(bytes, time of change in ns) of an image file, from before it was read. None: it changed meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +112,12 @@ def _looked(job: LookJob) -> tuple[Looked, ...] | Unread:
     problems = dict[TextureRef, str]()
     for ref in job.refs:
         # One by one: only one image's pixels are held.
+        before = stamp_of(ref.path)
         ((*textures,), own) = _read_all([ref], job.reading)
         problems |= own
-        found += [_look(ref, texture, job.features) for texture in textures]
+        # A file that is being written has another hash a moment later.
+        stamp = before if before == stamp_of(ref.path) else None
+        found += [replace(_look(ref, texture, job.features), stamp=stamp) for texture in textures]
     return Unread(problems) if problems else tuple(found)
 
 
