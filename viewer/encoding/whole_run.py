@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.errors import InputError
 from ntc.library.records import ImageFile, StoredTexture
 from ntc.library.writer import LibraryWriter
@@ -153,7 +154,7 @@ def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
         assert isinstance(result, tuple)
         # Texts that came with a message would be held a second time.
         own = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
-        found.update((each.ref, each) for each in own)
+        found.update((each.ref, replace(each, maps=_shared(each.maps), stamp=None)) for each in own)
         if plain:
             files = [_image_file(each) for each in own if each.ref.index is None]
             run.writer.remember([file for file in files if file is not None])
@@ -184,6 +185,10 @@ def _halves(job: WorkJob) -> list[WorkJob]:
     hashes = [each.pixel_hash for each in job.textures]
     halves = (without(job, frozenset(hashes[middle:])), without(job, frozenset(hashes[:middle])))
     return [half for half in halves if half is not None]
+
+
+def _shared(maps: tuple[MapName, ...]) -> tuple[MapName, ...]:
+    return BASE_ALONE if maps == BASE_ALONE else maps
 
 
 def _image_file(looked: Looked) -> ImageFile | None:

@@ -83,7 +83,9 @@ class Bench:
 @contextlib.contextmanager
 def command(source: Path, library: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     """`encode` of `source` into `library` in a process of its own; its peak memory is written beside the library."""
-    program = library.with_suffix(".py")
+    # In a folder of its own: beside libraries it would find them as packages.
+    program = library.parent / "program" / "measured_command.py"
+    program.parent.mkdir(exist_ok=True)
     program.write_text(PEAK)
     own = [
         sys.executable,
@@ -105,15 +107,17 @@ def command(source: Path, library: Path, *arguments: str) -> Iterator[subprocess
 def measured(source: Path, library: Path, *arguments: str) -> dict[str, Any]:
     """A whole run into a new library. Raises RuntimeError where it fails."""
     shutil.rmtree(library, ignore_errors=True)
-    began = time.monotonic()
+    began, before = time.monotonic(), os.times()
     with command(source, library, *arguments) as process:
         pass
+    after = os.times()
     if process.returncode != 0:
         raise RuntimeError(library.with_suffix(".log").read_text()[-2000:])
     seconds = time.monotonic() - began
     report = json.loads((library.with_name(f"{library.name}.report") / "report.json").read_text())
     return {
         "seconds": round(seconds, 1),
+        "cpu_seconds": round(sum(after[2:4]) - sum(before[2:4]), 1),
         "seconds_of_jobs": round(report["seconds"], 1),
         "peak_mb": round(int(library.with_suffix(".peak").read_text()) / 1024, 1),
         "encoded": report["encoded_now"],
@@ -162,12 +166,12 @@ def workers_of(process: int) -> list[int]:
 
 def measure_workers(bench: Bench, crops: Path, place: Path) -> None:
     """One worker, two, and a cluster."""
-    one, two, ray = place / "one", place / "two", place / "ray"
+    one, two, cluster = place / "one", place / "two", place / "cluster"
     bench.note("one_worker", measured(crops, one, "--workers", "1"))
     bench.note("two_workers", measured(crops, two, "--workers", "2"))
     with ray_cluster() as (address, _, _):
-        bench.note("ray_two_machines", measured(crops, ray, "--ray", address))
-    bench.note("same_shards", same(one, two) and same(one, ray))
+        bench.note("ray_two_machines", measured(crops, cluster, "--ray", address))
+    bench.note("same_shards", same(one, two) and same(one, cluster))
     for name in ("two_workers", "ray_two_machines"):
         for what in ("seconds", "seconds_of_jobs"):
             share = bench.figures["one_worker"][what] / bench.figures[name][what]
