@@ -193,7 +193,7 @@ def measure_kills(bench: Bench, crops: Path, place: Path) -> None:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(chance.choice(workers), signal.SIGKILL)
                     done += 1
-    again = killed.with_suffix(".log").read_text().count("tried again")
+    again = killed.with_suffix(".log").read_text().count("tried again: ")
     told = {
         "workers_killed": done,
         "jobs_tried_again": again,
