@@ -75,7 +75,8 @@ def test_texts_in_an_old_encoding_are_read(tmp_path: Path) -> None:
     )
     assert len(scene.textures) == 1
     (tmp_path / "a.stl").write_bytes(b"solid \xe9\xff")
-    with pytest.raises(InputError, match=r"not a readable STL file \(its text is no UTF-8\)"):
+    # Where charset_normalizer is installed, as it is with Ray, trimesh guesses an encoding.
+    with pytest.raises(InputError, match=r"not a readable STL file \(its text is no UTF-8\)|holds no triangles"):
         load_scene(tmp_path / "a.stl")
 
 
