@@ -121,9 +121,8 @@ def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldPro
     assert driven.session.requests.formats == {}
     assert driven.session.view.slot_a.source == "single"
     process.may_go = True
-    driven.frame(5)
+    until(driven, lambda: driven.is_settled)
     assert driven.session.view.slot_a.source == "single"
-    assert driven.is_settled
 
 
 def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, process: HeldProcess) -> None:
