@@ -267,6 +267,9 @@ def test_damaged_data_is_told_in_a_line(tmp_path: Path) -> None:
     own = exported(random_block_pack(), tmp_path, "glsl")
     program = reference_program(own.folder, "-std=c++20", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     data = (own.folder / "ntc_pack.bin").read_bytes()
+    for wrong in (tmp_path, tmp_path / "none.bin"):
+        done = subprocess.run([program, wrong], input="", capture_output=True, text=True, check=False)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
     random = np.random.default_rng(2)
     spoilt = tmp_path / "spoilt.bin"
     requests = "\n".join(
@@ -281,6 +284,22 @@ def test_damaged_data_is_told_in_a_line(tmp_path: Path) -> None:
         done = subprocess.run([program, spoilt], input=requests, capture_output=True, text=True, check=False)
         assert done.returncode in (0, 2), done.stderr
         assert len(done.stderr.splitlines()) == (1 if done.returncode else 0), done.stderr
+
+
+@pytest.mark.process
+def test_names_of_files_and_macros_do_no_harm(tmp_path: Path) -> None:
+    sources = []
+    for name in ("a *", "b\nuint c;"):
+        folder = tmp_path / name
+        folder.mkdir()
+        sources.append(exported(random_block_pack(), folder, "glsl"))
+    assert sources[0].text("ntc_decode.hpp") == sources[1].text("ntc_decode.hpp")
+    assert sources[0].text("ntc_layout.h") == sources[1].text("ntc_layout.h")
+    # What the headers of Windows define.
+    macros = "#include <cmath>\n" + "".join(f"#define {name}(a, b) a {name} b\n" for name in ("min", "max"))
+    program = sources[0].folder / "ntc_reference.cpp"
+    program.write_text(program.read_text(encoding="utf-8").replace('#include "ntc_dec', f'{macros}#include "ntc_dec'))
+    reference_program(sources[0].folder)
 
 
 def test_what_cannot_be_is_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,8 @@ from viewer.export.shader.syntax import (
     walk,
 )
 
-_FUNCTIONS: Final = {"mix": "mix", "roundEven": "round_even", "bitCount": "bit_count"}
+# `min` and `max` are macros where the headers of Windows have been read.
+_FUNCTIONS: Final = {"roundEven": "round_even", "bitCount": "bit_count", "min": "smaller", "max": "larger"}
 _BITS: Final = {"floatBitsToUint": "float_bits_to_uint", "uintBitsToFloat": "uint_bits_to_float"}
 
 

@@ -14,6 +14,7 @@ from viewer.export.shader.decoder import codec_number, planes_of
 from viewer.export.shader.languages import CPP_FILE, FILES, TEMPLATES, Heading, cpp_source, shader_source
 from viewer.export.shader.layout_header import layout_header
 from viewer.export.shader.words import pack_words
+from viewer.scene.json_text import printable
 
 DATA_FILE: Final = "ntc_pack.bin"
 LAYOUT_FILE: Final = "ntc_layout.h"
@@ -61,7 +62,8 @@ def export_decoder(pack: Pack, language: ShaderLanguage, destination: Path) -> E
 
     All or nothing. Raises InputError where the folder cannot be written.
     """
-    heading = Heading(pack.name, codec_number(pack))
+    # Without its folders: what is written goes to others, and is the same wherever the pack lies.
+    heading = Heading(printable(Path(pack.name).name), codec_number(pack))
     cpp = FILES["cuda"] if language == "cuda" else CPP_FILE
     textures = [_texture(number, texture, pack) for number, texture in enumerate(pack.textures)]
     written = {

@@ -61,7 +61,7 @@ class Heading:
     """What a file tells of itself first."""
 
     pack: str
-    """Name of the pack."""
+    """Name of the pack's file, in one line and without folders: comments hold it."""
     codec: int
     """`codec_number` of the pack."""
 

@@ -17,7 +17,6 @@ from viewer.export.shader.syntax import (
     Assign,
     Block,
     Call,
-    Choice,
     Comments,
     Construct,
     Declare,
@@ -47,8 +46,9 @@ from viewer.export.shader.typing_rules import (
     UnsupportedSourceError,
     binary,
     builtin,
+    choice,
     construct,
-    converted,
+    promoted,
 )
 
 _WIDE_PRODUCT: Final = "umulExtended"
@@ -133,7 +133,7 @@ class _Reader:
                     function = self._function(node, own)
                     known = self._functions.get(function.name)
                     if known is not None and known.body:
-                        # Overloads: only the first is called by what is read here.
+                        # Overloads: only the first is called by what is read here; `promoted` refuses a call of another one.
                         continue
                     self._functions[function.name] = function
                     if function.body:
@@ -198,7 +198,7 @@ class _Reader:
             if outside:
                 self._constants.add(name)
             if value is not None:
-                value = converted(value, kind.scalar)
+                value = promoted(value, kind.scalar)
             found.append(Declare(kind, name, value, is_constant, comments if not found else Comments()))
         return found
 
@@ -221,7 +221,9 @@ class _Reader:
             case "compound_statement":
                 return [Block(self._block(node), comments)]
             case "return_statement":
-                return [Return(converted(self._expression(_parts(node)[0]), self._result.scalar), comments)]
+                if not _parts(node):
+                    raise UnsupportedSourceError(f"line {node.start_point[0] + 1}: return without a value")
+                return [Return(promoted(self._expression(_parts(node)[0]), self._result.scalar), comments)]
             case "if_statement":
                 otherwise = node.child_by_field_name("alternative")
                 return [
@@ -255,6 +257,10 @@ class _Reader:
             return [Assign(target, f"{_text(_child(node, 'operator'))[0]}=", Number(INT, "1"), comments)]
         if node.type == "call_expression" and _text(_child(node, "function")) == _WIDE_PRODUCT:
             left, right, high, low = [self._expression(part) for part in _parts(_child(node, "arguments"))]
+            if high in (left, right):
+                raise UnsupportedSourceError(
+                    f"line {node.start_point[0] + 1}: {_WIDE_PRODUCT} writes into what it reads"
+                )
             upper = Call(UINT, PRODUCT_HIGH, (left, right), (False, False))
             return [Assign(high, "=", upper, comments), Assign(low, "=", binary("*", left, right))]
         if node.type != "assignment_expression":
@@ -263,14 +269,15 @@ class _Reader:
         operator = _text(_child(node, "operator"))
         value = self._expression(_child(node, "right"))
         if operator not in ("<<=", ">>="):
-            value = converted(value, target.type.scalar)
+            value = promoted(value, target.type.scalar)
         return [Assign(target, operator, value, comments)]
 
     def _expression(self, node: Node) -> Expression:
         match node.type:
             case "number_literal":
                 text = _text(node)
-                is_float = "." in text
+                is_hexadecimal = text[:2].lower() == "0x"
+                is_float = "." in text or ("e" in text.lower() and not is_hexadecimal)
                 return Number(FLOAT if is_float else UINT if text.endswith("u") else INT, text)
             case "true" | "false":
                 return Number(BOOL, node.type)
@@ -290,9 +297,8 @@ class _Reader:
                 operator = _text(_child(node, "operator"))
                 return binary(operator, self._expression(_child(node, "left")), self._expression(_child(node, "right")))
             case "conditional_expression":
-                chosen = self._expression(_child(node, "consequence"))
-                other = converted(self._expression(_child(node, "alternative")), chosen.type.scalar)
-                return Choice(chosen.type, self._expression(_child(node, "condition")), chosen, other)
+                parts = [self._expression(_child(node, part)) for part in ("condition", "consequence", "alternative")]
+                return choice(*parts)
             case "call_expression":
                 return self._call(node)
             case _:
@@ -316,7 +322,7 @@ class _Reader:
 
     def _index(self, node: Node) -> Expression:
         of, index = _child(node, "argument"), self._expression(_child(node, "index"))
-        index = converted(index, "int") if index.type != UINT else index
+        index = promoted(index, "int") if index.type != UINT else index
         if _text(of) in self._stored:
             function = self._functions[self._stored[_text(of)]]
             return Call(function.type, function.name, (index,), (False,))
@@ -331,11 +337,11 @@ class _Reader:
             return construct(TYPES[name], arguments)
         if name in self._structs:
             given = zip(arguments, self._structs[name].fields, strict=True)
-            return Construct(Type(name), tuple(converted(value, own.type.scalar) for value, own in given))
+            return Construct(Type(name), tuple(promoted(value, own.type.scalar) for value, own in given))
         if name in self._functions:
             function = self._functions[name]
             pairs = list(zip(arguments, function.parameters, strict=True))
-            values = tuple(value if own.is_reference else converted(value, own.type.scalar) for value, own in pairs)
+            values = tuple(value if own.is_reference else promoted(value, own.type.scalar) for value, own in pairs)
             return Call(function.type, name, values, tuple(own.is_reference for _, own in pairs))
         if name in BUILTINS:
             return builtin(name, arguments)

@@ -11,6 +11,7 @@ from viewer.export.shader.syntax import (
     UINT,
     Binary,
     Builtin,
+    Choice,
     Construct,
     Expression,
     Group,
@@ -18,10 +19,12 @@ from viewer.export.shader.syntax import (
     Name,
     Number,
     Type,
+    Unary,
     vector,
 )
 
 _COMPARISONS: Final = ("<", "<=", ">", ">=", "==", "!=", "&&", "||")
+_PROMOTIONS: Final = (("int", "uint"), ("int", "float"), ("uint", "float"))
 _SAME: Final = ("abs", "floor", "fract", "roundEven", "max", "min", "clamp", "mix")
 _BY_COMPONENT: Final = ("max", "min", "clamp", "mix")
 _RELATIONS: Final = ("equal", "notEqual", "greaterThan")
@@ -45,6 +48,26 @@ def converted(value: Expression, scalar: str) -> Expression:
     return Construct(vector(scalar, value.type.components), (value,))
 
 
+def promoted(value: Expression, scalar: str) -> Expression:
+    """`value` converted to components of type `scalar` as GLSL does it without being asked: int to uint, both to float.
+
+    Raises UnsupportedSourceError for others, which GLSL does not do: another function of that name was meant.
+    """
+    own = value.type.scalar
+    if own in SCALARS and own != scalar and (own, scalar) not in _PROMOTIONS:
+        raise UnsupportedSourceError(f"a value of type {own} stands where {scalar} is needed")
+    return converted(value, scalar)
+
+
+def choice(condition: Expression, chosen: Expression, other: Expression) -> Choice:
+    """`condition ? chosen : other`, both of the wider type."""
+    scalars = {chosen.type.scalar, other.type.scalar}
+    if len(scalars) > 1:
+        wider = "float" if "float" in scalars else "uint"
+        chosen, other = promoted(chosen, wider), promoted(other, wider)
+    return Choice(chosen.type, condition, chosen, other)
+
+
 def spread(value: Expression, components: int) -> Expression:
     """`value` with that many components, all the same where it is a scalar."""
     if components == 1 or value.type.is_vector:
@@ -55,7 +78,8 @@ def spread(value: Expression, components: int) -> Expression:
 def construct(kind: Type, arguments: Sequence[Expression]) -> Expression:
     """`kind(arguments)`. What has that type already stays as it is."""
     if len(arguments) == 1 and arguments[0].type == kind:
-        return arguments[0]
+        # In parentheses: what stands around it may bind closer.
+        return Group(kind, arguments[0]) if isinstance(arguments[0], Binary | Choice | Unary) else arguments[0]
     if kind.name == "mat4" or (len(arguments) == 1 and arguments[0].type.components == kind.components > 1):
         return Construct(kind, tuple(arguments))
     if len(arguments) == 1 and arguments[0].type.components > kind.components:
@@ -78,6 +102,10 @@ def binary(operator: str, left: Expression, right: Expression) -> Binary:
             left, right = converted(left, wider), converted(right, wider)
             break
     if operator in _COMPARISONS:
+        if left.type.is_vector or right.type.is_vector:
+            raise UnsupportedSourceError(
+                f"{operator}: of vectors, it gives one value in some languages and several in others"
+            )
         return Binary(BOOL, operator, left, right)
     if left.type.name == "mat4":
         return Binary(right.type, operator, left, right)

@@ -125,15 +125,15 @@ NTC_FUNCTION uint product_high(uint a, uint b) {
 NTC_FUNCTION float floor(float value) { return ::floorf(value); }
 NTC_FUNCTION float abs(float value) { return ::fabsf(value); }
 NTC_FUNCTION float round_even(float value) { return ::rintf(value); }
-template <typename T> NTC_FUNCTION T max(T a, T b) { return a < b ? b : a; }
-template <typename T> NTC_FUNCTION T min(T a, T b) { return b < a ? b : a; }
-template <typename T> NTC_FUNCTION vector4<T> max(vector4<T> a, vector4<T> b) {
-    return {max(a.x, b.x), max(a.y, b.y), max(a.z, b.z), max(a.w, b.w)};
+template <typename T> NTC_FUNCTION T larger(T a, T b) { return a < b ? b : a; }
+template <typename T> NTC_FUNCTION T smaller(T a, T b) { return b < a ? b : a; }
+template <typename T> NTC_FUNCTION vector4<T> larger(vector4<T> a, vector4<T> b) {
+    return {larger(a.x, b.x), larger(a.y, b.y), larger(a.z, b.z), larger(a.w, b.w)};
 }
-template <typename T> NTC_FUNCTION vector4<T> min(vector4<T> a, vector4<T> b) {
-    return {min(a.x, b.x), min(a.y, b.y), min(a.z, b.z), min(a.w, b.w)};
+template <typename T> NTC_FUNCTION vector4<T> smaller(vector4<T> a, vector4<T> b) {
+    return {smaller(a.x, b.x), smaller(a.y, b.y), smaller(a.z, b.z), smaller(a.w, b.w)};
 }
-template <typename T> NTC_FUNCTION T clamp(T value, T lowest, T highest) { return min(max(value, lowest), highest); }
+template <typename T> NTC_FUNCTION T clamp(T value, T lowest, T highest) { return smaller(larger(value, lowest), highest); }
 NTC_FUNCTION vec4 mix(vec4 a, vec4 b, vec4 share) { return a * (vec4(1.0f) - share) + b * share; }
 NTC_FUNCTION float dot(vec4 a, vec4 b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
 // Components of `second` where `choice` is true, of `first` elsewhere.

@@ -28,8 +28,11 @@ namespace {
 // The words of the file, whatever the byte order of this machine.
 std::vector<ntc::uint> read_words(const char* path) {
     std::ifstream file(path, std::ios::binary);
-    if (!file) refuse(std::string(path) + ": cannot be read");
-    std::vector<char> bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    std::ostringstream all;
+    // A folder opens in some systems, and fails when it is read.
+    if (!file || !(all << file.rdbuf())) refuse(std::string(path) + ": cannot be read, or is empty");
+    const std::string bytes = all.str();
+    if (bytes.size() % 4 != 0) refuse(std::string(path) + ": does not end with a whole word");
     std::vector<ntc::uint> words(bytes.size() / 4);
     for (std::size_t i = 0; i < words.size(); ++i) {
         unsigned char part[4];
