@@ -26,15 +26,13 @@ class App:
     """Whether a person may ask for an encoding at any moment; scripts and tests would start processes for nothing."""
     keeps_runs = False
     """Whether runs that nobody has decided about are kept in the user's data folder."""
-    waits = True
-    """Whether frames wait for the GPU, and so are the same each time."""
 
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
         kept = KeptRuns(kept_runs_folder()) if self.keeps_runs else None
         self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text, kept)
         self.training = self.context.training
-        self.frontend = Frontend(graphics, self.context, self.prepares_ahead, self.waits)
+        self.frontend = Frontend(graphics, self.context, self.prepares_ahead)
         self._appearance = Appearance()
 
     @property

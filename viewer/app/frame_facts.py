@@ -27,16 +27,13 @@ from viewer.ui.facts import FrameFacts
 class FactsReader:
     """Reads a picture for the panels, and no more of it than they show."""
 
-    def __init__(
-        self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes, waits: bool
-    ) -> None:
-        """`waits`: whether what is read at the mouse is waited for, and so is of this frame."""
+    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes) -> None:
         self._renderer_name = context.info.renderer
         self._session, self._picture, self._times = session, picture, times
         self._images = NamedImages(context)
-        self._blocks = PlaceReader[BlockContent](context, "the block under the mouse", waits)
+        self._blocks = PlaceReader[BlockContent](context, "the block under the mouse")
         self._counted: Mapping[str, DivergenceStatistics] = {}
-        self.pixels = PlaceReader[PixelContent](context, "the pixel under the mouse", waits)
+        self.pixels = PlaceReader[PixelContent](context, "the pixel under the mouse")
 
     @property
     def is_pending(self) -> bool:

@@ -55,13 +55,8 @@ POLL_SECONDS = 0.05
 class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
-    def __init__(
-        self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False, waits: bool = True
-    ) -> None:
-        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn.
-
-        `waits`: whether frames wait for the GPU, and so are the same each time; else `presented` is called after each.
-        """
+    def __init__(self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False) -> None:
+        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn."""
         session = context.session
         self._graphics, self._context, self.session = graphics, context, session
         emit = partial(apply_event, session)
@@ -70,10 +65,9 @@ class Frontend:
         self.interface = UserInterface()
         set_panel_titles(session, self.interface.panel_titles)
         set_unsupported(session, {**unsupported_precisions(graphics), **unsupported_paths(graphics)})
-        self._waits = waits
-        self._times = FrameTimes(waits)
-        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit, waits)
-        self.reader = FactsReader(graphics, session, self.picture, self._times, waits)
+        self._times = FrameTimes(graphics.waits)
+        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
+        self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._writer = PictureWriter(graphics, session, self.picture)
         self._first_view = FirstView(self.interface.background, emit)
         self._precision = PrecisionSearch(
@@ -95,8 +89,8 @@ class Frontend:
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
         encoding, last = self._formats.progress, self.picture.last
-        tiles = last.waiting if last is not None else 0
-        found = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, tiles)
+        to_come = last.to_come if last is not None else ()
+        found = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, to_come)
         work = (*self.slow.work, *found)
         return replace(self.reader.read(self.live.figures, self._is_training, encoding), work=work)
 
@@ -143,14 +137,14 @@ class Frontend:
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
         self._graphics.gl.enable_only(moderngl.NOTHING)
-        if self._waits:
+        if self._graphics.waits:
             self._times.end()
         self._graphics.reset.check()
         self._writer.write_requested(framebuffer)
 
     def presented(self) -> None:
         """The frame has been handed to the window system."""
-        if not self._waits:
+        if not self._graphics.waits:
             self._times.end()
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
@@ -253,7 +247,7 @@ class Frontend:
         if renderer is None or view is None:
             return
         self.live.note(renderer, view, self.session.packs, size, now)
-        if not self._compares or self.picture.is_waiting or self.picture.is_coarse():
+        if not self._compares or self.picture.to_come or self.picture.is_coarse():
             return
         if self.live.step(view, self._figures_are_wanted(), now):
             self.picture.compose_again(view)

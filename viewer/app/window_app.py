@@ -58,7 +58,6 @@ class WindowApp(App):
 
     prepares_ahead = True
     keeps_runs = True
-    waits = False
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()
@@ -216,7 +215,7 @@ class WindowApp(App):
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise context_lost_error(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead, self.waits)
+        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead)
         self._appearance = Appearance()
         self.frontend.interface.bring_to_front(earlier.interface.panels_in_front)
         notify(self.session, RECOVERED, details=str(lost))

@@ -1,6 +1,6 @@
 """Makes the picture of a slot from the planes of its maps: lit, or one of the maps as it is stored."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,12 +8,11 @@ from ntc.codec.maps import MapName, Plane
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.light_drawer import LightDrawer, PreparedLight
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.picture_targets import ShownMaterials
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.light.scene_light import SceneLight
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import SKY, Lighting
 
@@ -48,25 +47,28 @@ class PictureShading:
         planes: Mapping[Plane, ColorTarget],
         materials: ShownMaterials,
         output: ColorTarget,
-        mixture: Mixture | None = None,
-    ) -> None:
-        """Draw the picture. Raises GpuMemoryError, ShaderError."""
-        light = self._lit_by(materials.lighting) if materials.view == "lit" else None
+        mixture: Mixture | None,
+        reads: Sequence[Output],
+    ) -> Output:
+        """Draw the picture; `reads` are the outputs of the planes. Raises GpuMemoryError, ShaderError."""
+        light = None
+        if materials.view == "lit":
+            prepared = self._lit_by(materials.lighting)
+            light, reads = prepared.light, (*reads, *prepared.outputs)
         other = None if mixture is None else _targets(mixture.planes)
         taken = frozenset[MapName](() if mixture is None else (mixture.map_name,))
         inputs = ShadeInputs(view, _targets(planes), materials.view, light, other, taken)
-        with self._scheduler.timer.measure(self._pass.name):
-            self._pass.run(inputs, output)
+        return self._scheduler.run(self._pass, inputs, output, reads)
 
-    def _lit_by(self, lighting: Lighting) -> SceneLight:
+    def _lit_by(self, lighting: Lighting) -> PreparedLight:
         """What lights a view. The sky stands in for an environment that cannot be read any more."""
         try:
-            light = self._light.prepare(lighting)
+            prepared = self._light.prepare(lighting)
         except InputError as error:
             self.problem = f"{error}; the sky is shown instead of {Path(lighting.environment).name}"
             return self._light.prepare(replace(lighting, environment=SKY))
         self.problem = None
-        return light
+        return prepared
 
     def release(self) -> None:
         """Free everything."""

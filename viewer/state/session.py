@@ -174,15 +174,6 @@ class WindowState:
     """(width, height) in pixels that panels leave to the picture."""
 
 
-@dataclass(frozen=True, eq=False)
-class PackChange:
-    """What the renderer has to know of a pack that replaces another of its name."""
-
-    pack: Pack
-    groups: frozenset[int] | None
-    """Groups that differ from what was drawn last; None where that is not known."""
-
-
 @dataclass
 class Requests:
     """What commands and events ask of the next frames."""
@@ -193,8 +184,6 @@ class Requests:
     """File of the film that is taken of the window's content, relative to the folder of pictures; None while none is."""
     camera_path: tuple[Camera, ...] | None = None
     """A recorded path that is to be written as a file."""
-    pack_changes: Mapping[str, PackChange] = field(default_factory=dict)
-    """Packs that events have replaced and that are to be uploaded, by their names."""
     formats: Mapping[Side, BlockFormat] = field(default_factory=dict)
     """Block formats that slots are to show once the textures have been encoded."""
     precision: frozenset[Side] = frozenset()

@@ -156,7 +156,7 @@ def test_the_old_picture_is_shown_until_all_is_uploaded(graphics: GraphicsContex
     uploaded, frames = [], 0
     while (frame := draw(renderer, slot)).upload.is_pending:
         frames += 1
-        assert frame.waiting > 0
+        assert not frame.is_complete
         np.testing.assert_array_equal(read_picture(frame.image), before)
         uploaded.append(frame.upload.uploaded)
     assert frames >= latents // budget - 1
@@ -220,7 +220,7 @@ def test_unchanged_tiles_are_kept(graphics: GraphicsContext) -> None:
     decoded = draw(renderer, CACHED, whole=True).tiles[CACHED].decoded
     before, ids = renderer.picture(CACHED), renderer.texture_ids()
     renderer.update_pack("p", new, CHANGED)
-    while draw(renderer, CACHED).waiting:
+    while not draw(renderer, CACHED).is_complete:
         pass
     anew = draw(renderer, CACHED).tiles[CACHED].decoded - decoded
     assert 0 < anew < decoded
@@ -237,7 +237,7 @@ def test_textures_may_change_their_groups(graphics: GraphicsContext, groups: tup
     renderer = opened(graphics, old)
     draw(renderer, slot)
     renderer.update_pack("p", new)
-    while draw(renderer, slot).waiting:
+    while not draw(renderer, slot).is_complete:
         pass
     tolerance = ELSEWHERE if path == "cached" else 0.0
     np.testing.assert_allclose(renderer.picture(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
@@ -254,7 +254,7 @@ def test_decoders_may_change_their_numbers(graphics: GraphicsContext, path: Deco
     draw(renderer, slot)
     before = renderer.picture(slot)
     renderer.update_pack("p", new, frozenset())
-    while draw(renderer, slot).waiting:
+    while not draw(renderer, slot).is_complete:
         pass
     np.testing.assert_array_equal(renderer.picture(slot), before)
     # Another view reads the decoders anew.
