@@ -1,6 +1,5 @@
 """Prepares what lights a view: the prefiltered environment and the sun's shadow map. Nothing is made anew that has not changed."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,15 +28,6 @@ MOST_CACHED_BYTES = 1 << 28
 """Of prefiltered panoramas on disk."""
 
 
-@dataclass(frozen=True, eq=False)
-class PreparedLight:
-    """What lights a view."""
-
-    light: SceneLight
-    outputs: tuple[Output, ...]
-    """Of the maps that it reads."""
-
-
 class LightDrawer:
     """Keeps one environment and one shadow map of one scene."""
 
@@ -60,7 +50,7 @@ class LightDrawer:
         self._shadow_inputs: ShadowInputs | None = None
         self._kinds = SurfaceKinds.of(scene.materials)
 
-    def prepare(self, lighting: Lighting) -> PreparedLight:
+    def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
         inputs, size = self._environment(lighting)
         maps = self._environment_maps(size, inputs.panorama)
@@ -70,7 +60,7 @@ class LightDrawer:
         if sun.shines:
             view, shadow = self._draw_shadow(sun.direction)
             outputs.append(shadow)
-        light = SceneLight(
+        return SceneLight(
             inputs.key,
             environment_turn(lighting),
             sun,
@@ -82,8 +72,8 @@ class LightDrawer:
             view,
             self._scene.lights,
             self._kinds,
+            tuple(outputs),
         )
-        return PreparedLight(light, tuple(outputs))
 
     def _environment(self, lighting: Lighting) -> tuple[PrefilterInputs, PrefilterSize]:
         if lighting.environment == SKY:

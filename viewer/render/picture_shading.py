@@ -8,11 +8,12 @@ from ntc.codec.maps import MapName, Plane
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.light_drawer import LightDrawer, PreparedLight
+from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.picture_targets import ShownMaterials
 from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.light.scene_light import SceneLight
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import SKY, Lighting
 
@@ -53,22 +54,22 @@ class PictureShading:
         """Draw the picture; `reads` are the outputs of the planes. Raises GpuMemoryError, ShaderError."""
         light = None
         if materials.view == "lit":
-            prepared = self._lit_by(materials.lighting)
-            light, reads = prepared.light, (*reads, *prepared.outputs)
+            light = self._lit_by(materials.lighting)
+            reads = (*reads, *light.outputs)
         other = None if mixture is None else _targets(mixture.planes)
         taken = frozenset[MapName](() if mixture is None else (mixture.map_name,))
         inputs = ShadeInputs(view, _targets(planes), materials.view, light, other, taken)
         return self._scheduler.run(self._pass, inputs, output, reads)
 
-    def _lit_by(self, lighting: Lighting) -> PreparedLight:
+    def _lit_by(self, lighting: Lighting) -> SceneLight:
         """What lights a view. The sky stands in for an environment that cannot be read any more."""
         try:
-            prepared = self._light.prepare(lighting)
+            light = self._light.prepare(lighting)
         except InputError as error:
             self.problem = f"{error}; the sky is shown instead of {Path(lighting.environment).name}"
             return self._light.prepare(replace(lighting, environment=SKY))
         self.problem = None
-        return prepared
+        return light
 
     def release(self) -> None:
         """Free everything."""

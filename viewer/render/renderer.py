@@ -264,8 +264,9 @@ class Renderer:
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
             self._release_targets()
             with self._context.memory.transaction():
-                targets = self._targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
-                self._composite = CompositeTarget(self._context, view.size)
+                targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
+                composite = CompositeTarget(self._context, view.size)
+            self._targets, self._composite = targets, composite
         return targets
 
     def _draw_visibility(self, view: ViewState, targets: PictureTargets) -> None:

@@ -52,7 +52,7 @@ def test_a_timer_that_waits_knows_the_times_at_once_and_says_how_often_it_waited
 ) -> None:
     context, _ = watched
     timer, before, noted = PassTimer(context), context.memory.blocking.count, list[float]()
-    with timer.owned_by("A"), timer.measure("draw", noted.append):
+    with timer.owned_by("A"), timer.measure("draw"), timer.watch(noted.append):
         context.gl.memory_barrier()
     with timer.counted_as("all"), timer.owned_by("A"), timer.measure("draw"):
         pass
@@ -61,7 +61,7 @@ def test_a_timer_that_waits_knows_the_times_at_once_and_says_how_often_it_waited
     assert list(owned) == ["A"]
     times = timer.take()
     assert list(times) == ["draw", "all"]
-    assert times["draw"] == noted[0] == owned["A"] >= 0.0
+    assert times["draw"] == owned["A"] >= noted[0] >= 0.0
     assert timer.take() == {}
 
 
@@ -114,7 +114,7 @@ def test_nothing_is_measured_while_nobody_asks(watched: tuple[GraphicsContext, W
 def test_one_who_asks_for_a_single_time_gets_it(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, _ = watched
     timer, noted = PassTimer(replace(context, waits=False)), list[float]()
-    with timer.measure("tiles", noted.append):
+    with timer.watch(noted.append):
         context.gl.memory_barrier()
     end = time.monotonic() + 20.0
     while not noted and time.monotonic() < end:
