@@ -233,8 +233,10 @@ class Viewport:
             self._times.clear()
             self._background.forget()
         if self._packs is not session.packs:
+            drawn = self._packs or {}
             for name, pack in session.packs.items():
-                self.renderer.update_pack(name, pack)
+                if name in drawn and drawn[name] is not pack:
+                    self.renderer.update_pack(name, pack)
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self.renderer.set_packs(session.packs)
             self._packs = session.packs
