@@ -7,7 +7,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler, Progress, Step, ToCome
 from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
-from viewer.render.picture_targets import BlendMean, PictureTargets, ShownMaterials
+from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, ShownMaterials
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
@@ -67,6 +67,26 @@ class BlendSamplesPass:
     def is_needed(self, view: VisibilityInputs) -> bool:
         """Whether a picture of this view takes more than one sample."""
         return not self._materials.isdisjoint(view.visible_materials) and view != self._given_up
+
+    def show(self, slot: Slot, targets: PictureTargets) -> Picture:
+        """What is shown of a slot: its picture, or the mean of several where BLEND surfaces may be seen.
+
+        Raises GpuMemoryError that names the pack, ShaderError.
+        """
+        own = picture = self._slots.draw(slot, targets)
+        if not self.is_needed(targets.view):
+            targets.release_means()
+        elif own.output.is_complete:
+            mean = targets.means.setdefault(slot, BlendMean(targets.visibility.size))
+            inputs, timing = (
+                BlendInputs(slot, own.target, targets.view, targets.materials),
+                self._scheduler.timer.counted_as,
+            )
+            output = self._scheduler.advance(self, inputs, mean, (own.output,), timing=timing)
+            target = own.target if mean.samples == 1 or mean.target is None else mean.target
+            picture = Picture(target, output, own.source_version)
+        targets.shown[slot] = picture
+        return picture
 
     def advance(self, inputs: BlendInputs, target: BlendMean, step: Step) -> Progress:
         """Add the next sample, or where the picture is to be whole all that are missing. A view that moves is shown one sample.

@@ -145,10 +145,11 @@ class PictureTargets:
         """What is shown of a slot that has been drawn. Raises KeyError for others."""
         return self.shown[slot].target
 
-    def own_samples(self, slot: Slot) -> int:
-        """Samples of the stochastic filter in the slot's picture; 0 before the first."""
-        picture = self.drawn.get(slot)
-        return 0 if picture is None else SAMPLES - _samples_left(picture)
+    def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
+        """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
+        sampled = {key: own for key, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"}
+        drawn = {key: self.drawn.get(own) for key, own in sampled.items()}
+        return {key: 0 if found is None else SAMPLES - _samples_left(found) for key, found in drawn.items()}
 
     def blend_samples(self, slot: Slot) -> int:
         """Samples in what is shown of a slot."""

@@ -13,7 +13,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
-from viewer.render.blend_samples import BlendInputs, BlendSamplesPass
+from viewer.render.blend_samples import BlendSamplesPass
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_pack import PackMemory, RenderContext
@@ -24,7 +24,7 @@ from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
 from viewer.render.picture_shading import PictureShading
-from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, shown_materials, surface_content
+from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.material_records import material_records
@@ -38,7 +38,7 @@ from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import shown_slots
-from viewer.state.view_state import REFERENCE, Slot, ViewState, is_image_source
+from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 UPDATE_BYTES = 8 << 20
 """Of a frame, for packs that replace others (`Renderer.update_pack`)."""
@@ -165,7 +165,7 @@ class Renderer:
         self._draw_visibility(view, targets)
         slots = tuple(dict.fromkeys(shown_slots(view)))
         for slot in slots:
-            self._show(slot, targets)
+            self._blend.show(slot, targets)
         if not any(targets.samples_left(slot) > 0 for slot in slots):
             self._blend.release()
         targets.release_unused(view)
@@ -178,20 +178,6 @@ class Renderer:
             self._picture.release()
         self._picture = composite
         return self._result(asked, view, targets, upload, output)
-
-    def _show(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """What is shown of a slot: its picture, or the mean of several where BLEND surfaces may be seen."""
-        own = picture = self._slots.draw(slot, targets)
-        if not self._blend.is_needed(targets.view):
-            targets.release_means()
-        elif own.output.is_complete:
-            mean = targets.means.setdefault(slot, BlendMean(targets.visibility.size))
-            inputs, timing = BlendInputs(slot, own.target, targets.view, targets.materials), self._timer.counted_as
-            output = self._scheduler.advance(self._blend, inputs, mean, (own.output,), timing=timing)
-            target = own.target if mean.samples == 1 or mean.target is None else mean.target
-            picture = Picture(target, output, own.source_version)
-        targets.shown[slot] = picture
-        return picture
 
     def _discard_frame(self) -> None:
         """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
@@ -239,7 +225,7 @@ class Renderer:
             drawn={"triangles": counts.triangles, "commands": counts.commands},
             tiles=tiles,
             paths={slot: own.path for slot, own in chosen.items()},
-            samples=self._samples(chosen, targets),
+            samples=targets.samples(chosen),
             blend_samples={
                 slot: targets.blend_samples(own) for slot, own in chosen.items() if is_blended and own in shown
             },
@@ -248,15 +234,6 @@ class Renderer:
             blocking_calls=self._blocked - before,
             to_come=largest_of_each(to_come),
         )
-
-    @staticmethod
-    def _samples(slots: Mapping[Slot, Slot], targets: PictureTargets) -> dict[Slot, int]:
-        """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
-        return {
-            slot: targets.own_samples(own)
-            for slot, own in slots.items()
-            if not is_image_source(own.source) and own.filter != "exact"
-        }
 
     def _targets_for(self, view: ViewState) -> PictureTargets:
         content = surface_content(view, self._scene_buffers)
@@ -312,7 +289,7 @@ class Renderer:
             return False
         for slot in (view.slot_a, view.slot_b):
             before = self._scheduler.ran
-            picture = self._show(slot, targets)
+            picture = self._blend.show(slot, targets)
             self._forget_frame(targets)
             if self._scheduler.ran != before or not picture.output.is_complete:
                 return True
@@ -350,7 +327,7 @@ class Renderer:
         slot = self.paths.chosen(slot, self._view)
         with self._scheduler.drawing(whole=True):
             self._draw_visibility(self._view, self._targets)
-            picture = self._show(slot, self._targets)
+            picture = self._blend.show(slot, self._targets)
         self._forget_frame(self._targets)
         return picture.target.read()
 

@@ -118,15 +118,17 @@ class Viewport:
         scene, packs, view = self._undrawable
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
-    def draw(self, size: tuple[int, int]) -> None:
-        """Draw what is out of date. Raises InputError and ShaderError; a lack of GPU memory is notified."""
+    def draw(self, size: tuple[int, int], whole: bool = False) -> None:
+        """Draw what is out of date; with `whole` nothing is left for later frames.
+
+        Raises InputError and ShaderError; a lack of GPU memory is notified."""
         self._note_movement()
         if self.is_undrawable(size):
             return
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
-        whole = self._session.requests.measure or bool(self._session.requests.pictures)
+        whole = whole or self._session.requests.measure or bool(self._session.requests.pictures)
         renderer.want_times(self.times_wanted)
         if view == self.last_view and not self.to_come:
             self._times.note_passes(renderer.take_times())
