@@ -5,7 +5,7 @@ import io
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO
 from numpy.typing import NDArray
 
 from tests.support.gltf_builder import GltfBuilder, png
@@ -123,8 +123,8 @@ def write_panorama(path: Path, seed: int = 3) -> Path:
     random = np.random.default_rng(seed)
     pixels = random.random((64, 128, 3)).astype(np.float32)
     pixels[:, :64] *= np.array([6.0, 2.0, 0.5], np.float32)
-    output = oiio.ImageOutput.create(str(path))
-    if not (output.open(str(path), oiio.ImageSpec(128, 64, 3, "float")) and output.write_image(pixels)):
+    output = OpenImageIO.ImageOutput.create(str(path))
+    if not (output.open(str(path), OpenImageIO.ImageSpec(128, 64, 3, "float")) and output.write_image(pixels)):
         raise RuntimeError(f"{path}: {output.geterror()}")
     output.close()
     return path

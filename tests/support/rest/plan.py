@@ -34,6 +34,11 @@ class Budgets:
 
     latent_bytes: int | None = None
     image_bytes: int | None = None
+    tile_megabytes: int | None = None
+    """Of the tile cache, which a window takes from its settings."""
+
+
+USUAL = Budgets()
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Plan:
     """Of `ntc-viewer view`."""
     stages: tuple[Stage, ...] = ()
     """After the first rest, which is called `start`."""
-    budgets: Budgets = Budgets()
+    budgets: Budgets = USUAL
     slowest_read: float = 0.0
     """Reading an image takes up to so many seconds longer."""
     slowest_answer: float = 0.0

@@ -120,6 +120,8 @@ def play(
     settings: Mapping[str, Any] = ALONE,
 ) -> Played:
     """Open a window of `size` and let it follow `plan`, with its settings and files in `folder`."""
+    if plan.budgets.tile_megabytes is not None:
+        settings = {**settings, "tile_cache_megabytes": plan.budgets.tile_megabytes}
     (folder / "config").mkdir(parents=True, exist_ok=True)
     (folder / "config" / "settings.json").write_text(json.dumps({**settings, "window_size": size}))
     written = folder / "rests"

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from ntc.codec.model import Pack
 from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack
-from tests.support.rest.plan import Budgets, small_budgets
+from tests.support.rest.plan import USUAL, Budgets, small_budgets
 from tests.support.rest.records import Rest, share_equal
 from viewer.gl.context import create_headless_context
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.locations import builtin_scene_path
 from viewer.render.frame_result import read_picture
 from viewer.render.renderer import Renderer
+from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.view_state import NO_OVERLAY, REFERENCE, Slot, ViewState
@@ -105,12 +106,13 @@ class Truth:
         if self._drawn is None or self._drawn[0] != key:
             self._release()
             with small_budgets(budgets):
-                renderer = Renderer(self._context, self._scene(rest.scene))
+                tiles = TileCacheConfig(budgets.tile_megabytes << 20) if budgets.tile_megabytes is not None else None
+                renderer = Renderer(self._context, self._scene(rest.scene), tile_cache=tiles)
                 renderer.set_packs(packs)
             self._drawn = key, renderer
         return self._drawn[1], packs
 
-    def picture(self, rest: Rest, budgets: Budgets = Budgets()) -> NDArray[np.uint8]:
+    def picture(self, rest: Rest, budgets: Budgets = USUAL) -> NDArray[np.uint8]:
         """[H, W, 3] sRGB, row 0 on top: what the window must show."""
         renderer, packs = self._renderer(rest, budgets)
         view = known_paths(rest)
@@ -121,7 +123,7 @@ class Truth:
                 found = renderer.render(view, whole=True)
         return read_picture(found.image)
 
-    def verdict(self, rest: Rest, budgets: Budgets = Budgets()) -> Verdict:
+    def verdict(self, rest: Rest, budgets: Budgets = USUAL) -> Verdict:
         """What the window shows against what it must show."""
         right = self.picture(rest, budgets)
         shown_db, rendered_db = self._quality(rest, budgets, right)
@@ -147,7 +149,7 @@ class Truth:
 
     def figure(self, rest: Rest) -> float:
         """PSNR in dB of slot A against slot B over the covered pixels, as panels give it."""
-        renderer, _ = self._renderer(rest, Budgets())
+        renderer, _ = self._renderer(rest, USUAL)
         view = replace(known_paths(rest), overlay=NO_OVERLAY)
         a, b = (read_picture(renderer.render(replace(view, compare=side), whole=True).image) for side in ("a", "b"))
         covered = renderer.covered()

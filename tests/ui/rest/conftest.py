@@ -1,15 +1,16 @@
 """Scenes of fine detail with their packs, a screen, and the pictures that windows must rest on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from lab.window_trials.virtual_display import virtual_display
 from ntc.errors import InputError
 from tests.support.rest.detailed_scenes import encode, write_wall
-from tests.support.rest.plan import Budgets, Plan, Stage
-from tests.support.rest.records import Played, Rest, play
+from tests.support.rest.plan import USUAL, Budgets, Plan, Stage
+from tests.support.rest.records import ALONE, SIZE, Played, Rest, play
 from tests.support.rest.truth import Truth
 
 SCREEN = (1280, 720)
@@ -46,7 +47,7 @@ def truth() -> Iterator[Truth]:
 def check(truth: Truth) -> Check:
     """Fails with the figures of a window that rests on another picture than `render` draws."""
 
-    def checked(rest: Rest, budgets: Budgets = Budgets()) -> None:
+    def checked(rest: Rest, budgets: Budgets = USUAL) -> None:
         verdict = truth.verdict(rest, budgets)
         assert verdict.is_right, str(verdict)
 
@@ -57,8 +58,14 @@ def check(truth: Truth) -> Check:
 def start(screen: str, tmp_path: Path) -> Start:
     """Opens a window with these arguments, and lets it rest; the stages that follow may be given."""
 
-    def started(*arguments: str, stages: tuple[Stage, ...] = (), **plan: object) -> Played:
-        played = play(screen, tmp_path, Plan(arguments, stages, **plan))  # type: ignore[arg-type]
+    def started(
+        *arguments: str,
+        stages: tuple[Stage, ...] = (),
+        settings: Mapping[str, Any] = ALONE,
+        size: tuple[int, int] = SIZE,
+        **plan: Any,
+    ) -> Played:
+        played = play(screen, tmp_path, Plan(arguments, stages, **plan), size, settings)
         assert not played.problem, played.problem
         return played
 

@@ -18,7 +18,8 @@ PATHS = [
 VIEWS = [f"materials.view {view}" for view in ("lit", "base", "normal", "orm", "emissive")]
 MODES = [f"compare.mode {mode}" for mode in ("a", "b", "wipe", "wipe-horizontal", "side-by-side")]
 DIFFERENCES = [f"compare.difference {kind}" for kind in ("raw", "amplified", "relative", "flip")]
-OVERLAYS = [f"overlay.kind {kind}" for kind in ("divergence", "error-texture")]
+OVERLAYS = [f"overlay.kind {kind}; overlay.opacity 0.3" for kind in ("divergence", "error-texture")]
+SIZE = (480, 270)
 WAYS = [*PATHS, *VIEWS, *MODES, *DIFFERENCES, *OVERLAYS]
 
 
@@ -28,7 +29,7 @@ def played(screen: str, wall: Path, tmp_path_factory: pytest.TempPathFactory) ->
     # The view of materials outlives the scene.
     opened = (f"file.open '{wall}'", "materials.view lit")
     stages = tuple(Stage(way, (*opened, *way.split("; "))) for way in WAYS)
-    return play(screen, tmp_path_factory.mktemp("ways"), Plan((str(wall),), stages))
+    return play(screen, tmp_path_factory.mktemp("ways"), Plan((str(wall),), stages), SIZE)
 
 
 @pytest.mark.parametrize("way", WAYS)
