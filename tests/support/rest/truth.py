@@ -103,7 +103,8 @@ class Truth:
     def _renderer(self, rest: Rest, budgets: Budgets) -> tuple[Renderer, Mapping[str, Pack]]:
         packs = {name: self._pack(path) for name, path in rest.packs.items()}
         key = (rest.scene, budgets, tuple((name, id(pack)) for name, pack in packs.items()))
-        if self._drawn is None or self._drawn[0] != key:
+        # What is kept where memory is short depends on what was drawn before.
+        if self._drawn is None or self._drawn[0] != key or budgets != USUAL:
             self._release()
             with small_budgets(budgets):
                 tiles = TileCacheConfig(budgets.tile_megabytes << 20) if budgets.tile_megabytes is not None else None
