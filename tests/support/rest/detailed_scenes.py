@@ -59,7 +59,7 @@ def _material(builder: GltfBuilder, random: np.random.Generator, side: int, blen
         occlusionTexture={"index": orm},
         emissiveTexture={"index": emissive},
         emissiveFactor=[1.0, 1.0, 1.0],
-        **({"alphaMode": "BLEND"} if blend else {}),
+        alphaMode="BLEND" if blend else "OPAQUE",
     )
 
 
@@ -124,6 +124,8 @@ def write_panorama(path: Path, seed: int = 3) -> Path:
     pixels = random.random((64, 128, 3)).astype(np.float32)
     pixels[:, :64] *= np.array([6.0, 2.0, 0.5], np.float32)
     output = OpenImageIO.ImageOutput.create(str(path))
+    if output is None:
+        raise RuntimeError(f"{path}: OpenImageIO writes no such file")
     if not (output.open(str(path), OpenImageIO.ImageSpec(128, 64, 3, "float")) and output.write_image(pixels)):
         raise RuntimeError(f"{path}: {output.geterror()}")
     output.close()

@@ -57,7 +57,8 @@ class RestingWindow:
 
     def watch(self) -> None:
         """From now on."""
-        glfw.swap_buffers, glfw.wait_events_timeout = self._shown, self._waited
+        glfw.swap_buffers = self._shown  # type: ignore[assignment]
+        glfw.wait_events_timeout = self._waited  # type: ignore[assignment]
         read = self._app.frontend.facts
 
         def kept() -> FrameFacts:
@@ -176,7 +177,7 @@ def main() -> int:
         RestingWindow(app, plan, folder).watch()
         show(app, frames)
 
-    WindowApp.show = watched  # type: ignore[method-assign]
+    WindowApp.show = watched  # type: ignore[method-assign, assignment]
     with small_budgets(plan.budgets):
         return cli.main(["view", *plan.arguments, "--out", str(folder / "pictures")])
 
