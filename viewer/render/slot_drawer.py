@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from ntc.codec.maps import PLANE_OF_MAP, Plane
 from viewer.gl.context import GraphicsContext
+from viewer.render.gpu_pack import GpuPack
 from viewer.render.gpu_packs import GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.pass_scheduler import Output, PassScheduler
@@ -97,13 +98,12 @@ class SlotDrawer:
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
         """One plane of the last view, drawn as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
         slot = key.slot
+        if key not in targets.planes:
+            targets.planes[key] = ColorTarget(self._context, targets.visibility.size, is_image_source(slot.source))
+        # Names the pack itself.
+        pack = None if is_image_source(slot.source) else self._packs.on_gpu(slot)
         with naming_memory_errors(_described(slot.source)):
-            if key not in targets.planes:
-                half = is_image_source(slot.source)
-                targets.planes[key] = ColorTarget(self._context, targets.visibility.size, half)
-            if is_image_source(slot.source):
-                return self._draw_images(key, targets)
-            return self._decode(key, targets)
+            return self._draw_images(key, targets) if pack is None else self._decode(key, pack, targets)
 
     def _draw_images(self, key: PlaneKey, targets: PictureTargets) -> Output:
         images, inputs = self._images.of(key.slot.source, key.plane), targets.inputs_of(key)
@@ -112,9 +112,8 @@ class SlotDrawer:
         with self._scheduler.timer.owned_by(key):
             return self._scheduler.run(images, inputs, targets.planes[key], (uploaded,))
 
-    def _decode(self, key: PlaneKey, targets: PictureTargets) -> Output:
+    def _decode(self, key: PlaneKey, pack: GpuPack, targets: PictureTargets) -> Output:
         slot, scheduler, target, inputs = key.slot, self._scheduler, targets.planes[key], targets.inputs_of(key)
-        pack = self._packs.on_gpu(slot)
         version, decode = Output(pack.version), pack.decoder(slot.path, slot.filter, key.plane)
         self.prepared.add(slot)
         if isinstance(decode, CachedPath):
