@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ntc.metrics.block_cache import BlockCache
 from viewer.gl.context import GraphicsContext
@@ -44,7 +43,12 @@ class LightDrawer:
         self._prefilter = PrefilterPass(context, programs, BlockCache(environments_cache(), MOST_CACHED_BYTES))
         self._shadow_pass = ShadowPass(context, programs, scene_buffers)
         self._maps: EnvironmentMaps | None = None
-        self._prefiltered: PrefilterInputs | None = None
+        """Those that are shown."""
+        self._shown_key = ""
+        """Says which environment they show."""
+        self._coming: EnvironmentMaps | None = None
+        """Those of another environment, or free."""
+        self._asked: PrefilterInputs | None = None
         self._panorama: tuple[str, Panorama] | None = None
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
@@ -52,16 +56,14 @@ class LightDrawer:
 
     def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
-        inputs, size = self._environment(lighting)
-        maps = self._environment_maps(size, inputs.panorama)
-        outputs = [self._scheduler.run(self._prefilter, inputs, maps)]
-        self._prefiltered = inputs
+        maps, output = self._environment_maps(*self._environment(lighting))
+        outputs = [output]
         sun, view = sun_of(lighting), None
         if sun.shines:
             view, shadow = self._draw_shadow(sun.direction)
             outputs.append(shadow)
         return SceneLight(
-            inputs.key,
+            self._shown_key,
             environment_turn(lighting),
             sun,
             lighting.environment == SKY,
@@ -79,22 +81,29 @@ class LightDrawer:
         if lighting.environment == SKY:
             # The azimuth only turns it.
             key = f"{SKY} {lighting.sun_elevation}"
-            if self._prefiltered is not None and self._prefiltered.key == key:
-                return self._prefiltered, SKY_SIZE
+            if self._asked is not None and self._asked.key == key:
+                return self._asked, SKY_SIZE
             return PrefilterInputs(key, sky_radiance(lighting.sun_elevation)), SKY_SIZE
         if self._panorama is None or self._panorama[0] != lighting.environment:
             self._panorama = lighting.environment, load_panorama(Path(lighting.environment))
         panorama = self._panorama[1]
         return PrefilterInputs(panorama.digest, panorama.pixels, is_kept=True), PANORAMA_SIZE
 
-    def _environment_maps(self, size: PrefilterSize, panorama: NDArray[np.float32]) -> EnvironmentMaps:
-        width = panorama.shape[1]
-        if self._maps is None or (self._maps.size, self._maps.panorama_width) != (size, width):
+    def _environment_maps(self, inputs: PrefilterInputs, size: PrefilterSize) -> tuple[EnvironmentMaps, Output]:
+        """The maps to draw with, and what is to come of those that are asked for: until they are whole, those before are shown."""
+        self._asked = inputs
+        if self._maps is not None and self._shown_key == inputs.key:
+            return self._maps, self._scheduler.advance(self._prefilter, inputs, self._maps)
+        width, coming = inputs.panorama.shape[1], self._coming
+        if coming is None or (coming.size, coming.panorama_width) != (size, width):
             made = EnvironmentMaps(self._context, size, width)
-            if self._maps is not None:
-                self._maps.release()
-            self._maps = made
-        return self._maps
+            if coming is not None:
+                coming.release()
+            coming = self._coming = made
+        output = self._scheduler.advance(self._prefilter, inputs, coming)
+        if output.is_complete or self._maps is None:
+            self._maps, self._coming, self._shown_key = coming, self._maps, inputs.key
+        return self._maps, output
 
     def _draw_shadow(self, direction: tuple[float, float, float]) -> tuple[ShadowView, Output]:
         posed, pose, inputs = self._drawer.posed, self._drawer.pose, self._shadow_inputs
@@ -114,8 +123,8 @@ class LightDrawer:
     def release(self) -> None:
         """Free everything."""
         self._prefilter.release()
-        for part in (self._maps, self._shadow):
+        for part in (self._maps, self._coming, self._shadow):
             if part is not None:
                 part.release()
-        self._maps = self._shadow = None
-        self._prefiltered = self._shadow_inputs = None
+        self._maps = self._coming = self._shadow = None
+        self._asked = self._shadow_inputs = None

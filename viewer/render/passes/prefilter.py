@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from ntc.metrics.block_cache import SUFFIX, BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.jobs.job import Job, JobReport
 from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, irradiance_map, lobe_samples, source_samples
+from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 
@@ -30,8 +33,22 @@ class PrefilterInputs:
     """Whether the result is kept on disk, and found there: for files, whose key is the digest of their content."""
 
 
+@dataclass(eq=False)
+class _Filtering:
+    """How far an environment is."""
+
+    key: str
+    irradiance: Job[NDArray[np.float32]]
+    """[side + 2, 6, side + 2, 4] float32: takes seconds, in a thread."""
+    level: int = 0
+    """The next map to be written."""
+
+
 class PrefilterPass:
-    """Inputs: a panorama. Output: EnvironmentMaps of the panorama's size, written whole."""
+    """Inputs: a panorama. Output: EnvironmentMaps of the panorama's size.
+
+    Those of a file come in parts where frames do not wait: one map a frame. The sky follows the sun, and is small: it comes at once.
+    """
 
     name = "prefilter"
 
@@ -42,23 +59,41 @@ class PrefilterPass:
         self._convolution = programs.fullscreen("passes/prefilter/convolve.frag")
         self._source: moderngl.Texture | None = None
         self._samples: moderngl.Buffer | None = None
+        self._filtering: _Filtering | None = None
 
-    def run(self, inputs: PrefilterInputs, output: EnvironmentMaps) -> None:
-        """Write the panorama and all maps. Raises GpuMemoryError."""
-        output.write_panorama(inputs.panorama)
+    def advance(self, inputs: PrefilterInputs, output: EnvironmentMaps, step: Step) -> Progress:
+        """Write the panorama, and all maps or the next one. Raises GpuMemoryError."""
+        whole = step.whole or self._context.waits or not inputs.is_kept
         cache = self._cache if inputs.is_kept else None
         width, height = output.size.texture_size
         path = None if cache is None else cache.folder / f"{self._digest(inputs.key, output.size)}{SUFFIX}"
-        if cache is not None and path is not None:
-            found = cache.read(path, width * height * 16)
+        if not step.is_same_view or self._filtering is None or self._filtering.key != inputs.key:
+            output.write_panorama(inputs.panorama)
+            found = None if cache is None or path is None else cache.read(path, width * height * 16)
             if found is not None:
                 output.maps.write(found)
-                return
-        self._draw(output)
-        self._write_irradiance(inputs.panorama, output)
+                return Progress()
+            self._draw_source(output)
+            irradiance = Job(partial(_irradiance, inputs.panorama, output.size.irradiance_side))
+            self._filtering = _Filtering(inputs.key, irradiance)
+            if not whole:
+                self._filtering.irradiance.start("irradiance")
+        filtering, levels = self._filtering, len(output.size.sides)
+        for level in range(filtering.level, levels if whole else min(filtering.level + 1, levels)):
+            self._draw_level(level, output)
+            filtering.level = level + 1
+        if whole and not filtering.irradiance.done:
+            filtering.irradiance.run()
+        if filtering.level < levels or not filtering.irradiance.done:
+            return Progress(to_come=(ToCome("environment", levels + 1 - filtering.level, levels + 1),))
+        self._filtering = None
+        side = output.size.irradiance_side
+        pixels = filtering.irradiance.future.result().tobytes()
+        output.maps.write(pixels, viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
         if cache is not None and path is not None:
             cache.write(path, output.maps.read())
             cache.trim()
+        return Progress()
 
     @staticmethod
     def _digest(key: str, size: PrefilterSize) -> str:
@@ -73,14 +108,8 @@ class PrefilterPass:
             self._source.repeat_x = self._source.repeat_y = False
         return self._source
 
-    @staticmethod
-    def _write_irradiance(panorama: NDArray[np.float32], output: EnvironmentMaps) -> None:
-        side = output.size.irradiance_side
-        pixels = np.ones((side + 2, 6, side + 2, 4), np.float32)
-        pixels[..., :3] = irradiance_map(panorama, side)
-        output.maps.write(pixels.tobytes(), viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
-
-    def _draw(self, output: EnvironmentMaps) -> None:
+    def _draw_source(self, output: EnvironmentMaps) -> None:
+        """Write the octahedral map, with its mips, that all others are made from."""
         size = output.size
         source = self._source_of(size.source_side)
         output.panorama.use(int(TextureUnit.PANORAMA))
@@ -88,15 +117,19 @@ class PrefilterPass:
         self._fill(self._mean, source, {"steps": steps, "side": size.source_side})
         self._context.memory.build_mipmaps("an octahedral map", source)
         source.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        source.use(int(TextureUnit.ENVIRONMENT))
+
+    def _draw_level(self, level: int, output: EnvironmentMaps) -> None:
+        """Write the map of one roughness."""
+        size = output.size
+        self._source_of(size.source_side).use(int(TextureUnit.ENVIRONMENT))
         if self._samples is None:
             self._samples = self._context.memory.buffer("directions of a lobe", reserve=MOST_SAMPLES * 16, dynamic=True)
         self._samples.bind_to_uniform_block(int(UniformBinding.SAMPLES))
-        for level, (side, top) in enumerate(zip(size.sides, size.tops[:-1], strict=True)):
-            lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.source_side)
-            self._samples.write(lobe.astype("<f4").tobytes())
-            part = (0, top, 6 * (side + 2), side + 2)
-            self._fill(self._convolution, output.maps, {"top": top, "side": side, "samples": len(lobe)}, part)
+        side, top = size.sides[level], size.tops[level]
+        lobe = lobe_samples(level / (len(size.sides) - 1), size.samples, size.source_side)
+        self._samples.write(lobe.astype("<f4").tobytes())
+        part = (0, top, 6 * (side + 2), side + 2)
+        self._fill(self._convolution, output.maps, {"top": top, "side": side, "samples": len(lobe)}, part)
 
     def _fill(
         self,
@@ -122,3 +155,9 @@ class PrefilterPass:
             if part is not None:
                 part.release()
         self._source = self._samples = None
+
+
+def _irradiance(panorama: NDArray[np.float32], side: int, _report: JobReport) -> NDArray[np.float32]:
+    pixels = np.ones((side + 2, 6, side + 2, 4), np.float32)
+    pixels[..., :3] = irradiance_map(panorama, side)
+    return pixels
