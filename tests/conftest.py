@@ -1,9 +1,12 @@
 """Fixtures and markers shared by all tests."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+
+from tests.drivers.messages import own_session_folders
 
 # Before numpy and torch are imported: tests run side by side, and threads of one that wait for another's core spin.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -13,6 +16,13 @@ os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
 TESTS = Path(__file__).parent
 DRAWING = ("drivers", "gl", "golden", "ui")
 """Folders whose tests all draw with OpenGL."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Have session folders before anything is drawn, in this process or in one that it starts."""
+    stack = ExitStack()
+    stack.enter_context(own_session_folders())
+    config.add_cleanup(stack.close)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

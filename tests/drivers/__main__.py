@@ -7,6 +7,7 @@ import sys
 import tempfile
 
 from tests.drivers.drivers import SYSTEM, Driver, other_drivers
+from tests.drivers.messages import own_session_folders
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
 OPTIONS = ("-n", "2", "--dist", "loadscope", "-m", "not timing and not once")
@@ -41,4 +42,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with own_session_folders():
+        main()
