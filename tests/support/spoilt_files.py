@@ -11,6 +11,7 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from ntc.pack.file import write_pack
+from tests.support.effects import PromptEffects
 from tests.support.gltf_builder import GltfBuilder, png
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
@@ -91,7 +92,9 @@ def pack_of(path: Path, seed: int = 0) -> Pack:
 def open_context(path: Path) -> Context:
     """A session on the scene at `path` with the packs beside it; pictures go beside the scene."""
     scene, packs, pictures = load_scene(path), open_packs(packs_beside(path)), path.parent / "pictures"
-    return Context(new_session(scene, packs, ViewerSettings(), InitialView(), pictures))
+    context = Context(new_session(scene, packs, ViewerSettings(), InitialView(), pictures))
+    PromptEffects(context)
+    return context
 
 
 def errors(context: Context) -> list[str]:

@@ -267,7 +267,7 @@ def test_errors_that_are_expected_do_not_end_it(app: DrivenApp) -> None:
 
 def test_closing_ends_a_script(app: DrivenApp) -> None:
     play(app, "window.close", "expect source nothing-of-the-kind")
-    assert app.session.requests.close
+    assert app.is_closing
 
 
 def test_keys_of_the_users_own(app: DrivenApp) -> None:

@@ -28,21 +28,14 @@ class WorkUnderWay:
         """Monotonic seconds, by title."""
 
     def read(
-        self,
-        session: Session,
-        training: LiveTraining,
-        encoding: Mapping[BlockFormat, float],
-        comparing: bool,
-        tiles: int,
+        self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, tiles: int
     ) -> tuple[Work, ...]:
-        """All that is under way, what takes longest first.
+        """What is under way for the picture and its figures, what takes longest first.
 
         `encoding`: how far block formats are; `comparing`: whether A is compared with B; `tiles` that are still to be decoded.
         """
-        found = [*_training(training), *self._formats(encoding)]
-        if training.saving:
-            found.append(Work("writing the pack"))
-        if session.requests.precision:
+        found = [*self._formats(encoding)]
+        if session.precision_searches:
             found.append(Work("finding the cheapest precision"))
         if tiles:
             found.append(Work(f"decoding {tiles:,} tile{'s' if tiles > 1 else ''}"))
@@ -60,16 +53,17 @@ class WorkUnderWay:
             yield Work(title, share, left, "slot.leave-format")
 
 
-def _training(training: LiveTraining) -> Iterator[Work]:
-    run = training.active
-    if run is None:
-        return
-    title, progress = f"{run.name}: {job_title(run.job)}", run.progress
-    state = TRAINING_STATES.get(run.state, "")
-    if progress is None:
-        state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-    share = progress.step / max(1, progress.steps) if progress is not None else None
-    left = progress.seconds_left if progress is not None and not state else None
-    # One that is about to end cannot be ended again.
-    cancel = "training.cancel" if run.state != "cancelling" else ""
-    yield Work(f"{title}, {state}" if state else title, share, left, cancel)
+def training_work(training: LiveTraining) -> Iterator[Work]:
+    """The training under way, and the pack that is written."""
+    if (run := training.active) is not None:
+        title, progress = f"{run.name}: {job_title(run.job)}", run.progress
+        state = TRAINING_STATES.get(run.state, "")
+        if progress is None:
+            state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
+        share = progress.step / max(1, progress.steps) if progress is not None else None
+        left = progress.seconds_left if progress is not None and not state else None
+        # One that is about to end cannot be ended again.
+        cancel = "training.cancel" if run.state != "cancelling" else ""
+        yield Work(f"{title}, {state}" if state else title, share, left, cancel)
+    if training.saving:
+        yield Work("writing the pack")

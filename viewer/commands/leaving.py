@@ -7,8 +7,8 @@ from typing import Any
 
 from ntc.errors import InputError
 from viewer.commands.command import Context, command, gesture
+from viewer.commands.effects import CancelOpening, CloseWindow, Effect, OpenScene, RunCommand
 from viewer.locations import is_builtin
-from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.session import Session
 from viewer.training.live_training import Decision, LiveTraining
@@ -61,51 +61,40 @@ def ask(session: Session, question: Question) -> None:
 
 
 @gesture("question.answer")
-def answer(context: Context, label: str) -> None:
+def answer(context: Context, label: str) -> Effect | None:
     question, context.session.window.question = context.session.window.question, None
     chosen = next((choice for choice in question.choices if choice.label == label), None) if question else None
     if chosen is None:
         raise InputError(f"{label!r}: is not an answer to an open question")
-    if chosen.command:
-        context.following.append((chosen.command, chosen.values))
-
-
-def open_scene(context: Context, file: Path) -> None:
-    """Open another scene, after asking about runs of this one. Raises InputError."""
-    if not asks_about_runs(context, f"{file.name} is opened", "file.open-leaving", file):
-        open_file(context.session, file)
+    return RunCommand(chosen.command, chosen.values) if chosen.command else None
 
 
 @gesture("file.open-leaving")
-def open_leaving(context: Context, file: Path, decision: Decision) -> None:
-    # First: a scene that cannot be opened ends nothing.
-    open_file(context.session, file)
-    context.training.leave_scene(decision)
+def open_leaving(_session: Session, file: Path, decision: Decision) -> Effect:
+    return OpenScene(file, decision)
 
 
 @gesture("file.cancel-opening")
-def cancel_opening(context: Context) -> None:
-    if context.opening is not None:
-        context.opening.cancel()
+def cancel_opening(_session: Session) -> Effect:
+    return CancelOpening()
 
 
 @command("file.quit", "Quit", "close the window; asks about trainings that have not been kept", "File", "Ctrl+Q")
-def quit_window(context: Context) -> None:
-    if not asks_about_runs(context, "quitting", "file.quit-leaving"):
-        context.session.requests.close = True
+def quit_window(context: Context) -> Effect | None:
+    return None if asks_about_runs(context, "quitting", "file.quit-leaving") else CloseWindow()
 
 
 @gesture("file.quit-leaving")
-def quit_leaving(context: Context, decision: Decision) -> None:
+def quit_leaving(context: Context, decision: Decision) -> Effect:
     context.training.leave_scene(decision)
-    context.session.requests.close = True
+    return CloseWindow()
 
 
 @command(
     "window.close", "Close at once", "close the window without a question; trainings wait for the next start", "Window"
 )
-def close(session: Session) -> None:
-    session.requests.close = True
+def close(_session: Session) -> Effect:
+    return CloseWindow()
 
 
 def _close_question(session: Session) -> bool:
@@ -180,6 +169,5 @@ CLOSERS: tuple[Callable[[Session], bool], ...] = (
     "Window",
     "Escape",
 )
-def dismiss(context: Context) -> None:
-    if not any(close_one(context.session) for close_one in CLOSERS) and context.opening is not None:
-        context.opening.cancel()
+def dismiss(session: Session) -> Effect | None:
+    return None if any(close_one(session) for close_one in CLOSERS) else CancelOpening()

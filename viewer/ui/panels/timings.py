@@ -15,6 +15,8 @@ RECENT = 15
 COMPILING_MS = 1000.0
 COMPILING_TIMES = 5.0
 """Times the second longest of the recent frames, and at least COMPILING_MS: what takes longer compiled shaders."""
+INPUT = "the mouse, a key or a script"
+"""What draws a frame that shows nothing else."""
 TICKS = 3
 """Most numbers on the axis of frames, besides that of the last one."""
 
@@ -156,3 +158,4 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
             imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
     imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls that waited for the GPU, in the last frame")
     imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")
+    imgui.text_wrapped(f"drawing because: {', '.join(ui.facts.drawn_because) or INPUT}")

@@ -76,7 +76,7 @@ def writes(source: str) -> list[int]:
     [
         ("session.view = view", [1]),
         ("self._session.window.toasts = ()", [1]),
-        ("self.session.requests.precision -= {side}", [1]),
+        ("self.session.window.open_panels -= {title}", [1]),
         ("a, session.packs = 1, {}", [1]),
         ("window = session.window\nwindow.show_help = True", [2]),
         ("session.packs['a'] = pack", [1]),
