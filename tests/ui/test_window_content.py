@@ -26,6 +26,7 @@ from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Overlay, Slot
 from viewer.state.zoom import Zoom
+from viewer.ui.panels.timings import timings_text
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
@@ -200,6 +201,24 @@ def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
     assert not app.frontend.needs_frame(SIZE)
     app.click("B")
     assert app.frontend.picture.frames_drawn == drawn + 1
+
+
+def test_the_window_says_why_it_draws(app: DrivenApp) -> None:
+    assert app.frontend.reasons(SIZE) == ()
+    app.frame()
+    assert "drawing because: the mouse" in timings_text(app.frontend.facts())
+    app.run("camera.turntable", 30.0)
+    assert "the camera moves" in app.frontend.reasons(SIZE)
+    app.frame()
+    assert "drawing because: the camera moves" in timings_text(app.frontend.facts())
+    app.run("camera.stop")
+    app.run("file.screenshot", "a.png")
+    assert "a picture is written" in app.frontend.reasons(SIZE)
+    app.settle()
+    app.session.precision_searches = frozenset("a")
+    assert app.frontend.reasons(SIZE) == ("finding the cheapest precision",)
+    assert not app.is_settled
+    assert not app.frontend.needs_frame(SIZE), "a frame was drawn just now, and none is due before it has been found"
 
 
 def test_measuring_fills_the_table(app: DrivenApp) -> None:

@@ -115,7 +115,12 @@ def timings_text(facts: FrameFacts) -> str:
     lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
     lines.append(f"{facts.blocking_calls:>9,} calls that waited for the GPU, in the last frame")
-    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn"])
+    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn", because_text(facts)])
+
+
+def because_text(facts: FrameFacts) -> str:
+    """Why the last frame was drawn, as a line."""
+    return f"drawing because: {', '.join(facts.drawn_because) or INPUT}"
 
 
 def _mark(color: imgui.ImVec4, side: float) -> None:
@@ -158,4 +163,4 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
             imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
     imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls that waited for the GPU, in the last frame")
     imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")
-    imgui.text_wrapped(f"drawing because: {', '.join(ui.facts.drawn_because) or INPUT}")
+    imgui.text_wrapped(because_text(ui.facts))
