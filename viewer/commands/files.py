@@ -64,11 +64,6 @@ def open_recent(_session: Session, file: RecentFile) -> Effect:
     return RunCommand("file.open", (Path(file),))
 
 
-@gesture("file.close-dialog")
-def close_dialog(session: Session) -> None:
-    session.window.file_dialog = False
-
-
 def _picture(kind: PictureKind, file: Path) -> Effect:
     if file != Path() and file.suffix.lower() != ".png":
         raise InputError(f"{file}: the name of a picture must end in .png")

@@ -1,6 +1,5 @@
 """Commands: questions and their answers; quitting, and opening another scene, which end what is trained; closing what is on top."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -97,40 +96,31 @@ def close(_session: Session) -> Effect:
     return CloseWindow()
 
 
-def _close_question(session: Session) -> bool:
-    is_open, session.window.question = session.window.question is not None, None
+LAYERS = {
+    "window.question": None,
+    "window.palette": None,
+    "window.show_help": False,
+    "window.show_glossary": False,
+    "window.file_dialog": False,
+    "window.show_first_steps": False,
+    "inspection.flat_texture": None,
+}
+"""What lies over the picture and the panels, topmost first: where the session holds it, and its value while it is closed."""
+
+
+def _close(session: Session, layer: str) -> bool:
+    """Close one of LAYERS; whether it was open."""
+    group, _, name = layer.partition(".")
+    is_open = bool(getattr(getattr(session, group), name) != LAYERS[layer])
+    setattr(getattr(session, group), name, LAYERS[layer])
+    if is_open and name == "show_first_steps":
+        session.settings = replace(session.settings, first_steps=False)
     return is_open
 
 
-def _close_palette(session: Session) -> bool:
-    is_open, session.window.palette = session.window.palette is not None, None
-    return is_open
-
-
-def _close_help(session: Session) -> bool:
-    is_open, session.window.show_help = session.window.show_help, False
-    return is_open
-
-
-def _close_glossary(session: Session) -> bool:
-    is_open, session.window.show_glossary = session.window.show_glossary, False
-    return is_open
-
-
-def _close_file_dialog(session: Session) -> bool:
-    is_open, session.window.file_dialog = session.window.file_dialog, False
-    return is_open
-
-
-def _close_first_steps(session: Session) -> bool:
-    is_open, session.window.show_first_steps = session.window.show_first_steps, False
-    session.settings = replace(session.settings, first_steps=session.settings.first_steps and not is_open)
-    return is_open
-
-
-def _close_flat_window(session: Session) -> bool:
-    is_open, session.inspection.flat_texture = session.inspection.flat_texture is not None, None
-    return is_open
+@gesture("window.close-layer")
+def close_layer(session: Session, layer: str) -> None:
+    _close(session, layer)
 
 
 def _forget_places(session: Session) -> bool:
@@ -148,20 +138,6 @@ def _forget_highlight(session: Session) -> bool:
     return highlighted
 
 
-CLOSERS: tuple[Callable[[Session], bool], ...] = (
-    _close_question,
-    _close_palette,
-    _close_help,
-    _close_glossary,
-    _close_file_dialog,
-    _close_first_steps,
-    _close_flat_window,
-    _forget_places,
-    _forget_highlight,
-)
-"""What Escape closes, topmost first; each says whether it was open."""
-
-
 @command(
     "window.dismiss",
     "Close what is on top",
@@ -170,4 +146,5 @@ CLOSERS: tuple[Callable[[Session], bool], ...] = (
     "Escape",
 )
 def dismiss(session: Session) -> Effect | None:
-    return None if any(close_one(session) for close_one in CLOSERS) else CancelOpening()
+    closed = any(_close(session, layer) for layer in LAYERS) or _forget_places(session) or _forget_highlight(session)
+    return None if closed else CancelOpening()

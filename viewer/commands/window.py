@@ -168,25 +168,9 @@ def toggle_first_steps(session: Session) -> None:
     session.window.show_first_steps = not session.window.show_first_steps
 
 
-@gesture("help.first-steps-done")
-def close_first_steps(session: Session) -> None:
-    session.window.show_first_steps = False
-    session.settings = replace(session.settings, first_steps=False)
-
-
 @command("help.glossary", "Glossary", "what PSNR, divergence, group, latents and other words mean", "Help")
 def toggle_glossary(session: Session) -> None:
     session.window.show_glossary = not session.window.show_glossary
-
-
-@gesture("help.close-glossary")
-def close_glossary(session: Session) -> None:
-    session.window.show_glossary = False
-
-
-@gesture("help.close")
-def close_help(session: Session) -> None:
-    session.window.show_help = False
 
 
 @gesture("palette.set")
