@@ -24,7 +24,7 @@ from viewer.script.inputs import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, Overlay, Slot
+from viewer.state.view_state import REFERENCE, Overlay, Side, Slot
 from viewer.state.zoom import Zoom
 from viewer.ui.panels.timings import timings_text
 
@@ -215,7 +215,7 @@ def test_the_window_says_why_it_draws(app: DrivenApp) -> None:
     app.run("file.screenshot", "a.png")
     assert "a picture is written" in app.frontend.reasons(SIZE)
     app.settle()
-    app.session.precision_searches = frozenset("a")
+    app.session.precision_searches = frozenset[Side](("a",))
     assert app.frontend.reasons(SIZE) == ("finding the cheapest precision",)
     assert not app.is_settled
     assert not app.frontend.needs_frame(SIZE), "a frame was drawn just now, and none is due before it has been found"

@@ -5,6 +5,7 @@ from concurrent.futures import CancelledError
 from functools import partial
 
 from ntc.errors import InputError
+from viewer.app.work_under_way import seconds_left
 from viewer.commands import run
 from viewer.commands.command import Context
 from viewer.commands.effects import OpenScene, ReadVariant, RunCommand
@@ -16,8 +17,6 @@ from viewer.state.message_log import details_of
 from viewer.state.open_files import ReadScene, open_scene, read_scene, read_variant, show_variant
 from viewer.ui.facts import Work
 
-LEAST_SHARE = 0.03
-"""Of the work: before that its end cannot be told."""
 Slow = OpenScene | ReadVariant | RunCommand
 
 
@@ -109,7 +108,6 @@ class Opening:
         """What is done, and about to be done, for the status bar."""
         found = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
-            share, seconds = self._job.report.share, time.monotonic() - self._began
-            left = seconds * (1.0 - share) / share if share >= LEAST_SHARE else None
-            found[0] = Work(found[0].title, share or None, left, "file.cancel-opening")
+            share = self._job.report.share
+            found[0] = Work(found[0].title, share or None, seconds_left(share, self._began), "file.cancel-opening")
         return tuple(found)

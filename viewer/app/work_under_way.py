@@ -20,6 +20,12 @@ TRAINING_STATES = {
 }
 
 
+def seconds_left(share: float, began: float) -> float | None:
+    """Seconds until work ends of which `share` is done since `began` (monotonic seconds); None while that cannot be told."""
+    seconds = time.monotonic() - began
+    return seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
+
+
 class WorkUnderWay:
     """Remembers when each piece of work was seen first."""
 
@@ -48,9 +54,7 @@ class WorkUnderWay:
         titles = {f"encoding {name}": share for name, share in encoding.items()}
         self._began = {title: self._began.get(title, now) for title in titles}
         for title, share in titles.items():
-            seconds = now - self._began[title]
-            left = seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
-            yield Work(title, share, left, "slot.leave-format")
+            yield Work(title, share, seconds_left(share, self._began[title]), "slot.leave-format")
 
 
 def training_work(training: LiveTraining) -> Iterator[Work]:

@@ -33,8 +33,6 @@ DISCARDED = "discarded"
 """Numbers of the training runs that were discarded."""
 _read = attrgetter(*NAMES)
 
-State = Mapping[str, Any]
-
 
 def present_state(session: Session, training: LiveTraining) -> tuple[Any, ...]:
     """References to all that can be undone, in the order of NAMES, and the discarded runs."""
@@ -60,9 +58,8 @@ class Change:
 
     command_id: str
     title: str
-    before: State
-    after: State
-    """The same names: those whose values differ."""
+    values: Mapping[str, tuple[Any, Any]]
+    """(value before, value after) of what differs, by name."""
     when: float
     """Monotonic seconds of the last of them."""
 
@@ -87,45 +84,40 @@ class History:
         """Note that a command has changed `before` to `after` (`present_state`) in `scene`: the history of another begins anew."""
         if scene is not self._scene:
             self._done, self._undone, self._scene = (), (), scene
-        changed = [(name, old, new) for name, old, new in _changed(before, after) if old != new]
-        if not changed:
+        values = {name: (old, new) for name, old, new in _changed(before, after) if old != new}
+        if not values:
             return
-        self._undone = ()
-        change = Change(
-            command_id,
-            title,
-            {name: old for name, old, _ in changed},
-            {name: new for name, _, new in changed},
-            monotonic(),
-        )
+        self._undone, now = (), monotonic()
         last = self._done[-1] if self._done else None
-        if last is not None and last.command_id == command_id and change.when - last.when < SECONDS_TOGETHER:
-            change = replace(change, before={**change.before, **last.before}, after={**last.after, **change.after})
-            self._done = self._done[:-1]
-        self._done = (*self._done, change)[-MOST_CHANGES:]
+        if last is not None and last.command_id == command_id and now - last.when < SECONDS_TOGETHER:
+            together = {name: (last.values.get(name, pair)[0], pair[1]) for name, pair in values.items()}
+            values, self._done = {**last.values, **together}, self._done[:-1]
+        self._done = (*self._done, Change(command_id, title, values, now))[-MOST_CHANGES:]
 
     def undo(self, session: Session, training: LiveTraining) -> str:
         """Undo the last change; its title. There must be one."""
         change, self._done = self._done[-1], self._done[:-1]
         self._undone = (*self._undone, change)
-        _restore(session, training, change.after, change.before)
+        _restore(session, training, {name: (new, old) for name, (old, new) in change.values.items()})
         return change.title
 
     def redo(self, session: Session, training: LiveTraining) -> str:
         """Do again what was undone last; its title. There must be something."""
         change, self._undone = self._undone[-1], self._undone[:-1]
         self._done = (*self._done, replace(change, when=0.0))
-        _restore(session, training, change.before, change.after)
+        _restore(session, training, change.values)
         return change.title
 
 
-def _restore(session: Session, training: LiveTraining, present: State, wanted: State) -> None:
+def _restore(session: Session, training: LiveTraining, values: Mapping[str, tuple[Any, Any]]) -> None:
+    """Put the second of each of `values` in the place of the first."""
     # First: slots can show the packs of these runs again then.
-    for number in wanted.get(DISCARDED, frozenset()) ^ present.get(DISCARDED, frozenset()):
-        training.set_discarded(number, number in wanted[DISCARDED])
-    if "view.camera" in wanted:
+    present, wanted = values.get(DISCARDED, (frozenset(), frozenset()))
+    for number in wanted ^ present:
+        training.set_discarded(number, number in wanted)
+    if "view.camera" in values:
         session.navigation.motion = None
-    for path, value in wanted.items():
+    for path, (_, value) in values.items():
         group, _, name = path.rpartition(".")
         # A slot whose source was closed stays as it is.
         if path == DISCARDED or (isinstance(value, Slot) and value.source not in session.open_sources):
