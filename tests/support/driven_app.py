@@ -7,7 +7,7 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from tests.support.effects import finish_opening
+from tests.support.spoilt_files import finish_opening
 from viewer.app.headless import HeadlessApp
 from viewer.capture.film import read_pixels
 from viewer.ui.user_interface import SETTLING_FRAMES

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
-from tests.support.effects import PromptEffects
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
+from tests.support.spoilt_files import PromptEffects
 from viewer.commands import run
 from viewer.commands.command import Context
 from viewer.scene.images import decode_image

@@ -12,8 +12,17 @@ import pytest
 
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from tests.support.effects import PromptEffects
-from tests.support.spoilt_files import SECONDS, accept, errors, finished, open_context, pack_of, settle, write_scene
+from tests.support.spoilt_files import (
+    SECONDS,
+    PromptEffects,
+    accept,
+    errors,
+    finished,
+    open_context,
+    pack_of,
+    settle,
+    write_scene,
+)
 from viewer.commands import run_line, run_or_notify
 from viewer.commands.command import Context
 from viewer.training.kept_runs import FACTS_FILE, PACK_FILE, KeptRun, KeptRuns, scene_stamp
@@ -23,7 +32,7 @@ from viewer.training.settings import TrainingSettings
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from tests.support.effects import PromptEffects
+from tests.support.spoilt_files import PromptEffects
 from tests.support.spoilt_files import pack_of
 from tests.unit.viewer.training.test_kept_runs import facts_of
 from viewer.training.kept_runs import KeptRuns

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ntc.pack.file import read_pack
-from tests.support.effects import PromptEffects
-from tests.support.spoilt_files import accept, errors, finished, open_context, settle, write_scene
+from tests.support.spoilt_files import PromptEffects, accept, errors, finished, open_context, settle, write_scene
 from viewer.commands import run_line, run_or_notify
 from viewer.commands.command import Context
 from viewer.state.event_handlers import apply_event
