@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb
-from viewer.render.plane_path import SAMPLES
+from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene

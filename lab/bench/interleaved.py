@@ -49,9 +49,11 @@ def time_interleaved(
     warm_up = warm_up_rounds(context)
     for number in range(warm_up + repeats):
         for candidate, own in zip(candidates, times, strict=True):
-            with timer.measure("candidate", own.append if number >= warm_up else None):
+            with timer.measure("candidate"):
                 candidate()
-        timer.take()
+            (milliseconds,) = timer.take().values()
+            if number >= warm_up:
+                own.append(milliseconds)
         context.reset.check()
         progress(number + 1, warm_up + repeats)
     return tuple(spread_of(own) for own in times)

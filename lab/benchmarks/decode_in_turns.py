@@ -24,7 +24,8 @@ from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
 from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import PassScheduler, Step
+from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.material_records import material_records
@@ -58,7 +59,8 @@ class PackInScene:
         self._gpu = GpuPack(context, pack, match, "fp32", programs, version=1)
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = ColorTarget(context.graphics, inputs.visibility.size)
-        self._gpu.latents(inputs.plane).upload(inputs, whole=True)
+        step = Step(whole=True, is_same_view=False, is_stale=False)
+        self._gpu.latents(inputs.plane).advance(inputs, VisibleLatents(), step)
         self._passes = {
             "deferred": deferred_pass(self._gpu, may_share=False),
             "deferred, stochastic": deferred_pass(self._gpu, "stochastic", may_share=False),

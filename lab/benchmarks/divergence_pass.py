@@ -52,7 +52,7 @@ def main() -> int:
             for stage, counting in passes.items():
                 for name, table in tables.items():
                     with timer.measure(f"{name} {stage}"):
-                        counting.run(DivergenceInputs(renderer.visibility, camera, table), targets[name])
+                        counting.run(DivergenceInputs(renderer.visibility, frame, table), targets[name])
                     with timer.measure(f"{name} {stage} statistics"):
                         targets[name].statistics()
             for name, milliseconds in {"visibility": timings["visibility"], **timer.take()}.items():

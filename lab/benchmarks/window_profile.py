@@ -56,9 +56,9 @@ def _watched(drawing: _Drawing) -> Iterator[None]:
     measure, draw = PassTimer.measure, imgui.backends.opengl3_render_draw_data
 
     @contextmanager
-    def timed_pass(timer: PassTimer, name: str, note: Callable[[float], None] | None = None) -> Iterator[None]:
+    def timed_pass(timer: PassTimer, name: str) -> Iterator[None]:
         start = time.perf_counter()
-        with measure(timer, name, note):
+        with measure(timer, name):
             yield
         drawing.passes += time.perf_counter() - start
 

@@ -139,7 +139,7 @@ def _first_picture(app: PersonsApp, options: argparse.Namespace, looking: float,
     seconds_until("prepared", lambda: training.state == "preparing")
     rows = seconds_until("first picture", lambda: run.published is None)
     found["of it drawing"] = rows[-1]["ms"] / 1e3 if rows else 0.0
-    seconds_until("its tiles", lambda: app.frontend.picture.is_waiting)
+    seconds_until("its tiles", lambda: bool(app.frontend.picture.to_come))
     seconds_until("whole pack", lambda: training.active is not None)
     app.close()
     print(json.dumps(found), file=sys.stderr, flush=True)

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ntc.metrics.divergence import DivergenceStatistics
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack
-from viewer.cli.render import draw
 from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context
+from viewer.inspect.measurement import measure
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
 from viewer.state.view_state import Slot, ViewState
@@ -60,11 +59,13 @@ def rendered_table(scene: Scene, views: Path | None, packs: Sequence[RenderedPac
         decibels: list[float] = []
         statistics: list[DivergenceStatistics] = []
         for camera in cameras:
-            picture = draw(renderer, {shown.grouping: pack}, ViewState(camera, size, slot_a=Slot(shown.grouping)))
-            covered = picture.covered
-            if covered.any():
-                decibels.append(psnr_db(picture.color[covered], picture.reference[covered]))
-            statistics.append(DivergenceStatistics.of(picture.divergence))
+            slot = Slot(shown.grouping)
+            renderer.render(ViewState(camera, size, slot_a=slot), whole=True)
+            (picture,) = measure(renderer, [slot], {shown.grouping: pack})
+            decibel = picture.psnr_db(picture.covered)
+            if decibel is not None:
+                decibels.append(decibel)
+            statistics.append(picture.divergence_statistics)
         excess = sum(entry.excess for entry in statistics)
         if shown.grouping == "baseline":
             baselines[shown.recipe] = excess

@@ -48,3 +48,11 @@ def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
 
     pairs = zip(old.textures, new.textures, strict=True)
     return frozenset(index for index, pair in enumerate(pairs) if not decodes_alike(*pair))
+
+
+def changed_groups(old: Pack, new: Pack) -> frozenset[int]:
+    """Groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
+
+    Arrays that both packs share are not compared: versions of one training differ in what a snapshot has replaced alone.
+    """
+    return frozenset(new.textures[index].group for index in changed_textures(old, new))

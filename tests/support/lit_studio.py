@@ -17,7 +17,7 @@ from viewer.lighting.shading import LightSources, SurfaceSamples, shade
 from viewer.lighting.sky import SUN_RADIUS
 from viewer.lighting.tone_maps import tone_mapped
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.light.scene_light import SceneLight
@@ -91,14 +91,12 @@ class LitStudio:
         self.buffers = SceneBuffers(context, scene, material_records(scene))
         self.scheduler = PassScheduler(PassTimer(context))
         self.drawer = SceneDrawer(context, self.programs, scene, self.buffers, self.scheduler)
-        self.light_drawer = LightDrawer(
-            context, self.programs, scene, self.buffers, self.drawer.culling, self.scheduler
-        )
+        self.light_drawer = LightDrawer(context, self.programs, scene, self.buffers, self.drawer, self.scheduler)
         self.visibility = VisibilityTarget(context, size, SurfaceContent(False, gradients=False, frame=True))
         self.shade_pass = ShadePass(context, self.programs)
         self.target = ColorTarget(context, size)
         self._planes: dict[tuple[str, str], ColorTarget] = {}
-        self._drawings = 0
+        self._written = Output(0)
 
     def view(self) -> VisibilityInputs:
         """The visibility buffer, drawn."""
@@ -107,12 +105,12 @@ class LitStudio:
     def planes(self, planes: Mapping[str, NDArray[np.float32]], name: str = "a") -> PlaneTargets:
         """Targets that hold `planes`."""
         found = {}
-        self._drawings += 1
+        self._written = Output(self._written.version + 1)
         for plane, pixels in planes.items():
             target = self._planes.setdefault((name, plane), ColorTarget(self._context, self.size))
             target.texture.write(np.ascontiguousarray(pixels[::-1], np.float32).tobytes())
             found[plane] = target
-        return PlaneTargets(found.get("base"), found.get("surface"), found.get("emission"), (self._drawings,))
+        return PlaneTargets(found.get("base"), found.get("surface"), found.get("emission"))
 
     def draw(
         self,
@@ -124,7 +122,8 @@ class LitStudio:
     ) -> NDArray[np.float32]:
         """[H, W, 3] the picture."""
         inputs = ShadeInputs(self.view(), planes, material_view, light, other, other_maps)
-        self.scheduler.run(self.shade_pass, inputs, self.target)
+        reads = (self._written, *(() if light is None else light.outputs))
+        self.scheduler.run(self.shade_pass, inputs, self.target, reads)
         return self.target.read()
 
     def factor_base(self) -> NDArray[np.float32]:

@@ -6,6 +6,7 @@ import signal
 import stat
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from imgui_bundle import imgui
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.pack.diff import changed_groups
 from ntc.pack.file import read_pack
 from ntc.training.progress import TrainingProgress
 from ntc.worker.shared_arrays import without_arrays
@@ -170,20 +172,19 @@ def test_encode_accept_retrain_discard(
     app.click("tab Retrain")
     app.click("group 1")
     assert "Retrain" in app.widgets.labels()
-    uploads: list[tuple[str, frozenset[int] | None]] = []
+    uploads: list[tuple[str, Pack]] = []
     renderer = app.frontend.picture.renderer
     assert renderer is not None
     update_pack = renderer.update_pack
 
-    def record(name: str, pack: Pack, changed_groups: frozenset[int] | None = None) -> None:
-        uploads.append((name, changed_groups))
-        update_pack(name, pack, changed_groups)
+    def record(name: str, pack: Pack) -> None:
+        uploads.append((name, pack))
+        update_pack(name, pack)
 
     monkeypatch.setattr(renderer, "update_pack", record)
     run(app, f"training.retrain 1 {budget}")
-    assert uploads[0] == ("run 2", frozenset((0, 1)))
     assert {name for name, _ in uploads} == {"run 2"}
-    assert all(groups is not None and groups <= {1} for _, groups in uploads[1:])
+    assert all(changed_groups(before, after) <= {1} for (_, before), (_, after) in pairwise(uploads))
     old, new = session.packs["baseline"], session.packs["run 2"]
     assert fingerprint(old, 0) == fingerprint(new, 0)
     assert new.textures[0] is old.textures[0]

@@ -322,7 +322,7 @@ def test_resolution(app: DrivenApp) -> None:
 
 def state_of(session: Session) -> dict[str, Any]:
     """Everything in a session, its groups as they are now."""
-    groups = ("navigation", "inspection", "window", "requests")
+    groups = ("navigation", "inspection", "window")
     return {name: copy.copy(value) if name in groups else value for name, value in vars(session).items()}
 
 

@@ -27,8 +27,6 @@ class App:
     """Whether a person may ask for an encoding at any moment; scripts and tests would start processes for nothing."""
     keeps_runs = False
     """Whether runs that nobody has decided about are kept in the user's data folder."""
-    waits = True
-    """Whether frames wait for the GPU, and so are the same each time."""
 
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
@@ -40,7 +38,7 @@ class App:
         self._appearance = Appearance()
 
     def _frontend(self, graphics: GraphicsContext) -> Frontend:
-        return Frontend(graphics, self.context, self.effects, self.prepares_ahead, self.waits)
+        return Frontend(graphics, self.context, self.effects, self.prepares_ahead)
 
     @property
     def size(self) -> tuple[int, int]:

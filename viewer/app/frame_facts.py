@@ -1,7 +1,6 @@
 """What panels show of the last frame: gathered from the picture, and read back from it where a panel asks for it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from imgui_bundle import imgui
@@ -14,29 +13,26 @@ from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.block_content import BlockContent, read_block
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.map_errors import errors_by_map
-from viewer.inspect.measurement import SlotPicture, measure_slot
+from viewer.inspect.measurement import measure
 from viewer.inspect.pixel_content import PixelContent, read_pixel
 from viewer.inspect.place_reader import PlaceReader
 from viewer.render.frame_times import FrameTimes
 from viewer.render.viewport import Viewport
 from viewer.state.session import Session, SlotMeasurement
-from viewer.state.view_state import REFERENCE, Side, Slot
+from viewer.state.view_state import REFERENCE, DecodedMaps, Side
 from viewer.ui.facts import FrameFacts
 
 
 class FactsReader:
     """Reads a picture for the panels, and no more of it than they show."""
 
-    def __init__(
-        self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes, waits: bool
-    ) -> None:
-        """`waits`: whether what is read at the mouse is waited for, and so is of this frame."""
+    def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes) -> None:
         self._renderer_name = context.info.renderer
         self._session, self._picture, self._times = session, picture, times
         self._images = NamedImages(context)
-        self._blocks = PlaceReader[BlockContent](context, "the block under the mouse", waits)
+        self._blocks = PlaceReader[BlockContent](context, "the block under the mouse")
         self._counted: Mapping[str, DivergenceStatistics] = {}
-        self.pixels = PlaceReader[PixelContent](context, "the pixel under the mouse", waits)
+        self.pixels = PlaceReader[PixelContent](context, "the pixel under the mouse")
 
     @property
     def is_pending(self) -> bool:
@@ -100,21 +96,21 @@ class FactsReader:
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return None
-        reference = renderer.picture(Slot(REFERENCE))
-        covered, texture_ids = renderer.covered(), renderer.texture_ids()
         results: dict[Side, SlotMeasurement] = {}
-        for side, slot in view.slots.items():
-            shown = reference if slot.source == REFERENCE else renderer.picture(slot)
-            seen = SlotPicture(shown, reference, covered, texture_ids)
-            pack, match = self._session.packs.get(slot.source), renderer.matches.get(slot.source)
-            memory = renderer.memory(slot)
+        pictures = measure(renderer, list(view.slots.values()), self._session.packs)
+        for (side, slot), picture in zip(view.slots.items(), pictures, strict=True):
+            if slot.source == REFERENCE:
+                results[side] = SlotMeasurement(slot.source, None, None, None)
+                continue
+            pack, memory = self._session.packs.get(slot.source), renderer.memory(slot)
             blocks = self._session.compressed_as(slot.source)
             size = memory.total if memory else blocks.stored_bytes if blocks else None
-            measured = measure_slot(slot.source, seen, pack, match, size)
+            divergence = picture.divergence_statistics if pack is not None else None
+            by_map: dict[DecodedMaps, float | None] = {}
             if view.material_view != "base" and pack is not None:
-                errors = errors_by_map(renderer, slot)
-                measured = replace(measured, psnr_by_map={e.maps: e.psnr_db for e in errors if e.maps != "all"})
-            results[side] = measured
+                by_map = {e.maps: e.psnr_db for e in errors_by_map(renderer, slot) if e.maps != "all"}
+            psnr = picture.psnr_db(picture.covered)
+            results[side] = SlotMeasurement(slot.source, psnr, divergence, size, by_map)
         return results
 
     def take_problems(self) -> tuple[str, ...]:

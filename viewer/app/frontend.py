@@ -57,16 +57,10 @@ class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
     def __init__(
-        self,
-        graphics: GraphicsContext,
-        context: Context,
-        effects: Effects,
-        prepares_ahead: bool = False,
-        waits: bool = True,
+        self, graphics: GraphicsContext, context: Context, effects: Effects, prepares_ahead: bool = False
     ) -> None:
         """`effects` carries out what the commands of `context` ask for. `prepares_ahead`: whether the encoding of a scene without a
-        pack is prepared once it is drawn. `waits`: whether frames wait for the GPU, and so are the same each time; else `presented`
-        is called after each.
+        pack is prepared once it is drawn.
         """
         session = context.session
         self._graphics, self._context, self._effects, self.session = graphics, context, effects, session
@@ -76,10 +70,9 @@ class Frontend:
         self.interface = UserInterface()
         set_panel_titles(session, self.interface.panel_titles)
         set_unsupported(session, {**unsupported_precisions(graphics), **unsupported_paths(graphics)})
-        self._waits = waits
-        self._times = FrameTimes(waits)
-        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit, waits)
-        self.reader = FactsReader(graphics, session, self.picture, self._times, waits)
+        self._times = FrameTimes(graphics.waits)
+        self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
+        self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._first_view = FirstView(self.interface.background, emit)
         self._precision = PrecisionSearch(
             self.interface.background, partial(self.picture.variants.precisions, graphics), emit
@@ -102,7 +95,7 @@ class Frontend:
         """What the panels show of the last frame."""
         encoding, last = self._formats.progress, self.picture.last
         beside = self._work.read(
-            self.session, encoding, self.live.is_computing, last.waiting if last is not None else 0
+            self.session, encoding, self.live.is_computing, last.to_come if last is not None else ()
         )
         work = (*self._effects.opening.work, *training_work(self._context.training), *beside)
         found = self.reader.read(self.live.figures, self._is_training, encoding)
@@ -157,14 +150,14 @@ class Frontend:
         imgui.backends.opengl3_render_draw_data(draw_data)
         # ImGui leaves its own state behind.
         self._graphics.gl.enable_only(moderngl.NOTHING)
-        if self._waits:
+        if self._graphics.waits:
             self._times.end()
         self._graphics.reset.check()
         self._effects.write_pictures(self._graphics, framebuffer, self.picture)
 
     def presented(self) -> None:
         """The frame has been handed to the window system."""
-        if not self._waits:
+        if not self._graphics.waits:
             self._times.end()
 
     def reasons(self, size: tuple[int, int]) -> tuple[str, ...]:
@@ -224,14 +217,16 @@ class Frontend:
         if self.reader.is_pending:
             yield "values under the mouse are read"
         if self.picture.is_due(room):
-            yield "the picture is not whole" if self.picture.is_waiting else "the picture has changed"
+            yield from (item.line for item in self.picture.to_come)
+            if not self.picture.to_come:
+                yield "the picture has changed"
         if self.picture.is_coarse():
             yield "the picture is coarse while the camera moves"
 
     def _awaited(self) -> Iterator[str]:
         """What is under way, and changes what the window shows when it ends."""
         session, last_view = self.session, self.picture.last_view
-        work = self._work.read(session, self._formats.progress, self.live.is_computing, tiles=0)
+        work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
         yield from (part.title for part in (*self._effects.opening.work, *work))
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
@@ -299,7 +294,7 @@ class Frontend:
         if renderer is None or view is None:
             return
         self.live.note(renderer, view, self.session.packs, size, now)
-        if not self._compares or self.picture.is_waiting or self.picture.is_coarse():
+        if not self._compares or self.picture.to_come or self.picture.is_coarse():
             return
         if self.live.step(view, self._figures_are_wanted(), now):
             self.picture.compose_again(view)

@@ -81,7 +81,7 @@ class ImguiWindow:
         self._window = _open_best(placement.size)
         self.handle: Any = self._window._window  # noqa: SLF001  moderngl-window offers no other way to the glfw handle.
         try:
-            self.context: GraphicsContext = wrap_context(self._window.ctx, self._address, losses)
+            self.context: GraphicsContext = wrap_context(self._window.ctx, self._address, losses, waits=False)
         except InputError:
             glfw.terminate()
             raise

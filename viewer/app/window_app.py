@@ -57,7 +57,6 @@ class WindowApp(App):
 
     prepares_ahead = True
     keeps_runs = True
-    waits = False
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()

@@ -1,9 +1,10 @@
 """What is under way beside the frames, for the status bar: how far it is, and how long it goes on."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from ntc.metrics.block_compression import BlockFormat
+from viewer.render.pass_scheduler import ToCome
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
@@ -34,17 +35,16 @@ class WorkUnderWay:
         """Monotonic seconds, by title."""
 
     def read(
-        self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, tiles: int
+        self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
     ) -> tuple[Work, ...]:
         """What is under way for the picture and its figures, what takes longest first.
 
-        `encoding`: how far block formats are; `comparing`: whether A is compared with B; `tiles` that are still to be decoded.
+        `encoding`: how far block formats are; `comparing`: whether A is compared with B; `to_come`: what the picture lacks.
         """
         found = [*self._formats(encoding)]
         if session.precision_searches:
             found.append(Work("finding the cheapest precision"))
-        if tiles:
-            found.append(Work(f"decoding {tiles:,} tile{'s' if tiles > 1 else ''}"))
+        found += [Work(item.line) for item in to_come]
         if comparing:
             found.append(Work("comparing A with B"))
         return tuple(found)

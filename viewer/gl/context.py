@@ -48,6 +48,8 @@ class GraphicsContext:
     """GPU allocator: all buffers, textures and framebuffers come from it."""
     texture_buffers: TextureBuffers
     """What stands in for storage buffers where `features` says that nothing computes."""
+    waits: bool = True
+    """Whether frames wait for what they ask of the GPU, and so are the same each time. Those of a window go on, and take it later."""
 
     def bind_storage(self, buffer: moderngl.Buffer, binding: int, offset: int = 0, size: int = -1) -> None:
         """Let shaders read a buffer, or a part of it, by this storage binding."""
@@ -64,10 +66,12 @@ class GraphicsContext:
             self.texture_buffers.bind_image(texture, unit)
 
 
-def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None) -> GraphicsContext:
+def wrap_context(
+    gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None, waits: bool = True
+) -> GraphicsContext:
     """A GraphicsContext around a current moderngl context. Raises InputError where the driver lacks a required function.
 
-    `losses`: simulated losses of the context; None: those that the environment asks for.
+    `waits` as in the GraphicsContext; `losses`: simulated losses of the context; None: those that the environment asks for.
     """
     reset = ResetStatus(load, SimulatedLosses.of_environment() if losses is None else losses)
     information = ContextInformation(gl.info["GL_RENDERER"], gl.info["GL_VENDOR"], gl.info["GL_VERSION"])
@@ -77,7 +81,8 @@ def wrap_context(gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLo
         raise InputError(f"{information.renderer}, OpenGL {information.version}: {error}; update the driver") from error
     features = find_features(gl, information.is_software)
     memory = GpuMemory(gl, limit_from_environment(), limits=Limits.of(gl.info, features.compute))
-    return GraphicsContext(gl, information, load, functions, features, reset, memory, TextureBuffers(functions))
+    buffers = TextureBuffers(functions)
+    return GraphicsContext(gl, information, load, functions, features, reset, memory, buffers, waits)
 
 
 def create_headless_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:

@@ -73,17 +73,17 @@ class _Frame:
 class PassTimer:
     """Collects the times of passes, frame by frame.
 
-    A timer that `waits` knows a frame's times at its end. Another one does not hold the GPU up: it measures while `is_wanted`, and
-    tells the times of a frame two or three frames later.
+    Where the context waits for the GPU, a frame's times are known at its end. Else the timer does not hold
+    the GPU up: it measures while `is_wanted`, and tells the times of a frame two or three frames later.
     """
 
-    def __init__(self, context: GraphicsContext, waits: bool = True) -> None:
+    def __init__(self, context: GraphicsContext) -> None:
         self._gl, self._blocking = context.gl, context.memory.blocking
         self._functions = context.functions
         self._has_queries = context.features.timer_queries
         self._stamps = Stamps(context.functions)
-        self.waits = waits
-        self.is_wanted = waits
+        self.waits = context.waits
+        self.is_wanted = context.waits
         """Whether anybody looks at the times of the frames to come."""
         self._frame = _Frame()
         self._under_way: deque[_Frame] = deque()
@@ -110,19 +110,24 @@ class PassTimer:
             self._add(name, None, 1e3 * (time.perf_counter() - start))
 
     @contextmanager
-    def measure(self, name: str, note: Callable[[float], None] | None = None) -> Iterator[None]:
-        """Add the time of the block to the pass `name`, and to what it is `owned_by`.
+    def measure(self, name: str) -> Iterator[None]:
+        """Add the time of the block to the pass `name`, and to what it is `owned_by`."""
+        yield from self._measured(name, None)
 
-        `note` is called with the time in ms when it is known, whether or not times are wanted.
-        """
+    @contextmanager
+    def watch(self, note: Callable[[float], None]) -> Iterator[None]:
+        """Call `note` with the time of the block in ms when it is known; the block may be a part of what is measured."""
+        yield from self._measured(None, note)
+
+    def _measured(self, name: str | None, note: Callable[[float], None] | None) -> Iterator[None]:
         if self.waits:
             yield from self._waited(name, note)
         elif self._has_queries and (self.is_wanted or note is not None):
             first = self._put()
             yield
             self._add_late(name, note, (first, self._put()))
-        elif self.is_wanted:
-            yield from self._between(name, note)
+        elif self.is_wanted and name is not None:
+            yield from self._between(name)
         else:
             start = time.perf_counter()
             yield
@@ -130,7 +135,7 @@ class PassTimer:
                 # A software renderer has run compute shaders when their call returns.
                 note(1e3 * (time.perf_counter() - start))
 
-    def _waited(self, name: str, note: Callable[[float], None] | None) -> Iterator[None]:
+    def _waited(self, name: str | None, note: Callable[[float], None] | None) -> Iterator[None]:
         if self._has_queries:
             first = self._stamps.put()
             yield
@@ -151,13 +156,10 @@ class PassTimer:
         self._blocking.count += 1
         self._gl.finish()
 
-    def _between(self, name: str, note: Callable[[float], None] | None) -> Iterator[None]:
+    def _between(self, name: str) -> Iterator[None]:
         """Times from the end of the pass before: rasterisers in tiles note what comes first in a batch of commands at its end, too."""
-        start = time.perf_counter()
         first = self._frame.stamps[-1] if self._frame.stamps else self._put()
         yield
-        if note is not None:
-            note(1e3 * (time.perf_counter() - start))
         self._add_late(name, None, (first, self._put()))
 
     def _put(self) -> int:
@@ -195,15 +197,16 @@ class PassTimer:
         finally:
             self.waits = before
 
-    def _add(self, name: str, note: Callable[[float], None] | None, milliseconds: float) -> None:
-        self._frame.measurements.append(_Measurement(self._whole or name, milliseconds))
-        if self._owner is not None and self._whole is None:
-            self._owned[self._owner] = self._owned.get(self._owner, 0.0) + milliseconds
+    def _add(self, name: str | None, note: Callable[[float], None] | None, milliseconds: float) -> None:
+        if name is not None:
+            self._frame.measurements.append(_Measurement(self._whole or name, milliseconds))
+            if self._owner is not None and self._whole is None:
+                self._owned[self._owner] = self._owned.get(self._owner, 0.0) + milliseconds
         if note is not None:
             note(milliseconds)
 
-    def _add_late(self, name: str, note: Callable[[float], None] | None, stamps: tuple[int, int]) -> None:
-        shown = self._whole or name if self.is_wanted else None
+    def _add_late(self, name: str | None, note: Callable[[float], None] | None, stamps: tuple[int, int]) -> None:
+        shown = None if name is None or not self.is_wanted else self._whole or name
         owner = self._owner if shown is not None and self._whole is None else None
         self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owner, note))
 

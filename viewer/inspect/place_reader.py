@@ -23,11 +23,11 @@ class Asked(Generic[Content]):
 
 
 class PlaceReader(Generic[Content]):
-    """Remembers what was read last. Unless it `waits`, that is of a frame or two before while the picture moves."""
+    """Remembers what was read last. Unless frames wait, that is of a frame or two before while the picture moves."""
 
-    def __init__(self, context: GraphicsContext, what: str, waits: bool) -> None:
+    def __init__(self, context: GraphicsContext, what: str) -> None:
         """`what` is named where there is no memory."""
-        self._context, self._waits = context, waits
+        self._context = context
         self._back = ReadBack[Asked[Content]](context, what)
         self._subject: object = None
         self._key: object = None
@@ -58,7 +58,7 @@ class PlaceReader(Generic[Content]):
                 # Without a copy it is waited for.
                 self._back.drop()
                 self._make(asked, [part.read() for part in asked.parts])
-        arrived = self._back.wait() if self._waits else self._back.newest()
+        arrived = self._back.wait() if self._context.waits else self._back.newest()
         if arrived is not None:
             content, asked = arrived
             read, at = list[NDArray[Any]](), 0

@@ -1,6 +1,6 @@
 """What comes after the pictures of both slots: divergence maps, the comparison, overlays and marks."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from ntc.metrics.divergence import DivergenceStatistics
@@ -8,12 +8,13 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.divergence_overlay import CountedGrouping, DivergenceOverlay
 from viewer.render.error_overlay import ErrorOverlay
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.composite import (
     COMPARISONS,
     CompositeInputs,
     CompositeParams,
     CompositePass,
+    CompositeTarget,
     DifferenceParams,
 )
 from viewer.render.picture_targets import PictureTargets
@@ -41,26 +42,28 @@ class Compositor:
         """Results of the comparison of A and B, for overlays and the FLIP map."""
 
     def count_divergence(
-        self, view: ViewState, groupings: Mapping[str, CountedGrouping], targets: PictureTargets, waits: bool
-    ) -> dict[str, DivergenceStatistics]:
-        """Count the decoders per block under the groupings of what is shown, by its source, where the overlay asks for it.
-
-        Unless it `waits` the statistics may be those of a frame before.
-        """
+        self, view: ViewState, groupings: Mapping[str, CountedGrouping], targets: PictureTargets
+    ) -> tuple[Output, ...]:
+        """Count the decoders per block under the groupings of what is shown, by its source, where the overlay asks for it."""
         if view.overlay.kind != "divergence":
             self._scheduler.skipped["divergence_passes"] += 1
-            return {}
-        self._divergence.update(targets.visibility, view.camera, groupings, view.block, waits)
-        statistics = self._divergence.statistics
-        return {source: statistics[source] for source in groupings if not is_image_source(source)}
+            return ()
+        return (self._divergence.update(targets.view, groupings, view.block),)
 
-    def is_pending(self, view: ViewState) -> bool:
-        """Whether statistics of what the view shows are on their way."""
-        return view.overlay.kind == "divergence" and self._divergence.is_pending
+    def statistics(self, view: ViewState, sources: Iterable[str]) -> dict[str, DivergenceStatistics]:
+        """Of the divergence maps of `sources` that are no images, where the overlay asks for them.
 
-    def draw(self, view: ViewState, targets: PictureTargets) -> None:
-        """Draw the composite, unless it shows that already; the divergence of what is shown must have been counted."""
-        self._scheduler.run(self._composite, self._inputs(view, targets), targets.composite)
+        Unless frames wait they may be those of a frame before.
+        """
+        known = self._divergence.statistics if view.overlay.kind == "divergence" else {}
+        return {source: known[source] for source in sources if source in known and not is_image_source(source)}
+
+    def draw(
+        self, view: ViewState, targets: PictureTargets, target: CompositeTarget, counted: Sequence[Output]
+    ) -> Output:
+        """Draw the composite, unless it shows that already; `counted` is the divergence of what is shown."""
+        reads = [targets.shown[slot].output for slot in shown_slots(view)]
+        return self._scheduler.run(self._composite, self._inputs(view, targets), target, (*reads, *counted))
 
     def _inputs(self, view: ViewState, targets: PictureTargets) -> CompositeInputs:
         first, second = shown_slots(view)
@@ -71,8 +74,7 @@ class Compositor:
             difference = DifferenceParams(view.difference, self.errors.flip_map(targets.pair_key(view)))
         marks = self.errors.marks(view.overlay, view.highlight, targets.visibility)
         params = CompositeParams(layout_of(view), difference, overlay, marks, view.zoom)
-        numbers = (targets.number(first), targets.number(second))
-        return CompositeInputs(targets.picture(first), targets.picture(second), numbers, params)
+        return CompositeInputs(targets.picture(first), targets.picture(second), params)
 
     def prepare(self, view: ViewState, targets: PictureTargets) -> bool:
         """Compile a program that another way to compare `view` would need; whether there was one."""

@@ -11,12 +11,11 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.read_back import ReadBack
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler, ToCome
 from viewer.render.passes.composite import HeatmapOverlay
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
-from viewer.render.resources.visibility_buffer import VisibilityTarget
-from viewer.scene.model import Camera
+from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Overlay
 
 LARGEST_COUNT = 3
@@ -38,7 +37,8 @@ class MapPlace:
     """Which blocks of which picture are counted."""
 
     visibility: VisibilityTarget
-    camera: Camera
+    version: int
+    """Of the visibility buffer's content."""
     block: tuple[int, int]
 
 
@@ -55,25 +55,22 @@ class DivergenceOverlay:
         self._place: MapPlace | None = None
         self._groupings: dict[str, CountedGrouping] = {}
         """Of the tables, by source, in their order."""
-        self._counts = 0
+        self._output = Output(0)
+        """Of the maps."""
         self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](context, "counts of the divergence maps")
         self.statistics: Mapping[str, DivergenceStatistics] = {}
         """Of each grouping, by the name of its source."""
 
     def update(
-        self,
-        visibility: VisibilityTarget,
-        camera: Camera,
-        groupings: Mapping[str, CountedGrouping],
-        block: tuple[int, int],
-        waits: bool,
-    ) -> None:
+        self, view: VisibilityInputs, groupings: Mapping[str, CountedGrouping], block: tuple[int, int]
+    ) -> Output:
         """Count the maps of `groupings` in blocks of (width, height) pixels, unless they are known.
 
         What was counted last for the same picture is counted with it: slots that alternate are then counted once.
-        Unless it `waits`, statistics are those of a frame or two before, but for groupings that have none.
+        Unless frames wait, statistics are those of a frame or two before, but for groupings that have none.
         """
-        place = MapPlace(visibility, camera, block)
+        visibility = view.visibility
+        place = MapPlace(visibility, view.version, block)
         known = self._groupings if place == self._place else {}
         if any(known.get(source) != grouping for source, grouping in groupings.items()):
             others = [(source, grouping) for source, grouping in known.items() if source not in groupings]
@@ -94,25 +91,23 @@ class DivergenceOverlay:
             if target is not None:
                 target.release()
             target = self._target = made
-        if self._scheduler.run(self._pass, DivergenceInputs(visibility, camera, self._tables), target):
+        output = self._scheduler.run(self._pass, DivergenceInputs(visibility, view.version, self._tables), target)
+        if output != self._output:
             try:
                 target.copy_counts(self._back, (target, tuple(wanted)))
             except GpuMemoryError:
                 self._scheduler.invalidate(target)
                 raise
-            self._counts += 1
+            self._output = output
         has_all = all(source in self.statistics for source in wanted)
+        waits = self._scheduler.whole or self._context.waits
         arrived = self._back.newest() if has_all and not waits else self._back.wait()
         if arrived is not None:
             content, (counted, sources) = arrived
             found = dict(zip(sources, counted.statistics_in(content), strict=True))
             self.statistics = {source: own for source, own in {**self.statistics, **found}.items() if source in wanted}
         self._place = place
-
-    @property
-    def is_pending(self) -> bool:
-        """Whether newer statistics are on their way."""
-        return self._back.is_pending
+        return Output(output.version, (ToCome("statistics", 1),) if self._back.is_pending else ())
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
         """The maps of two sources as an overlay; both must have been counted."""
@@ -120,7 +115,7 @@ class DivergenceOverlay:
             raise RuntimeError("count first")
         most = settings.most(max(self.statistics[source].maximum for source in (first, second)))
         rows = (self._row(first), self._row(second))
-        return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette, self._counts)
+        return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette)
 
     def map(self, source: str) -> NDArray[np.uint16]:
         """[ceil(H / block height), ceil(W / block width)] uint16: D of a source that has been counted."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
-from viewer.render.plane_path import SAMPLES
+from viewer.render.pass_scheduler import ToCome
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.tile_cache.budget import TileCounts
@@ -61,8 +61,13 @@ class FrameResult:
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
     """Calls since the frame before for which the CPU waited until the GPU had caught up."""
-    is_pending: bool = False
-    """Whether the same view drawn again shows more, or tells more: what has been asked of the GPU is on its way."""
+    to_come: tuple[ToCome, ...] = ()
+    """What the same view drawn again adds; empty where the picture is complete."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the same view drawn again would show nothing else."""
+        return not self.to_come
 
     @property
     def is_short(self) -> bool:
@@ -71,13 +76,6 @@ class FrameResult:
             counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values()
         )
 
-    @property
-    def waiting(self) -> int:
-        """Tiles, samples and pack updates that are still to come: the same view drawn again shows more."""
-        tiles = sum(counts.waiting for counts in self.tiles.values())
-        drawn = (*self.samples.values(), *self.blend_samples.values())
-        return tiles + sum(SAMPLES - samples for samples in drawn) + self.upload.is_pending
-
 
 @dataclass(frozen=True)
 class PairKey:
@@ -85,8 +83,8 @@ class PairKey:
 
     a: Slot
     b: Slot
-    drawings: tuple[int, int]
-    """Numbers of their drawings; 0 for one that is not drawn."""
+    versions: tuple[int, int]
+    """Of what is shown of them; 0 for one that is not drawn."""
 
 
 @dataclass(frozen=True, eq=False)

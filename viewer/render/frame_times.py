@@ -61,8 +61,8 @@ class FrameHistory:
 class FrameTimes:
     """Measures each frame between `begin` and `end`."""
 
-    def __init__(self, waits: bool = True) -> None:
-        """`waits`: whether the renderer tells the times of each frame within it; else frames are timed by the wall clock."""
+    def __init__(self, waits: bool) -> None:
+        """`waits` as in the GraphicsContext: times of each frame are told within it; else frames are timed by the wall clock."""
         self.history = FrameHistory()
         self._waits = waits
         self.slot_ms: Mapping[Slot, float] = {}

@@ -10,19 +10,20 @@ from numpy.typing import NDArray
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.diff import changed_textures
+from ntc.pack.diff import changed_groups
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.timer import PassTimer
 from viewer.render.frame_result import UploadCounts
+from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
 from viewer.render.passes.decode_listed import DecodeListedPass
 from viewer.render.passes.decode_pass import DecodePass
-from viewer.render.passes.needed_levels import NeededLevelsPass, VisibleLatents
-from viewer.render.plane_path import DirectPath, PlanePath
+from viewer.render.passes.decode_sampled import DecodeSampledPass
+from viewer.render.passes.visible_latents import NeededLevelsPass, VisibleLatentsPass
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
@@ -30,7 +31,6 @@ from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.texel_lists import ListDecoder, MakeListDecoder, TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.render.sampled_path import SampledPath
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import FOLDER as TILES_FOLDER
@@ -56,8 +56,6 @@ class RenderContext:
     """None: all latents of a pack are uploaded at once."""
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
-    waits: bool = True
-    """Whether frames wait for what they read back."""
     list_decoders: MakeListDecoder | None = None
     """Makes what decodes tiles of path `cached` and pixels of path `binned`; None: GLSL does."""
     variants: VariantChoice = field(default_factory=VariantChoice)
@@ -88,8 +86,22 @@ class PackVersion:
     pack: Pack
     number: int
     """Differs from that of every other pack of the renderer."""
-    changed_groups: frozenset[int]
-    """Groups of `pack` whose latents, decoders or adapters differ from the version before."""
+
+
+@dataclass(frozen=True, eq=False)
+class PackUpdate:
+    """The upload of a version, under way."""
+
+    version: PackVersion
+    stored: Pack
+    """As the buffers store it."""
+    groups: frozenset[int]
+    """That differ from what the buffers hold."""
+    latents: LatentUpdate
+
+
+Decoder = DecodePass | DecodeSampledPass | CachedPath
+"""What draws a plane of a pack."""
 
 
 class GpuPack:
@@ -121,28 +133,24 @@ class GpuPack:
         )
         self._precision = precision
         self._ranges: DecoderRanges | None = None
-        self._latents: dict[Plane, VisibleLatents] = {}
+        self._latents: dict[Plane, VisibleLatentsPass] = {}
         self._lists: ListDecoder | None = None
-        self._paths: dict[tuple[PathChoice, TexelFilter, Plane], PlanePath] = {}
+        self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
+        """Of the paths that decode every pixel."""
+        self._caches: dict[Plane, CachedPath] = {}
         self._next: PackVersion | None = None
         """Waits until the update under way is done."""
-        self._update: tuple[PackVersion, Pack, LatentUpdate] | None = None
-        """Under way: the version, its pack as the buffers store it, and its latents."""
+        self._update: PackUpdate | None = None
 
     def reading(self, plane: Plane = "base") -> PlaneReading:
         """How passes read the scene's surfaces for a plane of their maps."""
         buffers = self.context.scene_buffers
         return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
 
-    def samples(self, name: PathChoice, texel_filter: TexelFilter) -> int:
-        """Samples in the pictures that a path has drawn last, of all planes: the fewest; 0 before the first."""
-        drawn = [path.samples for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
-        return min(drawn, default=0)
-
-    def tiles(self, name: PathChoice, texel_filter: TexelFilter) -> TileCounts | None:
-        """The state of the tile caches of a path, of all planes together; None where it has none."""
-        counts = [path.tiles for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
-        return total_counts([own for own in counts if own is not None])
+    @property
+    def tiles(self) -> TileCounts | None:
+        """The state of the tile caches, of all planes together; None where there is none."""
+        return total_counts([cache.tiles for cache in self._caches.values()])
 
     @property
     def ranges(self) -> DecoderRanges:
@@ -161,31 +169,41 @@ class GpuPack:
             self._lists = make(self.pack, self.match.texture_index, self._precision)
         return self._lists
 
-    def path(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> PlanePath:
-        """A decode path of this pack, not `auto`, with a filter that it has, for a plane that it holds.
+    def decoder(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> Decoder:
+        """What draws a plane that the pack holds by a path, not `auto`, with a filter that it has; made when it is first asked for.
 
         Raises GpuMemoryError, ShaderError.
         """
+        if name == "cached":
+            if plane not in self._caches:
+                self._caches[plane] = _cached(self, plane)
+            return self._caches[plane]
         key = (name, texel_filter, plane)
-        if key not in self._paths:
-            self._paths[key] = DECODE_PATHS[name](self, texel_filter, plane)
-        return self._paths[key]
+        if key not in self._passes:
+            made = DECODE_PASSES[name](self, texel_filter, plane)
+            graphics = self.context.graphics
+            is_exact = texel_filter == "exact"
+            self._passes[key] = made if is_exact else DecodeSampledPass(made, AccumulatePass(graphics, self.programs))
+        return self._passes[key]
 
-    def latents(self, plane: Plane = "base") -> VisibleLatents:
+    def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
         """Uploads the mips that the pixels of a view read."""
         if plane not in self._latents:
             context, count = self.context, len(self.match.texture_index)
             make = partial(NeededLevelsPass, context.graphics, self.programs, count, self.reading(plane))
             found = make if context.graphics.features.compute else None
-            self._latents[plane] = VisibleLatents(found, self.buffers, context.timer, context.waits)
+            self._latents[plane] = VisibleLatentsPass(found, self.buffers, context.graphics.waits)
         return self._latents[plane]
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
         """What lies on the GPU, for those who draw with this path and filter."""
         parts = self.buffers.bytes_by_part
-        used = [path for key, path in self._paths.items() if key[:2] == (name, texel_filter)]
-        idle = sum(path.bytes_on_gpu for key, path in self._paths.items() if key[:2] != (name, texel_filter))
-        others = [(path.memory_part, path.bytes_on_gpu) for path in used]
+        of_passes = {key: own.bytes_on_gpu for key, own in self._passes.items()}
+        of_caches = sum(cache.bytes_on_gpu for cache in self._caches.values())
+        used = sum(size for key, size in of_passes.items() if key[:2] == (name, texel_filter))
+        idle = sum(of_passes.values()) - used
+        others = [("tile cache", of_caches)] if name == "cached" and self._caches else [("tables", used)]
+        idle += 0 if name == "cached" else of_caches
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
         others += [("tables", levels.bytes_on_gpu) for levels in self._latents.values()]
@@ -200,8 +218,7 @@ class GpuPack:
 
     def update(self, version: PackVersion) -> None:
         """Replace the pack by a version of the same textures and codec, which `advance_update` uploads."""
-        waiting = self._next.changed_groups if self._next is not None else frozenset()
-        self._next = PackVersion(version.pack, version.number, version.changed_groups | waiting)
+        self._next = version
 
     def advance_update(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of the newer version, and draw it from now on once all is there.
@@ -210,65 +227,71 @@ class GpuPack:
         """
         uploaded = kept = 0
         while self.is_updating:
-            version, stored, latents = self._update or self._begin_update()
-            self._update = version, stored, latents
-            missing = latents.missing_bytes
-            if budget_bytes is not None and missing + self._weight_bytes(version) > budget_bytes and missing > 0:
-                return UploadCounts(latents.stage(budget_bytes), is_pending=True)
-            done = self._finish_update(version, stored, latents)
+            update = self._update = self._update or self._begin_update()
+            missing = update.latents.missing_bytes
+            if budget_bytes is not None and missing + self._weight_bytes(update) > budget_bytes and missing > 0:
+                return UploadCounts(update.latents.stage(budget_bytes), is_pending=True)
+            done = self._finish_update(update)
             uploaded, kept = uploaded + done.uploaded, done.kept
             self._update = None
             if budget_bytes is not None:
                 break
         return UploadCounts(uploaded, kept, self.is_updating)
 
-    def _weight_bytes(self, version: PackVersion) -> int:
+    def _weight_bytes(self, update: PackUpdate) -> int:
         """About how many bytes the decoders and adapters of the changed groups have."""
-        decoders = max(1, len(version.pack.decoders))
-        return self.buffers.bytes_by_part["decoders"] * len(version.changed_groups) // decoders
+        decoders = max(1, len(update.stored.decoders))
+        return self.buffers.bytes_by_part["decoders"] * len(update.groups) // decoders
 
-    def _begin_update(self) -> tuple[PackVersion, Pack, LatentUpdate]:
+    def _begin_update(self) -> PackUpdate:
         version, self._next = self._next, None
         assert version is not None
+        # Whether halves are rescaled depends on all groups: what is stored is compared.
         stored = self.buffers.stored(version.pack)
-        slots = self.buffers.slots_of_groups(version.changed_groups, stored)
-        return version, stored, LatentUpdate(self.buffers.latent_store, slots)
+        groups = changed_groups(self.buffers.pack, stored)
+        slots = self.buffers.slots_of_groups(groups, stored)
+        return PackUpdate(version, stored, groups, LatentUpdate(self.buffers.latent_store, slots))
 
-    def _finish_update(self, version: PackVersion, stored: Pack, latents: LatentUpdate) -> UploadCounts:
+    def _finish_update(self, update: PackUpdate) -> UploadCounts:
         """Upload what is left, and draw this version from now on."""
-        groups = set(version.changed_groups)
-        regrouped = [t.group for t in self.pack.textures] != [t.group for t in version.pack.textures]
-        if stored is not version.pack or self.buffers.pack is not self.pack:
-            # Whether halves are rescaled depends on all groups: others may be stored in another way than before.
-            changed = changed_textures(self.buffers.pack, stored)
-            groups |= {stored.textures[index].group for index in changed}
+        stored, groups = update.stored, update.groups
+        regrouped = [t.group for t in self.pack.textures] != [t.group for t in stored.textures]
         uploaded = self.buffers.replace_weights(stored, groups)
         if self._ranges is not None:
             # Decoders that did not change may have other numbers.
             uploaded += self._ranges.replace(stored, range(len(stored.decoders)) if regrouped else groups)
         latent_bytes = self.buffers.latent_store.bytes_by_texture
-        textures = self.buffers.slots_of_groups(version.changed_groups, stored)
+        textures = self.buffers.slots_of_groups(groups, stored)
         kept = int(latent_bytes.sum() - latent_bytes[list(textures)].sum())
-        kept += self.buffers.bytes_by_part["decoders"] - self._weight_bytes(version)
-        uploaded += latents.apply()
-        if not latents.fits:
+        kept += self.buffers.bytes_by_part["decoders"] - self._weight_bytes(update)
+        uploaded += update.latents.apply()
+        if not update.latents.fits:
             self.buffers.note_latents()
-        self.pack, self.version = version.pack, version.number
+        self.pack, self.version = update.version.pack, update.version.number
         if self._lists is not None:
-            self._lists.replace(version.pack)
-        for path in self._paths.values():
-            path.update(textures, regrouped)
+            self._lists.replace(self.pack)
+        for cache in self._caches.values():
+            cache.mark_stale(textures)
+        if regrouped:
+            # Passes depend on which decoders there are.
+            self._release_passes()
         return UploadCounts(uploaded, kept)
+
+    def _release_passes(self) -> None:
+        for own in self._passes.values():
+            own.release()
+        self._passes.clear()
 
     def release(self) -> None:
         """Free everything."""
         if self._update is not None:
-            self._update[2].release()
+            self._update.latents.release()
         self._update = self._next = None
-        for part in (*self._paths.values(), self._ranges, *self._latents.values(), self.buffers):
+        self._release_passes()
+        for part in (*self._caches.values(), self._ranges, *self._latents.values(), self.buffers):
             if part is not None:
                 part.release()
-        self._paths.clear()
+        self._caches.clear()
 
 
 def _forward(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> DecodePass:
@@ -296,20 +319,7 @@ def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
 
-MakePath = Callable[[GpuPack, TexelFilter, Plane], PlanePath]
-
-
-def _decoding_every_pixel(name: PathChoice, make_pass: Callable[[GpuPack, TexelFilter, Plane], DecodePass]) -> MakePath:
-    def make(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> PlanePath:
-        context, own_pass = pack.context, partial(make_pass, pack, texel_filter, plane)
-        if texel_filter == "exact":
-            return DirectPath(name, own_pass, pack.latents(plane), context.timer)
-        return SampledPath(name, own_pass, pack.latents(plane), context.timer, context.graphics, pack.programs)
-
-    return make
-
-
-def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
+def _cached(pack: GpuPack, plane: Plane) -> CachedPath:
     context, reading, decoder = pack.context, pack.reading(plane), pack.lists
     lists = None
     if decoder is not None:
@@ -324,16 +334,14 @@ def _cached(pack: GpuPack, _filter: TexelFilter, plane: Plane) -> PlanePath:
         reading,
         context.tile_cache,
         context.tile_budget,
-        context.waits,
         lists,
     )
-    return CachedPath(cache, context.timer, context.tile_budget, context.waits)
+    return CachedPath(cache, context.timer, context.tile_budget)
 
 
-DECODE_PATHS: Mapping[PathChoice, MakePath] = {
-    "forward": _decoding_every_pixel("forward", _forward),
-    "deferred": _decoding_every_pixel("deferred", deferred_pass),
-    "binned": _decoding_every_pixel("binned", binned_pass),
-    "cached": _cached,
+DECODE_PASSES: Mapping[PathChoice, Callable[[GpuPack, TexelFilter, Plane], DecodePass]] = {
+    "forward": _forward,
+    "deferred": deferred_pass,
+    "binned": binned_pass,
 }
-"""How each decode path is made for a pack."""
+"""How the paths that decode every pixel are made for a pack."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
-from ntc.pack.diff import changed_textures, same_shape
+from ntc.pack.diff import same_shape
 from ntc.pack.match import PackMatch
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.program import ProgramFactory
@@ -72,16 +72,17 @@ class GpuPacks:
             self._release(name)
         changed = [name for name, pack in packs.items() if name not in self._open or self._open[name].pack is not pack]
         for name in changed:
-            self.update_pack(name, packs[name], None)
+            self.update_pack(name, packs[name])
         self._advance(changed, None)
 
-    def update_pack(self, name: str, pack: Pack, changed_groups: frozenset[int] | None) -> None:
+    def update_pack(self, name: str, pack: Pack) -> None:
         """Open `pack`, or have it replace the one of that name: `advance_updates` uploads what differs.
 
-        `changed_groups` are the groups of `pack` whose latents, decoders or adapters differ; None: they are looked for.
         A pack of other textures, or another codec, is uploaded whole when it is drawn next.
         """
         before = self._open.get(name)
+        if before is not None and before.pack is pack:
+            return
         self._last_version += 1
         opened = self._open[name] = OpenPack(pack, match_scene(pack, self._context.scene), self._last_version)
         if before is None:
@@ -89,10 +90,8 @@ class GpuPacks:
         if not same_shape(before.pack, pack) or before.match != opened.match:
             self._release(name)
             return
-        if changed_groups is None:
-            changed_groups = frozenset(pack.textures[index].group for index in changed_textures(before.pack, pack))
         for on_gpu in [on_gpu for (source, _), on_gpu in self._on_gpu.items() if source == name]:
-            on_gpu.update(PackVersion(pack, opened.version, changed_groups))
+            on_gpu.update(PackVersion(pack, opened.version))
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
@@ -148,7 +147,8 @@ class GpuPacks:
         tiles, short_latents = {}, ""
         for slot in dict.fromkeys(slot for slot in slots if not is_image_source(slot.source)):
             on_gpu = self.on_gpu(slot)
-            counts, latents = on_gpu.tiles(slot.path, slot.filter), on_gpu.buffers.latent_store.counts
+            counts = on_gpu.tiles if slot.path == "cached" else None
+            latents = on_gpu.buffers.latent_store.counts
             if counts is not None:
                 tiles[slot] = counts
             coarse = counts is not None and counts.coarse_latents

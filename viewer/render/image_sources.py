@@ -11,7 +11,7 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.passes.reference import MipsOf, ReferencePass
+from viewer.render.passes.reference import ImageUploads, MipsOf, ReferencePass
 from viewer.render.resources.images.image_places import DEFAULT_BYTES, ImagePlaces, plane_bytes
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.scene.map_pictures import compressed_plane_mips, plane_mips
@@ -50,15 +50,9 @@ class ImageSources:
         self._passes: dict[tuple[str, Plane], ReferencePass] = {}
 
     def _pass(self, source: str, plane: Plane, mips: MipsOf) -> ReferencePass:
-        return ReferencePass(
-            self._context,
-            self._programs,
-            self._places[plane],
-            mips,
-            partial(self._write_places, plane),
-            source,
-            self._reading(plane),
-        )
+        write = partial(self._write_places, plane)
+        uploads = ImageUploads(self._context, self._places[plane], mips, write, srgb=plane != "surface")
+        return ReferencePass(self._context, self._programs, uploads, source, self._reading(plane))
 
     def _mips(self, plane: Plane, texture_id: int) -> Sequence[NDArray[np.uint8]]:
         return plane_mips(self._scene.textures[texture_id], plane)
@@ -80,7 +74,7 @@ class ImageSources:
     @property
     def images_not_uploaded(self) -> int:
         """Original images that no frame has needed so far."""
-        return sum(images.images_not_uploaded for images in self._reference.values())
+        return sum(images.uploads.images_not_uploaded for images in self._reference.values())
 
     def holds(self, source: str, plane: Plane) -> bool:
         """Whether a source has images of a plane: formats of graphics hardware may be there for base colours alone."""

@@ -13,14 +13,14 @@ from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
 from viewer.lighting.sky import sky_radiance
 from viewer.lighting.sun import environment_turn, sun_of
 from viewer.locations import environments_cache
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.passes.shadow import ShadowInputs, ShadowPass
-from viewer.render.resources.culling import Culling
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 from viewer.render.resources.light.scene_light import SceneLight, SurfaceKinds
 from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView, shadow_view
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.scene_drawer import SceneDrawer
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import SKY, Lighting
 
@@ -37,10 +37,10 @@ class LightDrawer:
         programs: ProgramFactory,
         scene: Scene,
         scene_buffers: SceneBuffers,
-        culling: Culling,
+        drawer: SceneDrawer,
         scheduler: PassScheduler,
     ) -> None:
-        self._context, self._scene, self._culling, self._scheduler = context, scene, culling, scheduler
+        self._context, self._scene, self._drawer, self._scheduler = context, scene, drawer, scheduler
         self._prefilter = PrefilterPass(context, programs, BlockCache(environments_cache(), MOST_CACHED_BYTES))
         self._shadow_pass = ShadowPass(context, programs, scene_buffers)
         self._maps: EnvironmentMaps | None = None
@@ -49,23 +49,17 @@ class LightDrawer:
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
         self._kinds = SurfaceKinds.of(scene.materials)
-        self._bounds = scene.bounds
-
-    def place(self, culling: Culling, bounds: NDArray[np.float32]) -> None:
-        """What moves in the scene stands elsewhere: the next shadow map is drawn anew. `bounds` [2, 3] of the whole scene."""
-        self._culling, self._bounds = culling, bounds
-        self._shadow_inputs = None
-        if self._shadow is not None:
-            self._scheduler.invalidate(self._shadow)
 
     def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
         inputs, size = self._environment(lighting)
         maps = self._environment_maps(size, inputs.panorama)
-        if self._scheduler.run(self._prefilter, inputs, maps):
-            self._prefiltered = inputs
-        sun = sun_of(lighting)
-        view = self._draw_shadow(sun.direction) if sun.shines else None
+        outputs = [self._scheduler.run(self._prefilter, inputs, maps)]
+        self._prefiltered = inputs
+        sun, view = sun_of(lighting), None
+        if sun.shines:
+            view, shadow = self._draw_shadow(sun.direction)
+            outputs.append(shadow)
         return SceneLight(
             inputs.key,
             environment_turn(lighting),
@@ -78,6 +72,7 @@ class LightDrawer:
             view,
             self._scene.lights,
             self._kinds,
+            tuple(outputs),
         )
 
     def _environment(self, lighting: Lighting) -> tuple[PrefilterInputs, PrefilterSize]:
@@ -101,20 +96,20 @@ class LightDrawer:
             self._maps = made
         return self._maps
 
-    def _draw_shadow(self, direction: tuple[float, float, float]) -> ShadowView:
-        inputs = self._shadow_inputs
-        if inputs is None or inputs.direction != direction:
-            view = shadow_view(self._bounds, direction)
-            centre = self._bounds.astype(np.float64).mean(axis=0)
-            reach = float(np.linalg.norm(self._bounds[1] - self._bounds[0])) + 1.0
+    def _draw_shadow(self, direction: tuple[float, float, float]) -> tuple[ShadowView, Output]:
+        posed, pose, inputs = self._drawer.posed, self._drawer.pose, self._shadow_inputs
+        if inputs is None or (inputs.direction, inputs.pose) != (direction, pose.version):
+            bounds = posed.bounds
+            view = shadow_view(bounds, direction)
+            centre = bounds.astype(np.float64).mean(axis=0)
+            reach = float(np.linalg.norm(bounds[1] - bounds[0])) + 1.0
             eye = tuple((centre + np.array(direction) * reach).tolist())
             camera = Camera("sun", eye, tuple(centre.tolist()), orthographic_height=reach)
-            inputs = ShadowInputs(direction, view, self._culling.draw_list(camera, view.matrix))
+            draw_list = posed.culling.draw_list(camera, view.matrix)
+            inputs = self._shadow_inputs = ShadowInputs(direction, pose.version, view, draw_list)
         if self._shadow is None:
             self._shadow = ShadowMap(self._context)
-        self._scheduler.run(self._shadow_pass, inputs, self._shadow)
-        self._shadow_inputs = inputs
-        return inputs.view
+        return inputs.view, self._scheduler.run(self._shadow_pass, inputs, self._shadow)
 
     def release(self) -> None:
         """Free everything."""

@@ -1,55 +1,215 @@
-"""Runs the passes of a frame whose inputs have changed, times them, and counts what was skipped."""
+"""The scheduler of a frame: it runs the passes that have something to do, times them, and counts what it skipped."""
 
 from collections import Counter
-from typing import Protocol, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from itertools import count
+from typing import Literal, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 from viewer.gl.timer import PassTimer
 
 Inputs_contra = TypeVar("Inputs_contra", contravariant=True)
-Output_contra = TypeVar("Output_contra", contravariant=True)
+Target_contra = TypeVar("Target_contra", contravariant=True)
 Inputs = TypeVar("Inputs")
-Output = TypeVar("Output")
+Target = TypeVar("Target")
+
+Timing = Callable[[str], AbstractContextManager[None]]
+"""Takes the time of a block under a name."""
+Part = Literal["textures", "images", "tiles", "samples", "packs", "statistics", "environment"]
+SENTENCES: dict[Part, str] = {
+    "textures": "{} being read",
+    "images": "{} being read",
+    "tiles": "{} being decoded",
+    "samples": "{} being drawn",
+    "packs": "{} being uploaded",
+    "statistics": "decoders are being counted",
+    "environment": "the environment is being filtered",
+}
 
 
-class RenderPass(Protocol[Inputs_contra, Output_contra]):
-    """One step of a frame on the GPU. It knows no other pass; its settings are given when it is made.
+@dataclass(frozen=True)
+class ToCome:
+    """A part of a picture that later frames add."""
 
-    Inputs are a frozen dataclass: equal inputs, written to the same output, give the same content. Fields that follow from the others
-    do not take part in the comparison.
+    part: Part
+    left: int
+    """How many are still to come, at least 1."""
+    total: int = 0
+    """How many there are in all; 0 where that is not known."""
+
+    @property
+    def line(self) -> str:
+        """One line for people: "3 of 41 textures are being read"."""
+        number = f"{self.left:,} of {self.total:,} {self.part}" if self.total else f"{self.left:,} {self.part}"
+        return SENTENCES[self.part].format(f"{number} {'is' if self.left == 1 else 'are'}")
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a target holds."""
+
+    version: int
+    """Another number whenever the content may be another; no other target's."""
+    to_come: tuple[ToCome, ...] = ()
+    """What later frames add; empty where it is complete."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether running its passes again would change nothing."""
+        return not self.to_come
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a pass that works in parts is told of one run."""
+
+    whole: bool
+    """Nothing may be left for later frames."""
+    is_same_view: bool
+    """The target shows an earlier state of equal inputs."""
+    is_stale: bool
+    """An output that the pass reads has another version than at the last run."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What one run of a pass that works in parts has done."""
+
+    has_changed: bool = True
+    """Whether the target may show something else than before."""
+    to_come: tuple[ToCome, ...] = ()
+
+
+class RenderPass(Protocol[Inputs_contra, Target_contra]):
+    """One step of a frame. It knows no other pass; its settings are given when it is made.
+
+    Inputs are a frozen dataclass: equal inputs, and equal versions of what is read, give the same content of the same target. Fields
+    that follow from the others do not take part in the comparison.
     """
 
-    name: str
-    """Of its time in `FrameResult.timings_ms`."""
+    @property
+    def name(self) -> str:
+        """Name of its time in `FrameResult.timings_ms`."""
 
-    def run(self, inputs: Inputs_contra, output: Output_contra, /) -> None:
-        """Write all of `output`."""
+    def run(self, inputs: Inputs_contra, target: Target_contra, /) -> None:
+        """Write all of `target`."""
+
+
+class ProgressivePass(Protocol[Inputs_contra, Target_contra]):
+    """The same for a pass whose target becomes complete over several frames."""
+
+    @property
+    def name(self) -> str:
+        """Name of its time in `FrameResult.timings_ms`."""
+
+    def advance(self, inputs: Inputs_contra, target: Target_contra, step: Step, /) -> Progress:
+        """Do a frame's share of the work."""
+
+
+@dataclass(frozen=True)
+class _Record:
+    """How a target came to what it holds."""
+
+    inputs: object
+    reads: tuple[int, ...]
+    """Versions of the outputs that were read."""
+    version: int
+    own: tuple[ToCome, ...] = ()
+    """What the pass itself has still to add."""
+
+
+def largest_of_each(items: Iterable[ToCome]) -> tuple[ToCome, ...]:
+    """One item for each part: the one with most left."""
+    found = dict[Part, ToCome]()
+    for item in items:
+        if item.part not in found or item.left > found[item.part].left:
+            found[item.part] = item
+    return tuple(found[part] for part in SENTENCES if part in found)
 
 
 class PassScheduler:
-    """Remembers what each output was made from, for as long as the output exists."""
+    """Remembers what each target was made from, for as long as the target exists. All that is drawn is drawn by it."""
 
     def __init__(self, timer: PassTimer) -> None:
         self.timer = timer
+        self.whole = False
+        """Whether the passes that run now may leave nothing for later frames."""
         self.skipped: Counter[str] = Counter()
         """What was skipped since `take_skipped`, and how many of it."""
-        self._inputs: WeakKeyDictionary[object, object] = WeakKeyDictionary()
+        self.ran = 0
+        """Runs of passes so far."""
+        self._records: WeakKeyDictionary[object, _Record] = WeakKeyDictionary()
+        self._versions = count(1)
 
-    def run(self, render_pass: RenderPass[Inputs, Output], inputs: Inputs, output: Output) -> bool:
-        """Run a pass unless `output` was made from equal inputs; whether it ran."""
-        if self._inputs.get(output) == inputs:
+    @contextmanager
+    def drawing(self, whole: bool) -> Iterator[None]:
+        """Leave nothing for later frames within the block, if `whole`."""
+        before, self.whole = self.whole, whole
+        try:
+            yield
+        finally:
+            self.whole = before
+
+    def run(
+        self,
+        render_pass: RenderPass[Inputs, Target],
+        inputs: Inputs,
+        target: Target,
+        reads: Sequence[Output] = (),
+        timing: Timing | None = None,
+    ) -> Output:
+        """What `target` holds after the pass, which runs unless `target` was made from equal inputs and the same versions of `reads`.
+
+        `timing`: how its time is taken; None: `PassTimer.measure`.
+        """
+        record = self._take(inputs, target, reads)
+        if isinstance(record, Output):
+            return record
+        with (timing or self.timer.measure)(render_pass.name):
+            render_pass.run(inputs, target)
+        return self._note(target, _Record(inputs, _versions_of(reads), next(self._versions)), reads)
+
+    def advance(
+        self,
+        render_pass: ProgressivePass[Inputs, Target],
+        inputs: Inputs,
+        target: Target,
+        reads: Sequence[Output] = (),
+        timing: Timing | None = None,
+    ) -> Output:
+        """The same for a pass that works in parts: it runs again in each frame until its target is complete."""
+        before = self._take(inputs, target, reads)
+        if isinstance(before, Output):
+            return before
+        versions = _versions_of(reads)
+        is_same = before is not None and before.inputs == inputs
+        is_stale = before is not None and before.reads != versions
+        with (timing or self.timer.measure)(render_pass.name):
+            done = render_pass.advance(inputs, target, Step(self.whole, is_same, is_stale))
+        stays = before is not None and is_same and not done.has_changed
+        version = before.version if before is not None and stays else next(self._versions)
+        return self._note(target, _Record(inputs, versions, version, done.to_come), reads)
+
+    def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
+        """The output where nothing is to be done; else what `target` was made from, which counts for nothing from now on."""
+        record = self._records.get(target)
+        if record is not None and not record.own and record.inputs == inputs and record.reads == _versions_of(reads):
             self.skipped["passes"] += 1
-            return False
-        # Until it is whole it counts as nothing: the pass may raise.
-        self.invalidate(output)
-        with self.timer.measure(render_pass.name):
-            render_pass.run(inputs, output)
-        self._inputs[output] = inputs
-        return True
+            return _output(record, reads)
+        # The pass may raise.
+        self.invalidate(target)
+        self.ran += 1
+        return record
 
-    def invalidate(self, output: object) -> None:
-        """The content of `output` is not to be relied on: the next `run` runs."""
-        self._inputs.pop(output, None)
+    def _note(self, target: object, record: _Record, reads: Sequence[Output]) -> Output:
+        self._records[target] = record
+        return _output(record, reads)
+
+    def invalidate(self, target: object) -> None:
+        """The content of `target` is not to be relied on: the next `run` runs."""
+        self._records.pop(target, None)
 
     def forget(self) -> None:
         """What has run and what was skipped since the last frame is no part of a frame."""
@@ -60,3 +220,11 @@ class PassScheduler:
         """What was skipped since the last call."""
         skipped, self.skipped = dict(self.skipped), Counter()
         return skipped
+
+
+def _versions_of(reads: Sequence[Output]) -> tuple[int, ...]:
+    return tuple(output.version for output in reads)
+
+
+def _output(record: _Record, reads: Sequence[Output]) -> Output:
+    return Output(record.version, record.own + tuple(item for output in reads for item in output.to_come))

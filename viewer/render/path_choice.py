@@ -9,9 +9,10 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.gpu_packs import GpuPacks
 from viewer.render.pass_scheduler import PassScheduler
-from viewer.render.resources.color_target import ColorTarget
+from viewer.render.picture_targets import PictureTargets, PlaneKey, ShownMaterials
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
+from viewer.render.slot_drawer import SlotDrawer
 from viewer.state.navigation import turned
 from viewer.state.view_state import (
     REFERENCE,
@@ -89,9 +90,15 @@ class PathChooser:
     """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
 
     def __init__(
-        self, context: GraphicsContext, drawer: SceneDrawer, packs: GpuPacks, scheduler: PassScheduler
+        self,
+        context: GraphicsContext,
+        drawer: SceneDrawer,
+        packs: GpuPacks,
+        slots: SlotDrawer,
+        scheduler: PassScheduler,
     ) -> None:
-        self._context, self._drawer, self._packs, self._scheduler = context, drawer, packs, scheduler
+        self._context, self._drawer, self._packs = context, drawer, packs
+        self._slots, self._scheduler = slots, scheduler
         self._times: dict[tuple[str, Precision, TexelFilter], PathTimes] = {}
 
     def times(self, slot: Slot) -> PathTimes | None:
@@ -133,16 +140,15 @@ class PathChooser:
         slot, context = self._effective(view.slot_a), self._context
         pack = self._packs.on_gpu(slot)
         anisotropy = view.anisotropy if slot.path == "cached" else 1
-        with context.memory.transaction():
-            visibility = VisibilityTarget(context, view.size, SurfaceContent(pack.reading().colors, anisotropy > 1))
-            target = ColorTarget(context, view.size)
+        content = SurfaceContent(pack.reading().colors, anisotropy > 1)
+        targets, key = PictureTargets(VisibilityTarget(context, view.size, content)), PlaneKey(slot, "base")
         try:
-            inputs = replace(self._drawer.draw(view.camera, visibility), anisotropy=anisotropy)
-            # With the stochastic filter a moving camera is shown one sample.
+            inputs = self._drawer.draw(view.camera, targets.visibility)
+            targets.show(replace(inputs, anisotropy=anisotropy), ShownMaterials())
             timer = self._scheduler.timer
-            with timer.waiting(), timer.owned_by(self):
-                pack.path(slot.path, slot.filter).draw(inputs, target, whole=slot.filter == "exact")
-            return timer.take_owned()[self]
+            # With the stochastic filter a moving camera is shown one sample.
+            with timer.waiting(), self._scheduler.drawing(whole=slot.filter == "exact"):
+                self._slots.draw_plane(key, targets)
+            return timer.take_owned()[key]
         finally:
-            visibility.release()
-            target.release()
+            targets.release()

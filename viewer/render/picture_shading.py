@@ -1,6 +1,6 @@
 """Makes the picture of a slot from the planes of its maps: lit, or one of the maps as it is stored."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.picture_targets import ShownMaterials
 from viewer.render.resources.color_target import ColorTarget
@@ -48,15 +48,18 @@ class PictureShading:
         planes: Mapping[Plane, ColorTarget],
         materials: ShownMaterials,
         output: ColorTarget,
-        mixture: Mixture | None = None,
-    ) -> None:
-        """Draw the picture. Raises GpuMemoryError, ShaderError."""
-        light = self._lit_by(materials.lighting) if materials.view == "lit" else None
+        mixture: Mixture | None,
+        reads: Sequence[Output],
+    ) -> Output:
+        """Draw the picture; `reads` are the outputs of the planes. Raises GpuMemoryError, ShaderError."""
+        light = None
+        if materials.view == "lit":
+            light = self._lit_by(materials.lighting)
+            reads = (*reads, *light.outputs)
         other = None if mixture is None else _targets(mixture.planes)
         taken = frozenset[MapName](() if mixture is None else (mixture.map_name,))
         inputs = ShadeInputs(view, _targets(planes), materials.view, light, other, taken)
-        with self._scheduler.timer.measure(self._pass.name):
-            self._pass.run(inputs, output)
+        return self._scheduler.run(self._pass, inputs, output, reads)
 
     def _lit_by(self, lighting: Lighting) -> SceneLight:
         """What lights a view. The sky stands in for an environment that cannot be read any more."""

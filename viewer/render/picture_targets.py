@@ -1,11 +1,14 @@
-"""Everything on the GPU that has the size of the picture, and what it was drawn from."""
+"""Everything on the GPU that has the size of the picture."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 from ntc.codec.maps import Plane
 from viewer.render.frame_result import PairKey
-from viewer.render.passes.composite import CompositeTarget
+from viewer.render.pass_scheduler import Output
+from viewer.render.passes.accumulate import SAMPLES
+from viewer.render.passes.visible_latents import VisibleLatents, VisibleLatentsPass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
@@ -48,22 +51,6 @@ class PlaneKey:
     plane: Plane
 
 
-def base_key(slot: Slot) -> PlaneKey:
-    """The plane that is the picture of the view `base`: of a slot that shows another map alone, the original's."""
-    return PlaneKey(replace(slot, maps="all") if slot.maps in ("all", "base") else Slot(), "base")
-
-
-@dataclass(frozen=True)
-class DrawnPlane:
-    """What a plane of a slot was made from."""
-
-    inputs: VisibilityInputs
-    version: int
-    """Of the slot's pack; 0 for images."""
-    number: int
-    """Of the drawing: differs whenever the content may."""
-
-
 @dataclass(frozen=True)
 class ShownMaterials:
     """What of the materials a picture shows."""
@@ -84,108 +71,103 @@ def shown_materials(view: ViewState, inputs: VisibilityInputs) -> ShownMaterials
     return ShownMaterials(view.material_view, lighting, planes)
 
 
-@dataclass(frozen=True)
-class PictureKey:
-    """What the picture of a slot was made from, for views other than `base`."""
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a slot shows."""
 
-    materials: ShownMaterials
-    planes: tuple[tuple[PlaneKey, int], ...]
-    """With the number of each drawing."""
-    inputs: VisibilityInputs
-
-
-@dataclass(frozen=True)
-class DrawnPicture:
-    """The picture of a slot, for views other than `base`."""
-
-    key: PictureKey
-    number: int
-    """Of the drawing: differs whenever the content may."""
+    target: ColorTarget
+    output: Output
+    """Of the target."""
+    source_version: int
+    """Of the pack that it shows; 0 for images."""
 
 
-@dataclass
+def _samples_left(picture: Picture) -> int:
+    return max((item.left for item in picture.output.to_come if item.part == "samples"), default=0)
+
+
+@dataclass(eq=False)
 class BlendMean:
-    """The mean of a slot's picture and further ones, for which BLEND surfaces were drawn against other patterns of thresholds."""
+    """The mean of a slot's own picture and further ones, for which BLEND surfaces are drawn against other patterns of thresholds."""
 
-    own: int
-    """Number of the drawing of the slot's own picture, which is the first sample."""
-    number: int
-    """Of the drawing: differs whenever the content may; `own` while there is one sample."""
+    size: tuple[int, int]
     samples: int = 1
     target: ColorTarget | None = None
     """Of no meaning while there is one sample."""
 
 
-@dataclass
+@dataclass(eq=False)
 class PictureTargets:
     """Targets of one picture size."""
 
     visibility: VisibilityTarget
-    composite: CompositeTarget
     inputs: VisibilityInputs | None = None
     """Of the last view, with its anisotropy; None before the first."""
     materials: ShownMaterials = ShownMaterials()
     """Of the last view."""
     planes: dict[PlaneKey, ColorTarget] = field(default_factory=dict)
-    drawn: dict[PlaneKey, DrawnPlane] = field(default_factory=dict)
-    """Of each plane that is whole."""
-    pictures: dict[Slot, ColorTarget] = field(default_factory=dict)
+    shaded: dict[Slot, ColorTarget] = field(default_factory=dict)
     """Of views other than `base`."""
-    drawn_pictures: dict[Slot, DrawnPicture] = field(default_factory=dict)
     means: dict[Slot, BlendMean] = field(default_factory=dict)
     """Of views in which a BLEND surface may be seen."""
+    latents: WeakKeyDictionary[VisibleLatentsPass, VisibleLatents] = field(default_factory=WeakKeyDictionary)
+    """What the view needs of each pack."""
+    drawn: dict[Slot, Picture] = field(default_factory=dict)
+    """Pictures made from the visibility buffer here alone."""
+    shown: dict[Slot, Picture] = field(default_factory=dict)
+    """The same, or means of several of them where BLEND surfaces may be seen."""
     plane_ms: dict[PlaneKey, float] = field(default_factory=dict)
     """Time that each plane took when it was last drawn."""
-    picture_ms: dict[Slot, float] = field(default_factory=dict)
+    shaded_ms: dict[Slot, float] = field(default_factory=dict)
     """The same for pictures of views other than `base`, without their planes."""
+
+    def show(self, inputs: VisibilityInputs, materials: ShownMaterials) -> None:
+        """Draw this view from now on. Pictures of another one count for nothing."""
+        if (inputs, materials) != (self.inputs, self.materials):
+            self.drawn.clear()
+            self.shown.clear()
+        self.inputs, self.materials = inputs, materials
+
+    @property
+    def view(self) -> VisibilityInputs:
+        """The last view. Raises RuntimeError before the first."""
+        if self.inputs is None:
+            raise RuntimeError("draw the visibility buffer first")
+        return self.inputs
 
     def inputs_of(self, key: PlaneKey) -> VisibilityInputs:
         """What a plane is drawn from: only images and path `cached` filter anisotropically."""
-        if self.inputs is None:
-            raise RuntimeError("draw the visibility buffer first")
-        inputs = self.inputs.of_plane(key.plane)
+        inputs = self.view.of_plane(key.plane)
         filters = is_image_source(key.slot.source) or key.slot.path == "cached"
         return inputs if filters else replace(inputs, anisotropy=1)
 
     def picture(self, slot: Slot) -> ColorTarget:
         """What is shown of a slot that has been drawn. Raises KeyError for others."""
-        mean = self.mean(slot)
-        if mean is not None and mean.samples > 1 and mean.target is not None:
-            return mean.target
-        return self.own_picture(slot)
+        return self.shown[slot].target
 
-    def mean(self, slot: Slot) -> BlendMean | None:
-        """The mean that holds the slot's own picture as it is; None where there is none."""
+    def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
+        """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
+        sampled = {key: own for key, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"}
+        drawn = {key: self.drawn.get(own) for key, own in sampled.items()}
+        return {key: 0 if found is None else SAMPLES - _samples_left(found) for key, found in drawn.items()}
+
+    def blend_samples(self, slot: Slot) -> int:
+        """Samples in what is shown of a slot."""
         mean = self.means.get(slot)
-        return mean if mean is not None and mean.own == self.own_number(slot) else None
+        return 1 if mean is None else mean.samples
 
-    def own_picture(self, slot: Slot) -> ColorTarget:
-        """The picture of a slot that has been drawn, from the visibility buffer here. Raises KeyError for others."""
-        return self.planes[base_key(slot)] if self.materials.view == "base" else self.pictures[slot]
-
-    def has_picture(self, slot: Slot) -> bool:
-        """Whether there is one."""
-        return base_key(slot) in self.planes if self.materials.view == "base" else slot in self.pictures
-
-    def number(self, slot: Slot) -> int:
-        """Number of the drawing of what is shown of a slot; 0 where there is nothing."""
-        mean = self.mean(slot)
-        return mean.number if mean is not None else self.own_number(slot)
-
-    def own_number(self, slot: Slot) -> int:
-        """Number of the drawing of the slot's own picture; 0 where there is none."""
-        drawn: DrawnPlane | DrawnPicture | None = (
-            self.drawn.get(base_key(slot)) if self.materials.view == "base" else self.drawn_pictures.get(slot)
-        )
-        return drawn.number if drawn is not None else 0
+    def samples_left(self, slot: Slot) -> int:
+        """Samples that what is shown of a slot lacks."""
+        picture = self.shown.get(slot)
+        return 0 if picture is None else _samples_left(picture)
 
     def note_ms(self, owned: Mapping[Hashable, float]) -> None:
         """Take over times in ms, by plane or by slot, that have become known."""
         for owner, spent in owned.items():
             if isinstance(owner, PlaneKey) and owner in self.planes:
                 self.plane_ms[owner] = spent
-            elif isinstance(owner, Slot) and owner in self.pictures:
-                self.picture_ms[owner] = spent
+            elif isinstance(owner, Slot) and owner in self.shaded:
+                self.shaded_ms[owner] = spent
 
     def slot_ms(self) -> dict[Slot, float]:
         """Time that each slot took when it was last drawn: its planes of the last view, and the picture."""
@@ -194,13 +176,15 @@ class PictureTargets:
             if key.plane in self.materials.planes:
                 found[key.slot] = found.get(key.slot, 0.0) + spent
         if self.materials.view != "base":
-            planes = {slot: found.get(replace(slot, maps="all"), 0.0) for slot in self.picture_ms}
-            found |= {slot: planes[slot] + spent for slot, spent in self.picture_ms.items()}
+            planes = {slot: found.get(replace(slot, maps="all"), 0.0) for slot in self.shaded_ms}
+            found |= {slot: planes[slot] + spent for slot, spent in self.shaded_ms.items()}
         return found
 
     def pair_key(self, view: ViewState) -> PairKey:
         """Stands for the content of both slots."""
-        return PairKey(view.slot_a, view.slot_b, (self.number(view.slot_a), self.number(view.slot_b)))
+        pictures = (self.shown.get(slot) for slot in (view.slot_a, view.slot_b))
+        a, b = (0 if picture is None else picture.output.version for picture in pictures)
+        return PairKey(view.slot_a, view.slot_b, (a, b))
 
     def release_unused(self, view: ViewState) -> None:
         """Free all but slots A and B and the reference, and planes that the view does not show."""
@@ -210,18 +194,18 @@ class PictureTargets:
             k for k in self.planes if not self._is_used(k.slot, planes_of) or k.plane not in self.materials.planes
         ]:
             self.planes.pop(key).release()
-            self.drawn.pop(key, None)
             self.plane_ms.pop(key, None)
-        for slot in [s for s in self.pictures if not self._is_used(s, slots) or self.materials.view == "base"]:
-            self.pictures.pop(slot).release()
-            self.drawn_pictures.pop(slot, None)
-            self.picture_ms.pop(slot, None)
-
+        for slot in [s for s in self.shaded if not self._is_used(s, slots) or self.materials.view == "base"]:
+            self.shaded.pop(slot).release()
+            self.shaded_ms.pop(slot, None)
+        for pictures in (self.drawn, self.shown):
+            for slot in [s for s in pictures if not self._is_used(s, slots)]:
+                del pictures[slot]
         for slot in [s for s in self.means if not self._is_used(s, slots)]:
             self._release_mean(slot)
 
     def release_means(self) -> None:
-        """Show what is drawn from the visibility buffer here alone."""
+        """Free the means: the view has no BLEND surface."""
         for slot in list(self.means):
             self._release_mean(slot)
 
@@ -234,9 +218,9 @@ class PictureTargets:
     def _is_used(slot: Slot, slots: Sequence[Slot]) -> bool:
         return slot in slots or slot.source == REFERENCE
 
-    def release_inputs(self) -> None:
-        """Free all but the composite."""
+    def release(self) -> None:
+        """Free everything."""
         self.visibility.release()
         self.release_means()
-        for target in (*self.planes.values(), *self.pictures.values()):
+        for target in (*self.planes.values(), *self.shaded.values()):
             target.release()

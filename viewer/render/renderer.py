@@ -8,20 +8,19 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
-from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
-from viewer.render.blend.blend_samples import BlendSamples
+from viewer.render.blend_samples import BlendSamplesPass
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_pack import PackMemory, RenderContext
 from viewer.render.gpu_packs import GpuPacks
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_of_each
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
 from viewer.render.picture_shading import PictureShading
@@ -57,14 +56,13 @@ class Renderer:
         latents: LatentBudget | None = None,
         emulate_half: bool = False,
         update_bytes: int = UPDATE_BYTES,
-        waits: bool = True,
         list_decoders: MakeListDecoder | None = None,
         variants: VariantChoice | None = None,
     ) -> None:
         """`update_bytes` is the upload budget of a frame for packs that replace others; `list_decoders` as in the RenderContext.
 
-        A renderer that `waits` for the GPU knows the times of a frame, and what its pixels need, within the frame.
-        Another one goes on, and takes both from a frame or two before. `variants` tells how packs are decoded; None: as is the
+        Where the context waits for the GPU, the times of a frame and what its pixels need are known within the frame; else they are
+        taken from a frame or two before. `variants` tells how packs are decoded; None: as is the
         default of the device. Raises GpuMemoryError.
         """
         if not context.features.compute:
@@ -75,7 +73,7 @@ class Renderer:
         """The driver's name of the GPU, or of the software renderer."""
         self._programs = scene_programs(context)
         materials = material_records(scene)
-        self._timer = PassTimer(context, waits)
+        self._timer = PassTimer(context)
         self._blocked = context.memory.blocking.count
         self._scheduler = PassScheduler(self._timer)
         with context.memory.transaction():
@@ -88,19 +86,20 @@ class Renderer:
         self.tile_budget = TileBudget(tile_cache)
         """Receives measured frame times (`note_frame`)."""
         shared = (context, scene, self._scene_buffers, self._timer, tile_cache, self.tile_budget)
-        told = (waits, list_decoders, variants or VariantChoice())
+        told = (list_decoders, variants or VariantChoice())
         render_context = RenderContext(*shared, latents or LatentBudget(), emulate_half, *told)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)
-        drawn = (scene, self._scene_buffers, self._drawer.culling, self._scheduler)
-        self._light = LightDrawer(context, self._programs, *drawn)
-        self.shading = PictureShading(context, self._programs, self._light, self._scheduler)
+        light = LightDrawer(context, self._programs, scene, self._scene_buffers, self._drawer, self._scheduler)
+        self.shading = PictureShading(context, self._programs, light, self._scheduler)
         """Tells what is wrong with the light."""
-        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading, waits)
-        self._blend = BlendSamples(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
-        self.paths = PathChooser(context, self._drawer, self._packs, self._scheduler)
+        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading)
+        self._blend = BlendSamplesPass(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
+        self.paths = PathChooser(context, self._drawer, self._packs, self._slots, self._scheduler)
         self._targets: PictureTargets | None = None
+        self._composite: CompositeTarget | None = None
+        """Of the targets' size."""
         self._picture: CompositeTarget | None = None
         """The image of the last frame, which stays until another one is drawn whole."""
         self._view: ViewState | None = None
@@ -120,14 +119,13 @@ class Renderer:
         self._packs.set_packs(packs)
         self._slots.prepared = {slot for slot in self._slots.prepared if slot.source in packs}
 
-    def update_pack(self, name: str, pack: Pack, changed_groups: frozenset[int] | None = None) -> None:
+    def update_pack(self, name: str, pack: Pack) -> None:
         """Open a pack, or replace the open one of that name by another version.
 
-        `changed_groups` are the groups of `pack` whose latents, decoders or adapters differ from the version before; None: they are
-        looked for. The next frames upload them, a few MB each, and draw the version before until all is there. A pack of other
+        The next frames upload the groups that differ, a few MB each, and draw the version before until all is there. A pack of other
         textures or another codec is uploaded whole when it is drawn.
         """
-        self._packs.update_pack(name, pack, changed_groups)
+        self._packs.update_pack(name, pack)
 
     def memory(self, slot: Slot) -> PackMemory | None:
         """GPU memory that the slot's pack uses by the slot's path; None for images, and before its first frame."""
@@ -145,39 +143,41 @@ class Renderer:
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
         """Draw `view`; passes whose inputs are as before are skipped and counted.
 
-        With `whole` path `cached` decodes all that is missing, packs that are replaced are uploaded, and all samples are drawn where
-        BLEND surfaces may be seen, however long it takes.
+        With `whole` nothing is left for later frames, however long it takes: latents, tiles, images, samples, and newer packs.
         Raises GpuMemoryError where something does not fit: then no view is drawn, the last frame's image stays as it is, and what
         was made for nothing has been freed.
         """
         try:
-            upload = self._packs.advance_updates(None if whole else self._update_bytes)
-            asked = (view.slot_a, view.slot_b)
-            view = replace(
-                view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view)
-            )
-            self._view = view
-            if self._drawer.stand_in(view.pose):
-                self._release_targets()
-                self._light.place(self._drawer.culling, self._drawer.bounds)
-            targets = self._targets_for(view)
-            self._draw_visibility(view, targets)
-            slots = tuple(dict.fromkeys(shown_slots(view)))
-            for slot in slots:
-                self._slots.update(slot, targets, whole)
-            self._blend.update(slots, targets, whole)
-            targets.release_unused(view)
-            groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
-            divergence = self._compositor.count_divergence(view, groupings, targets, whole or self._timer.waits)
-            self._compositor.draw(view, targets)
+            with self._scheduler.drawing(whole):
+                return self._render(view, whole)
         except BaseException:
             self._view = None
             self._discard_frame()
             raise
-        if self._picture is not None and self._picture is not targets.composite:
+
+    def _render(self, view: ViewState, whole: bool) -> FrameResult:
+        upload = self._packs.advance_updates(None if whole else self._update_bytes)
+        asked = (view.slot_a, view.slot_b)
+        view = replace(view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view))
+        self._view = view
+        self._drawer.stand_in(view.pose)
+        targets = self._targets_for(view)
+        self._draw_visibility(view, targets)
+        slots = tuple(dict.fromkeys(shown_slots(view)))
+        for slot in slots:
+            self._blend.show(slot, targets)
+        if not any(targets.samples_left(slot) > 0 for slot in slots):
+            self._blend.release()
+        targets.release_unused(view)
+        groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
+        counted = self._compositor.count_divergence(view, groupings, targets)
+        composite = self._composite
+        assert composite is not None
+        output = self._compositor.draw(view, targets, composite, counted)
+        if self._picture is not None and self._picture is not composite:
             self._picture.release()
-        self._picture = targets.composite
-        return self._result(asked, view, targets, divergence, upload)
+        self._picture = composite
+        return self._result(asked, view, targets, upload, output)
 
     def _discard_frame(self) -> None:
         """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
@@ -186,7 +186,7 @@ class Renderer:
         if targets is None:
             return
         self._scheduler.invalidate(targets.visibility)
-        if targets.composite is not self._picture:
+        if self._composite is not self._picture:
             # It was to have another size. The next frame begins anew, with all the memory that this one has taken.
             self._release_targets()
 
@@ -195,41 +195,44 @@ class Renderer:
         asked: tuple[Slot, Slot],
         view: ViewState,
         targets: PictureTargets,
-        divergence: Mapping[str, DivergenceStatistics],
         upload: UploadCounts,
+        output: Output,
     ) -> FrameResult:
-        counts, skipped = self._drawer.draw_counts(self._timer.waits), self._scheduler.skipped
+        counts, skipped = self._drawer.draw_counts(), self._scheduler.skipped
         skipped["images_not_uploaded"] = self.images.images_not_uploaded
         skipped["planes_not_drawn"] = len(PLANES) - len(targets.materials.planes)
         skipped["clusters_culled"] = counts.clusters_culled
         skipped["triangles_culled"] = counts.triangles_culled
-        tiles, short_latents = self._packs.tile_counts(shown_slots(view), skipped)
+        shown = shown_slots(view)
+        tiles, short_latents = self._packs.tile_counts(shown, skipped)
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
         if upload.kept:
             skipped["pack_bytes_kept"] = upload.kept
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
-        blended = self._blend.counts(shown_slots(view), targets)
+        is_blended = self._blend.is_needed(targets.view)
         times = self.take_times()
         drawn_ms = targets.slot_ms()
         before, self._blocked = self._blocked, self._context.memory.blocking.count
-        slot_ms = drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms}
+        to_come = (*output.to_come, *([ToCome("packs", 1)] if upload.is_pending else []))
+        assert self._picture is not None
         return FrameResult(
-            targets.composite.texture,
-            times,
-            slot_ms,
-            self._timer.kind,
-            self._scheduler.take_skipped(),
-            divergence,
-            {"triangles": counts.triangles, "commands": counts.commands},
-            tiles,
-            {slot: own.path for slot, own in chosen.items()},
-            self._slots.samples(chosen),
-            {slot: blended[own] for slot, own in chosen.items() if own in blended},
-            short_latents,
-            upload,
-            self._blocked - before,
-            not all(self._slots.is_complete(slot, targets) for slot in shown_slots(view))
-            or self._compositor.is_pending(view),
+            image=self._picture.texture,
+            timings_ms=times,
+            slot_ms=drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms},
+            timer=self._timer.kind,
+            skipped=self._scheduler.take_skipped(),
+            divergence=self._compositor.statistics(view, {slot.source for slot in shown}),
+            drawn={"triangles": counts.triangles, "commands": counts.commands},
+            tiles=tiles,
+            paths={slot: own.path for slot, own in chosen.items()},
+            samples=targets.samples(chosen),
+            blend_samples={
+                slot: targets.blend_samples(own) for slot, own in chosen.items() if is_blended and own in shown
+            },
+            short_latents=short_latents,
+            upload=upload,
+            blocking_calls=self._blocked - before,
+            to_come=largest_of_each(to_come),
         )
 
     def _targets_for(self, view: ViewState) -> PictureTargets:
@@ -238,24 +241,25 @@ class Renderer:
         if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
             self._release_targets()
             with self._context.memory.transaction():
-                visibility = VisibilityTarget(self._context, view.size, content)
-                targets = self._targets = PictureTargets(visibility, CompositeTarget(self._context, view.size))
+                targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
+                composite = CompositeTarget(self._context, view.size)
+            self._targets, self._composite = targets, composite
         return targets
 
     def _draw_visibility(self, view: ViewState, targets: PictureTargets) -> None:
         inputs = self._drawer.draw(view.camera, targets.visibility)
-        targets.inputs = replace(inputs, anisotropy=view.anisotropy)
-        targets.materials = shown_materials(view, inputs)
+        targets.show(replace(inputs, anisotropy=view.anisotropy), shown_materials(view, inputs))
 
     def _release_targets(self) -> None:
         """Free what has the size of the picture, but not the image of the last frame."""
         targets, self._targets = self._targets, None
         if targets is None:
             return
-        targets.release_inputs()
+        targets.release()
         self._blend.release()
-        if targets.composite is not self._picture:
-            targets.composite.release()
+        composite, self._composite = self._composite, None
+        if composite is not None and composite is not self._picture:
+            composite.release()
 
     def take_times(self) -> dict[str, float]:
         """Times of passes, in ms, that have become known since the last frame."""
@@ -284,10 +288,10 @@ class Renderer:
         if targets is None or view is None:
             return False
         for slot in (view.slot_a, view.slot_b):
-            if not self._blend.is_complete(slot, targets):
-                self._slots.update(slot, targets, whole=False)
-                self._blend.update((slot,), targets, whole=False)
-                self._forget_frame(targets)
+            before = self._scheduler.ran
+            picture = self._blend.show(slot, targets)
+            self._forget_frame(targets)
+            if self._scheduler.ran != before or not picture.output.is_complete:
                 return True
         return False
 
@@ -297,7 +301,7 @@ class Renderer:
         Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
         """
         targets, view = self._targets, self._view
-        if targets is None or view is None or not all(map(targets.has_picture, (view.slot_a, view.slot_b))):
+        if targets is None or view is None or not {view.slot_a, view.slot_b} <= targets.shown.keys():
             return False
         return self._compositor.prepare(view, targets)
 
@@ -306,10 +310,10 @@ class Renderer:
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None
-        if not all(self._blend.is_complete(slot, targets) for slot in (view.slot_a, view.slot_b)):
+        a, b = (targets.shown.get(slot) for slot in (view.slot_a, view.slot_b))
+        if a is None or b is None or not (a.output.is_complete and b.output.is_complete):
             return None
-        a, b = (targets.picture(slot) for slot in (view.slot_a, view.slot_b))
-        return DrawnPair(targets.pair_key(view), a, b, targets.visibility)
+        return DrawnPair(targets.pair_key(view), a.target, b.target, targets.visibility)
 
     def pair_key(self) -> PairKey | None:
         """That `drawn_pair` would have; None before the first picture."""
@@ -321,11 +325,11 @@ class Renderer:
         if self._targets is None or self._view is None:
             raise RuntimeError("render a view first")
         slot = self.paths.chosen(slot, self._view)
-        self._draw_visibility(self._view, self._targets)
-        self._slots.update(slot, self._targets, whole=True)
-        self._blend.update((slot,), self._targets, whole=True)
+        with self._scheduler.drawing(whole=True):
+            self._draw_visibility(self._view, self._targets)
+            picture = self._blend.show(slot, self._targets)
         self._forget_frame(self._targets)
-        return self._targets.picture(slot).read()
+        return picture.target.read()
 
     def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
         """Planes of the last view that are not those of the original images; none before a first view."""
@@ -360,9 +364,10 @@ class Renderer:
         if targets is None or view is None:
             return None
         slot = self.paths.chosen(slot, view)
-        if not self._slots.is_drawn(slot, targets):
+        picture = targets.shown.get(slot)
+        if picture is None or picture.source_version != self._slots.source_version(slot):
             return None
-        return targets.picture(slot).part(pixels)
+        return picture.target.part(pixels)
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:

@@ -1,7 +1,7 @@
 """Culling and the visibility pass: from a camera to what the later passes read."""
 
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,26 +9,22 @@ from numpy.typing import NDArray
 from ntc.codec.maps import PLANES
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
 from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
-from viewer.render.resources.clusters.bounds import build_clusters, cluster_count
+from viewer.render.resources.clusters.bounds import Clusters, build_clusters, cluster_count
 from viewer.render.resources.clusters.records import CLUSTER_RECORD, CLUSTER_TRIANGLES
 from viewer.render.resources.culling import Culling, DrawCounts, DrawList
 from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
-from viewer.scene.model import Camera, Pose, Scene
+from viewer.scene.model import Camera, Motion, Pose, Scene
 from viewer.state.camera import view_projection
 
 LEAST_CLUSTERS = 1 << 14
 """Clusters of all instances from which on they are culled on the GPU: 2 million triangles (docs/geometry-scale.md)."""
 LEAST_OF_INSTANCE = 8
 """Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
-
-
-UNKNOWN_POSE: Final = Pose("", -1.0)
-"""Of a scene of which some parts stand in one pose and some in another: no view asks for it."""
 ON_SOFTWARE = False
 """Whether software renderers cull by small clusters, too: frames take them as long as with what the CPU culls."""
 
@@ -42,6 +38,75 @@ def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
     if clusters * CLUSTER_RECORD.itemsize > storage_bytes:
         return False
     return clusters >= max(LEAST_CLUSTERS, LEAST_OF_INSTANCE * len(scene.instances.primitive))
+
+
+@dataclass(eq=False)
+class PosedScene:
+    """Where the scene stands: bounds of its parts, and of all of it."""
+
+    culling: Culling
+    bounds: NDArray[np.float32]
+    """[2, 3]."""
+    has_moved: bool = False
+    """Whether it has ever stood otherwise than it was read."""
+
+
+class PosePass:
+    """Input: a pose of the scene. Output: instances and vertices on the GPU, and the PosedScene."""
+
+    name = "pose"
+
+    def __init__(
+        self, motion: Motion, scene: Scene, buffers: SceneBuffers, vertices: PoseVerticesPass, clusters: Clusters
+    ) -> None:
+        """`clusters` are those of the scene as it was read."""
+        self._motion, self._scene, self._buffers, self._vertices = motion, scene, buffers, vertices
+        self._clusters = clusters
+
+    def run(self, inputs: Pose | None, target: PosedScene) -> None:
+        """Move everything. Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not."""
+        stand = self._motion.at(inputs)
+        self._buffers.place_instances(stand.instances.transform)
+        self._vertices.run(stand.deformations)
+        target.culling, target.bounds = Culling(self._scene, self._clusters, stand), stand.bounds
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """What is culled for."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """(width, height) of the picture in pixels."""
+
+
+@dataclass(eq=False)
+class Culled:
+    """What the scene buffers are to draw; None before the first view."""
+
+    scene: CulledScene | None = None
+
+
+class CullPass:
+    """Input: a camera's view. Output: the draw list in the scene buffers."""
+
+    name = "cull"
+
+    def __init__(self, posed: PosedScene, buffers: SceneBuffers, clusters: ClusterCulling | None) -> None:
+        self._posed, self._buffers, self._clusters = posed, buffers, clusters
+
+    def run(self, inputs: CameraView, target: Culled) -> None:
+        """Find out what may be seen. Raises GpuMemoryError."""
+        matrix = view_projection(inputs.camera, inputs.size, self._posed.bounds)
+        draw_list = self.draw_list(inputs, matrix)
+        self._buffers.upload(draw_list)
+        target.scene = CulledScene(inputs.camera, inputs.size, matrix, draw_list)
+
+    def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
+        """What may be seen with `matrix`, world to clip."""
+        if self._clusters is None:
+            return self._posed.culling.draw_list(view.camera, matrix)
+        return self._clusters.draw_list(ClusterView(view.camera, view.size, matrix))
 
 
 class SceneDrawer:
@@ -59,53 +124,37 @@ class SceneDrawer:
         on_gpu = context.features.compute and pays_on_gpu(
             scene, context.memory.limits.storage_block_bytes, context.info.is_software
         )
-        self._culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
-        self._clusters = ClusterCulling(context, programs, scene, self._culling) if on_gpu else None
-        self._pass = VisibilityPass(context, programs, scene_buffers)
-        self._pose = scene.pose
-        self._bounds = scene.bounds
-        """[2, 3] of the scene as it stands."""
-        moving = scene.motion.moving if scene.motion is not None else ()
-        self._pose_vertices = PoseVerticesPass(context, programs, scene_buffers, moving)
-        self._read_clusters = self._culling.clusters
+        culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
+        self._clusters = ClusterCulling(context, programs, scene, culling) if on_gpu else None
+        self._visibility = VisibilityPass(context, programs, scene_buffers)
+        self.posed, self._culled = PosedScene(culling, scene.bounds), Culled()
+        motion = scene.motion
+        self._vertices = PoseVerticesPass(context, programs, scene_buffers, () if motion is None else motion.moving)
+        self._pose = None
+        if motion is not None:
+            self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)
+        self._cull = CullPass(self.posed, scene_buffers, self._clusters)
         self._texture_of_material = {
             plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
             for plane in PLANES
         }
-        self._culled: CulledScene | None = None
-        self._drawn: VisibilityInputs | None = None
+        self._drawn: WeakKeyDictionary[VisibilityTarget, VisibilityInputs] = WeakKeyDictionary()
+        self.pose = Output(0)
+        """Of the PosedScene."""
 
-    def stand_in(self, pose: Pose | None) -> bool:
-        """Let the scene stand in a pose, None: as it was read; whether anything has moved, so that all is to be drawn anew.
+    def stand_in(self, pose: Pose | None) -> None:
+        """Let the scene stand in a pose, None: as it was read.
 
         Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not.
         """
-        pose, motion = pose or self._scene.pose, self._scene.motion
-        if motion is None or pose == self._pose:
-            self._scheduler.skipped["poses"] += motion is not None
-            return False
-        # Until everything stands there, what is drawn is of no known pose.
-        self._pose, self._culled, self._drawn = UNKNOWN_POSE, None, None
-        stand = motion.at(pose)
-        with self._scheduler.timer.measure("pose"):
-            self._buffers.place_instances(stand.instances.transform)
-            self._pose_vertices.run(stand.deformations)
-        self._culling = Culling(self._scene, self._read_clusters, stand)
-        self._bounds, self._pose = stand.bounds, pose
-        return True
+        as_read, posed = self._scene.pose, self.posed
+        wanted = pose or as_read
+        if self._pose is not None and (posed.has_moved or wanted != as_read):
+            posed.has_moved = True
+            self.pose = self._scheduler.run(self._pose, wanted, posed)
 
-    @property
-    def bounds(self) -> NDArray[np.float32]:
-        """[2, 3] of the scene as it stands."""
-        return self._bounds
-
-    @property
-    def culling(self) -> Culling:
-        """Bounds of the scene's parts, for other views of it."""
-        return self._culling
-
-    def draw_counts(self, waits: bool) -> DrawCounts:
-        """What the last visibility buffer was drawn from; unless this `waits`, perhaps one before.
+    def draw_counts(self) -> DrawCounts:
+        """What the last visibility buffer was drawn from; unless the context waits, perhaps one before.
 
         Raises RuntimeError before the first.
         """
@@ -113,57 +162,45 @@ class SceneDrawer:
         if isinstance(draw_list, DrawList):
             return draw_list.counts
         assert self._clusters is not None
-        return self._clusters.counts(waits)
+        return self._clusters.counts(self._context.waits)
 
     @property
     def _last(self) -> CulledScene:
-        if self._culled is None:
+        if self._culled.scene is None:
             raise RuntimeError("draw a visibility buffer first")
-        return self._culled
+        return self._culled.scene
 
     def draw(self, camera: Camera, target: VisibilityTarget, blend_sample: int = 0) -> VisibilityInputs:
         """Draw what `camera` sees, unless `target` shows that already. Raises GpuMemoryError.
 
         `blend_sample` is the pattern of thresholds that BLEND surfaces are drawn against.
         """
-        culled = self._culled
-        if culled is None or (culled.camera, culled.size) != (camera, target.size):
-            self._culled = None
-            with self._scheduler.timer.measure_cpu("cull"):
-                matrix = view_projection(camera, target.size, self._bounds)
-                draw_list = self._draw_list(camera, target.size, matrix)
-                self._buffers.upload(draw_list)
-            culled = self._culled = CulledScene(camera, target.size, matrix, draw_list)
-        if blend_sample:
-            culled = replace(culled, sample=blend_sample)
-        if (
-            self._scheduler.run(self._pass, culled, target)
-            or self._drawn is None
-            or self._drawn.visibility is not target
-        ):
-            self._drawn = self._inputs(culled, target)
-        return self._drawn
+        reads, timer = (self.pose,), self._scheduler.timer
+        view = CameraView(camera, target.size)
+        # Of which nothing is read by version: other cameras may have been culled for since.
+        self._scheduler.run(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
+        culled = replace(self._last, sample=blend_sample)
+        version = self._scheduler.run(self._visibility, culled, target, reads).version
+        drawn = self._drawn.get(target)
+        if drawn is None or drawn.version != version:
+            drawn = self._drawn[target] = self._inputs(culled, target, version)
+        return drawn
 
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size."""
         last = self._last
         if self._clusters is None or target.size == last.size:
-            self._pass.run(last, target)
+            version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
         else:
             # Of small clusters other ones are seen where pixels are others.
-            self._buffers.upload(self._draw_list(last.camera, target.size, last.matrix))
-            self._pass.run(last, target)
-            self._buffers.upload(self._draw_list(last.camera, last.size, last.matrix))
-        return self._inputs(last, target)
-
-    def _draw_list(self, camera: Camera, size: tuple[int, int], matrix: NDArray[np.float64]) -> AnyDrawList:
-        if self._clusters is None:
-            return self._culling.draw_list(camera, matrix)
-        return self._clusters.draw_list(ClusterView(camera, size, matrix))
+            self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))
+            version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
+            self._buffers.upload(self._cull.draw_list(CameraView(last.camera, last.size), last.matrix))
+        return self._inputs(last, target, version)
 
     def release(self) -> None:
         """Free everything."""
-        self._pose_vertices.release()
+        self._vertices.release()
         if self._clusters is not None:
             self._clusters.release()
 
@@ -177,7 +214,7 @@ class SceneDrawer:
             target.release()
             self._scheduler.forget()
 
-    def _inputs(self, culled: CulledScene, target: VisibilityTarget) -> VisibilityInputs:
+    def _inputs(self, culled: CulledScene, target: VisibilityTarget, version: int) -> VisibilityInputs:
         materials = np.nonzero(culled.draw_list.materials)[0]
         found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
         textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
@@ -185,6 +222,7 @@ class SceneDrawer:
             target,
             self._buffers,
             culled.camera,
+            version,
             textures=textures["base"],
             plane_textures=textures,
             visible_materials=tuple(materials.tolist()),

@@ -22,11 +22,12 @@ from viewer.jobs.background import Background
 from viewer.render.back_ends import list_decoders
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
+from viewer.render.pass_scheduler import ToCome
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Pose, Scene
-from viewer.state.events import EmitEvent, Notification, PackChangesTaken, Reverted, ViewChanged
+from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, DecodePath, PictureAlone, ViewState
@@ -55,14 +56,10 @@ class Viewport:
         times: FrameTimes,
         background: Background,
         emit: EmitEvent,
-        waits: bool = True,
     ) -> None:
-        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn.
-
-        `waits` is the renderer's: a window goes on without waiting for the GPU.
-        """
+        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
         self._context, self._session, self._emit = context, session, emit
-        self._times, self._background, self._waits = times, background, waits
+        self._times, self._background = times, background
         self.variants = VariantChoice.of_environment(session.decoder_variant, lambda text: emit(Notification(text)))
         """Tells how packs are decoded on this device."""
         self._scene: Scene | None = None
@@ -92,9 +89,9 @@ class Viewport:
         """Frames in which the renderer had something to do."""
 
     @property
-    def is_waiting(self) -> bool:
-        """Whether some of the last picture is still to come."""
-        return self.last is not None and (self.last.waiting > 0 or self.last.is_pending)
+    def to_come(self) -> tuple[ToCome, ...]:
+        """What of the last picture is still to come."""
+        return () if self.last is None else self.last.to_come
 
     @property
     def is_open(self) -> bool:
@@ -107,7 +104,7 @@ class Viewport:
         """Whether another picture than the last is to be drawn, as far as is known."""
         if self.is_undrawable(size):
             return False
-        return not self.is_open or self.is_waiting or self._view(size) != self.last_view
+        return not self.is_open or bool(self.to_come) or self._view(size) != self.last_view
 
     def is_coarse(self) -> bool:
         """Whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
@@ -123,8 +120,9 @@ class Viewport:
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
     def draw(self, size: tuple[int, int], whole: bool = False) -> None:
-        """Draw what is out of date, `whole` although the camera moves. Raises InputError and ShaderError; a lack of GPU memory is
-        notified."""
+        """Draw what is out of date; with `whole` at once, although the camera moves, and nothing is left for later frames.
+
+        Raises InputError and ShaderError; a lack of GPU memory is notified."""
         self._whole = whole
         self._note_movement()
         if self.is_undrawable(size):
@@ -133,7 +131,7 @@ class Viewport:
         coarse = self.is_coarse()
         view = self._view(size)
         renderer.want_times(self.times_wanted)
-        if view == self.last_view and not self.is_waiting:
+        if view == self.last_view and not self.to_come:
             self._times.note_passes(renderer.take_times())
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
@@ -222,7 +220,6 @@ class Viewport:
                         self._context,
                         session.scene,
                         tile_cache=tiles,
-                        waits=self._waits,
                         list_decoders=lists,
                         variants=self.variants,
                     )
@@ -239,10 +236,10 @@ class Viewport:
             self._times.clear()
             self._background.forget()
         if self._packs is not session.packs:
-            for name, change in session.requests.pack_changes.items():
-                if session.packs.get(name) is change.pack:
-                    self.renderer.update_pack(name, change.pack, change.groups)
-            self._emit(PackChangesTaken())
+            drawn = self._packs or {}
+            for name, pack in session.packs.items():
+                if name in drawn and drawn[name] is not pack:
+                    self.renderer.update_pack(name, pack)
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self.renderer.set_packs(session.packs)
             self._packs = session.packs

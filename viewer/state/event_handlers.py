@@ -7,7 +7,7 @@ from functools import singledispatch
 from viewer.state import events
 from viewer.state.events import Event
 from viewer.state.message_log import MessageKind
-from viewer.state.session import PackChange, PointedOut, PreviousView, Session, SlotMeasurement, Toast
+from viewer.state.session import PointedOut, PreviousView, Session, SlotMeasurement, Toast
 from viewer.state.view_state import REFERENCE, Side, Slot, is_image_source
 
 TOAST_SECONDS = 6.0
@@ -44,20 +44,8 @@ def _notification(event: events.Notification, session: Session) -> None:
 
 @_apply.register
 def _pack_updated(event: events.PackUpdated, session: Session) -> None:
-    before, changes = session.packs.get(event.name), session.requests.pack_changes
-    if before is event.pack:
-        return
-    groups = event.changed_groups if before is event.replaces else None
-    if event.name in changes and groups is not None:
-        earlier = changes[event.name].groups
-        groups = None if earlier is None else groups | earlier
-    session.packs = {**session.packs, event.name: event.pack}
-    session.requests.pack_changes = {**changes, event.name: PackChange(event.pack, groups)}
-
-
-@_apply.register
-def _pack_changes_taken(_event: events.PackChangesTaken, session: Session) -> None:
-    session.requests.pack_changes = {}
+    if session.packs.get(event.name) is not event.pack:
+        session.packs = {**session.packs, event.name: event.pack}
 
 
 @_apply.register
@@ -80,8 +68,6 @@ def _pack_renamed(event: events.PackRenamed, session: Session) -> None:
     session.packs = {new if name == old else name: pack for name, pack in packs.items()}
     for side, slot in session.view.slots.items():
         session.view = session.view.with_slot(side, _showing(slot, old, new))
-    changes = session.requests.pack_changes
-    session.requests.pack_changes = {new if name == old else name: change for name, change in changes.items()}
     session.previous_views = {
         (new if name == old else name): PreviousView(
             _showing(before.slot_a, old, new), _showing(before.slot_b, old, new), before.compare

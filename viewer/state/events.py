@@ -32,14 +32,6 @@ class PackUpdated:
 
     name: str
     pack: Pack
-    changed_groups: frozenset[int] | None = None
-    """Groups of `pack` whose latents, decoders or adapters differ from those of `replaces`; None where that is not known."""
-    replaces: Pack | None = None
-
-
-@dataclass(frozen=True)
-class PackChangesTaken:
-    """The renderer has been given the packs that events have replaced."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +106,6 @@ Event = (
     Notification
     | FirstViewFound
     | PackUpdated
-    | PackChangesTaken
     | PackClosed
     | PackRenamed
     | RunStarted

@@ -151,23 +151,6 @@ class WindowState:
     """(width, height) in pixels that panels leave to the picture."""
 
 
-@dataclass(frozen=True, eq=False)
-class PackChange:
-    """What the renderer has to know of a pack that replaces another of its name."""
-
-    pack: Pack
-    groups: frozenset[int] | None
-    """Groups that differ from what was drawn last; None where that is not known."""
-
-
-@dataclass
-class Requests:
-    """What events ask of the next frames."""
-
-    pack_changes: Mapping[str, PackChange] = field(default_factory=dict)
-    """Packs that events have replaced and that are to be uploaded, by their names."""
-
-
 @dataclass(eq=False)
 class Session:
     """What is open, the view of it, and the state of the window around it."""
@@ -201,7 +184,6 @@ class Session:
     navigation: NavigationState = field(default_factory=NavigationState)
     inspection: InspectionState = field(default_factory=InspectionState)
     window: WindowState = field(default_factory=WindowState)
-    requests: Requests = field(default_factory=Requests)
 
     @property
     def is_moving(self) -> bool:

@@ -17,17 +17,6 @@ State = Literal["idle", "preparing", "training", "pausing", "paused", "cancellin
 MOST_NOTES = 20
 
 
-def changed_groups(old: Pack | None, new: Pack) -> frozenset[int]:
-    """Groups of `new` that a snapshot has replaced since `old`; all of them where textures have changed groups.
-
-    A snapshot replaces the decoder of a group together with its latents and adapters, so that decoders are compared alone.
-    """
-    if old is None or old.grouping.groups != new.grouping.groups:
-        return frozenset(range(len(new.decoders)))
-    pairs = enumerate(zip(old.decoders, new.decoders, strict=True))
-    return frozenset(group for group, (before, after) in pairs if before is not after)
-
-
 @dataclass
 class ActiveRun:
     """A training run from the request of the user to its end."""

@@ -18,7 +18,7 @@ from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted
 from viewer.state.pack_files import unused_name
-from viewer.training.active_run import ActiveRun, State, changed_groups
+from viewer.training.active_run import ActiveRun, State
 from viewer.training.ahead import AheadPreparation
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.preparation import EncodeScene, TrainingJob, job_title, prepare
@@ -324,10 +324,10 @@ class LiveTraining:
             self._publish(run, run.pack)
 
     def _publish(self, run: ActiveRun, pack: Pack) -> None:
-        before = run.published
+        is_first = run.published is None
         run.published, run.published_at = pack, time.monotonic()
-        self._emit(PackUpdated(run.name, pack, changed_groups(before, pack), before))
-        if before is None:
+        self._emit(PackUpdated(run.name, pack))
+        if is_first:
             run.first_picture_seconds = run.published_at - run.began
             self._emit(RunStarted(run.name))
 
@@ -369,7 +369,7 @@ class LiveTraining:
             name = unused_name(saved.pack.grouping.name, saved.pack.path, names)
             self.log.change(accepted(run, saved, name))
             self.log.choose_undecided()
-            self._emit(PackUpdated(run.name, saved.pack, frozenset(), run.pack))
+            self._emit(PackUpdated(run.name, saved.pack))
             self._emit(PackRenamed(run.name, name))
         if self._keeper.leave(self.log.first_number) and self._scene is not None:
             self.waiting.look(self._scene)

@@ -7,6 +7,7 @@ import argparse
 import json
 import resource
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def measured(scene_path: Path, camera: str, pack_path: Path | None, whole: bool 
     scene = with_cameras_beside(load_scene(scene_path))
     found: dict[str, Any] = {"textures": len(scene.textures), "open_s": time.monotonic() - began}
     context = create_headless_context()
-    renderer = Renderer(context, scene, waits=False)
+    renderer = Renderer(replace(context, waits=False), scene)
     slot = Slot(REFERENCE)
     if pack_path is not None:
         renderer.set_packs({"pack": read_pack(pack_path)})
@@ -42,7 +43,7 @@ def measured(scene_path: Path, camera: str, pack_path: Path | None, whole: bool 
     frame = renderer.render(view)
     context.gl.finish()
     found["first_picture_s"] = time.monotonic() - began
-    while whole and (frame.is_pending or frame.waiting):
+    while whole and not frame.is_complete:
         time.sleep(REST_SECONDS)
         frame = renderer.render(view)
     context.gl.finish()

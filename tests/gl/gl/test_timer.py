@@ -52,7 +52,7 @@ def test_a_timer_that_waits_knows_the_times_at_once_and_says_how_often_it_waited
 ) -> None:
     context, _ = watched
     timer, before, noted = PassTimer(context), context.memory.blocking.count, list[float]()
-    with timer.owned_by("A"), timer.measure("draw", noted.append):
+    with timer.owned_by("A"), timer.measure("draw"), timer.watch(noted.append):
         context.gl.memory_barrier()
     with timer.counted_as("all"), timer.owned_by("A"), timer.measure("draw"):
         pass
@@ -61,7 +61,7 @@ def test_a_timer_that_waits_knows_the_times_at_once_and_says_how_often_it_waited
     assert list(owned) == ["A"]
     times = timer.take()
     assert list(times) == ["draw", "all"]
-    assert times["draw"] == noted[0] == owned["A"] >= 0.0
+    assert times["draw"] == owned["A"] >= noted[0] >= 0.0
     assert timer.take() == {}
 
 
@@ -69,7 +69,7 @@ def test_times_that_are_read_later_come_in_order_and_nothing_waits(
     watched: tuple[GraphicsContext, WatchedFunctions],
 ) -> None:
     context, functions = watched
-    timer, before = PassTimer(context, waits=False), context.memory.blocking.count
+    timer, before = PassTimer(replace(context, waits=False)), context.memory.blocking.count
     timer.is_wanted = True
     functions.is_late = True
     for number in range(3):
@@ -88,7 +88,7 @@ def test_a_driver_that_never_answers_costs_no_more_than_some_queries(
     watched: tuple[GraphicsContext, WatchedFunctions],
 ) -> None:
     context, functions = watched
-    timer = PassTimer(context, waits=False)
+    timer = PassTimer(replace(context, waits=False))
     timer.is_wanted, functions.is_late = True, True
     for _ in range(100):
         with timer.measure("pass"):
@@ -100,7 +100,7 @@ def test_a_driver_that_never_answers_costs_no_more_than_some_queries(
 
 def test_nothing_is_measured_while_nobody_asks(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, functions = watched
-    timer, before = PassTimer(context, waits=False), context.memory.blocking.count
+    timer, before = PassTimer(replace(context, waits=False)), context.memory.blocking.count
     with timer.measure("pass"):
         pass
     with timer.measure_cpu("cull"):
@@ -113,8 +113,8 @@ def test_nothing_is_measured_while_nobody_asks(watched: tuple[GraphicsContext, W
 
 def test_one_who_asks_for_a_single_time_gets_it(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, _ = watched
-    timer, noted = PassTimer(context, waits=False), list[float]()
-    with timer.measure("tiles", noted.append):
+    timer, noted = PassTimer(replace(context, waits=False)), list[float]()
+    with timer.watch(noted.append):
         context.gl.memory_barrier()
     end = time.monotonic() + 20.0
     while not noted and time.monotonic() < end:
@@ -136,7 +136,7 @@ def test_times_have_64_bits(graphics: GraphicsContext) -> None:
 
 def test_what_is_forgotten_is_in_no_frame(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, functions = watched
-    timer = PassTimer(context, waits=False)
+    timer = PassTimer(replace(context, waits=False))
     timer.is_wanted = True
     with timer.measure("outside"):
         pass

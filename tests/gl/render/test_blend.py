@@ -13,9 +13,9 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.blend.blend_samples import BlendSamples, dithered_materials
+from viewer.render.blend_samples import BlendSamplesPass, dithered_materials
 from viewer.render.frame_result import FrameResult, read_picture
-from viewer.render.plane_path import SAMPLES
+from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Material, Scene
@@ -88,7 +88,7 @@ def rest(renderer: Renderer, view: ViewState) -> FrameResult:
     """The last frame of a view that rests until nothing is waited for."""
     for _ in range(4 * SAMPLES):
         frame = renderer.render(view)
-        if frame.waiting == 0:
+        if frame.is_complete:
             return frame
     pytest.fail("the view never rests")
 
@@ -151,7 +151,7 @@ def test_all_samples_at_once_are_those_of_a_view_at_rest(
     assert textured.render(view).timings_ms.keys() <= {"composite"}
     textured.render(replace(view, camera=turned(PERSPECTIVE, 3.0)))
     at_once = textured.render(view, whole=True)
-    assert at_once.waiting == 0
+    assert at_once.is_complete
     assert at_once.timings_ms["blend_samples"] > at_once.timings_ms["visibility"]
     np.testing.assert_array_equal(shown(textured, slot), gathered)
     np.testing.assert_array_equal(textured.picture(slot).reshape(-1, 3), gathered)
@@ -219,7 +219,7 @@ def test_other_views_take_one_sample(graphics: GraphicsContext) -> None:
     for scene, camera in ((textured_scene(), away), (clear, PERSPECTIVE), (opaque, PERSPECTIVE)):
         renderer = Renderer(graphics, scene)
         frame = renderer.render(replace(PLAIN, camera=camera))
-        assert (frame.blend_samples, frame.waiting) == ({}, 0)
+        assert (frame.blend_samples, frame.is_complete) == ({}, True)
         assert renderer.render(replace(PLAIN, camera=camera)).timings_ms.keys() <= {"composite"}
         assert "blend_samples" not in renderer.render(replace(PLAIN, camera=camera), whole=True).timings_ms
         renderer.release()
@@ -256,9 +256,9 @@ def test_without_memory_for_samples_the_first_stays(textured: Renderer, monkeypa
     textured.render(PLAIN)
     first = shown(textured, Slot())
     with monkeypatch.context() as patch:
-        patch.setattr(BlendSamples, "_draw_visibility", fail)
+        patch.setattr(BlendSamplesPass, "_draw_visibility", fail)
         frame = textured.render(PLAIN)
-    assert (frame.blend_samples, frame.waiting) == ({}, 0)
+    assert (frame.blend_samples, frame.is_complete) == ({}, True)
     assert textured.render(PLAIN).timings_ms.keys() <= {"composite"}
     np.testing.assert_array_equal(shown(textured, Slot()), first)
     # Another view is tried anew.

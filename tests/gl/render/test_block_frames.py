@@ -129,12 +129,12 @@ def test_a_version_whose_codes_take_other_room_replaces_the_one_before(
     renderer, fresh = Renderer(graphics, scene), Renderer(graphics, scene)
     renderer.set_packs({"p": old})
     before = pictures(renderer, slot)
-    renderer.update_pack("p", new, frozenset({1}))
+    renderer.update_pack("p", new)
     fresh.set_packs({"p": new})
     # Tiles lie on other pages than in a fresh cache, and are sampled at other coordinates.
     for found, expected in zip(pictures(renderer, slot), pictures(fresh, slot), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
-    renderer.update_pack("p", old, frozenset({1}))
+    renderer.update_pack("p", old)
     for found, expected in zip(pictures(renderer, slot), before, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
     renderer.release()

@@ -97,7 +97,7 @@ def test_an_update_is_equal_to_a_fresh_upload(
     renderer = opened(context, old)
     draw(renderer, slot)
     before = renderer.picture(slot)
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     frame = draw(renderer, slot)
     assert not frame.upload.is_pending
     assert frame.upload.uploaded > 0
@@ -129,7 +129,7 @@ def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
             write(made, data, *rest, **named)
 
         monkeypatch.setattr(kind, "write", counted)
-    renderer.update_pack("p", trained(old), CHANGED)
+    renderer.update_pack("p", trained(old))
     upload = renderer._packs.advance_updates(UPDATE_BYTES)
     monkeypatch.undo()
     assert latents > 0
@@ -137,7 +137,7 @@ def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
     unchanged = int(np.delete(memory.latents, MEMBERS).sum())
     assert unchanged < upload.kept < unchanged + memory.parts["decoders"]
     # A frame says the same.
-    renderer.update_pack("p", old, CHANGED)
+    renderer.update_pack("p", old)
     frame = draw(renderer)
     assert frame.upload == upload
     assert frame.skipped["pack_bytes_kept"] == upload.kept
@@ -152,11 +152,11 @@ def test_the_old_picture_is_shown_until_all_is_uploaded(graphics: GraphicsContex
     before = read_picture(draw(renderer, slot, whole=True).image)
     latents, others = changed_bytes(renderer, slot, old)
     assert latents > 4 * budget
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     uploaded, frames = [], 0
     while (frame := draw(renderer, slot)).upload.is_pending:
         frames += 1
-        assert frame.waiting > 0
+        assert not frame.is_complete
         np.testing.assert_array_equal(read_picture(frame.image), before)
         uploaded.append(frame.upload.uploaded)
     assert frames >= latents // budget - 1
@@ -173,7 +173,7 @@ def test_a_whole_frame_waits_for_nothing(graphics: GraphicsContext) -> None:
     new = trained(old)
     renderer = opened(graphics, old, 60)
     draw(renderer)
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     assert draw(renderer).upload.is_pending
     assert not draw(renderer, whole=True).upload.is_pending
     np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
@@ -185,7 +185,7 @@ def test_mips_that_come_into_sight_meanwhile_are_replaced_too(graphics: Graphics
     new = trained(old)
     renderer = opened(graphics, old, 16)
     draw(renderer, camera=far)
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     assert draw(renderer, camera=far).upload.is_pending
     for camera in (FRONT, INSIDE):
         draw(renderer, camera=camera)
@@ -202,11 +202,11 @@ def test_an_update_that_comes_meanwhile_follows(graphics: GraphicsContext) -> No
     third = replace(second, decoders=(pack_of(7).decoders[0], second.decoders[1]))
     renderer = opened(graphics, old, 60)
     draw(renderer)
-    renderer.update_pack("p", trained(old), CHANGED)
+    renderer.update_pack("p", trained(old))
     draw(renderer)
-    renderer.update_pack("p", second, CHANGED)
+    renderer.update_pack("p", second)
     draw(renderer)
-    renderer.update_pack("p", third, frozenset({0}))
+    renderer.update_pack("p", third)
     while draw(renderer).upload.is_pending:
         pass
     np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, third))
@@ -219,8 +219,8 @@ def test_unchanged_tiles_are_kept(graphics: GraphicsContext) -> None:
     renderer = opened(graphics, old, 60)
     decoded = draw(renderer, CACHED, whole=True).tiles[CACHED].decoded
     before, ids = renderer.picture(CACHED), renderer.texture_ids()
-    renderer.update_pack("p", new, CHANGED)
-    while draw(renderer, CACHED).waiting:
+    renderer.update_pack("p", new)
+    while not draw(renderer, CACHED).is_complete:
         pass
     anew = draw(renderer, CACHED).tiles[CACHED].decoded - decoded
     assert 0 < anew < decoded
@@ -237,7 +237,7 @@ def test_textures_may_change_their_groups(graphics: GraphicsContext, groups: tup
     renderer = opened(graphics, old)
     draw(renderer, slot)
     renderer.update_pack("p", new)
-    while draw(renderer, slot).waiting:
+    while not draw(renderer, slot).is_complete:
         pass
     tolerance = ELSEWHERE if path == "cached" else 0.0
     np.testing.assert_allclose(renderer.picture(slot), fresh(graphics, new, slot), atol=tolerance, rtol=0.0)
@@ -253,8 +253,8 @@ def test_decoders_may_change_their_numbers(graphics: GraphicsContext, path: Deco
     renderer = opened(graphics, old)
     draw(renderer, slot)
     before = renderer.picture(slot)
-    renderer.update_pack("p", new, frozenset())
-    while draw(renderer, slot).waiting:
+    renderer.update_pack("p", new)
+    while not draw(renderer, slot).is_complete:
         pass
     np.testing.assert_array_equal(renderer.picture(slot), before)
     # Another view reads the decoders anew.
@@ -270,7 +270,7 @@ def test_other_sizes_or_codecs_are_uploaded_whole(graphics: GraphicsContext) -> 
     draw(renderer)
     hashes = [texture.pixel_hash for texture in old.textures]
     for new in (random_pack([(32, 32)] * 4, GROUPS, hashes=hashes, seed=2), pack_of(3, ADAPTED)):
-        renderer.update_pack("p", new, CHANGED)
+        renderer.update_pack("p", new)
         assert not draw(renderer).upload.is_pending
         np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
@@ -288,7 +288,7 @@ def test_without_memory_beside_the_old_pack_the_new_one_is_uploaded_whole(graphi
     new = trained(old)
     renderer = opened(replace(graphics, memory=memory), old, 60)
     draw(renderer)
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     assert not draw(renderer).upload.is_pending
     np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
     renderer.release()
@@ -301,7 +301,7 @@ def test_both_precisions_of_a_pack_are_updated(graphics: GraphicsContext) -> Non
     renderer = opened(graphics, old, 60)
     view = ViewState(FRONT, SIZE, DEFERRED, half, compare="wipe")
     renderer.render(view)
-    renderer.update_pack("p", new, CHANGED)
+    renderer.update_pack("p", new)
     while renderer.render(view).upload.is_pending:
         pass
     for slot in (DEFERRED, half):

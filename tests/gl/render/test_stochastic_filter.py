@@ -19,7 +19,7 @@ from tests.gl.small_scenes import FRONT, objects
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.frame_result import FrameResult
-from viewer.render.plane_path import SAMPLES
+from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
@@ -130,7 +130,7 @@ def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: Graphic
     for number in range(1, SAMPLES + 1):
         drawn = frame(renderer)
         assert drawn.samples == {DEFERRED: number}
-        assert drawn.waiting == SAMPLES - number
+        assert sum(item.left for item in drawn.to_come) == SAMPLES - number
         assert "decode_deferred" in drawn.timings_ms
     rest = frame(renderer)
     assert "decode_deferred" not in rest.timings_ms

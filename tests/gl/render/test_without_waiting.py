@@ -25,7 +25,7 @@ MOVES = 12
 
 def renderer_of(graphics: GraphicsContext, waits: bool) -> Renderer:
     scene = objects()
-    made = Renderer(graphics, scene, waits=waits)
+    made = Renderer(replace(graphics, waits=waits), scene)
     sizes, hashes = [(SIDE, SIDE)] * len(scene.textures), [texture.pixel_hash for texture in scene.textures]
     made.set_packs({"p": random_pack(sizes, tuple(index % 2 for index in range(len(sizes))), hashes=hashes)})
     return made
@@ -35,7 +35,7 @@ def settled(renderer: Renderer, view: ViewState) -> FrameResult:
     """The last frame of a view, once nothing is to come."""
     for _ in range(1000):
         frame = renderer.render(view)
-        if not (frame.waiting or frame.is_pending):
+        if frame.is_complete:
             return frame
     raise AssertionError("the view does not come to rest")
 
@@ -79,7 +79,7 @@ def test_a_whole_picture_is_the_same_at_once(late: Renderer, exact: Renderer, pa
     frame, expected = late.render(view, whole=True), exact.render(view, whole=True)
     np.testing.assert_array_equal(read_picture(frame.image), read_picture(expected.image))
     assert frame.divergence == expected.divergence
-    assert not frame.is_pending
+    assert frame.is_complete
 
 
 @pytest.mark.parametrize("path", get_args(DecodePath))

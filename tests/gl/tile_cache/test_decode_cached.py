@@ -132,7 +132,7 @@ def test_a_still_camera_decodes_nothing_again(graphics: GraphicsContext) -> None
     renderer = opened(graphics)
     first = render(renderer)
     assert counts(first).decoded > 0
-    assert first.waiting == 0
+    assert first.is_complete
     again = render(renderer)
     assert "decode_cached" not in again.timings_ms
     assert counts(again).decoded == counts(first).decoded
@@ -158,7 +158,7 @@ def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext
     first = counts(render(patient)).decoded
     assert first > 2
     frames = 2
-    while (frame := render(patient)).waiting:
+    while not (frame := render(patient)).is_complete:
         frames += 1
         assert counts(frame).decoded == first + 2 * (frames - 2)
         assert frames <= missing
@@ -179,10 +179,10 @@ def test_where_frames_are_long_tiles_are_decoded_ahead_of_the_picture(graphics: 
         assert busy.tile_budget.is_tight
         frame = render(busy)
         drawn += "composite" in frame.timings_ms
-        if not frame.waiting:
+        if frame.is_complete:
             break
     decoded = counts(frame).decoded
-    assert frame.waiting == 0
+    assert frame.is_complete
     assert drawn < decoded / 4
     np.testing.assert_array_equal(busy.picture(CACHED), expected)
     eager.release()
@@ -223,7 +223,7 @@ def test_a_budget_below_what_is_seen_says_so_and_still_draws(graphics: GraphicsC
     for degrees in (0.0, 20.0, 0.0):
         frame = render(renderer, turned(FRONT, degrees))
         assert counts(frame).starved > 0
-        assert frame.waiting == 0
+        assert frame.is_complete
         assert counts(frame).resident == 3
     assert np.isfinite(renderer.picture(CACHED)).all()
     renderer.release()
@@ -306,7 +306,7 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     assert counts(frame).out_of_memory
     assert counts(frame).resident == needed // 2
     assert counts(frame).starved > 0
-    assert frame.waiting == 0
+    assert frame.is_complete
     assert np.isfinite(renderer.picture(CACHED)).all()
     monkeypatch.setattr(TileAtlas, "grow", lambda *_: False)
     none = opened(graphics)

@@ -33,7 +33,7 @@ def pack(seed: int = 0) -> Pack:
 
 
 def renderer(graphics: GraphicsContext, tiles: TileCacheConfig | None = None, waits: bool = False) -> Renderer:
-    made = Renderer(graphics, objects(), tile_cache=tiles, waits=waits)
+    made = Renderer(replace(graphics, waits=waits), objects(), tile_cache=tiles)
     made.set_packs({"p": pack()})
     return made
 
@@ -43,7 +43,7 @@ def settled(made: Renderer, view: ViewState) -> FrameResult:
     for _ in range(2000):
         made.tile_budget.note_frame(50.0)
         frame = made.render(view)
-        if not (frame.waiting or frame.is_pending):
+        if frame.is_complete:
             return frame
     raise AssertionError("the view does not come to rest")
 
@@ -97,14 +97,14 @@ def test_an_answer_that_is_late_holds_nothing_up(graphics: GraphicsContext, monk
     before = graphics.memory.blocking.count
     for number in range(5):
         frame = made.render(replace(VIEW, camera=turned(FRONT, 3.0 * number)))
-        assert frame.waiting > 0
+        assert not frame.is_complete
     assert graphics.memory.blocking.count == before
     monkeypatch.undo()
     assert_same(made, truth, ASIDE)
     # A whole picture waits for the answer that is under way.
     made.render(VIEW)
     frame = made.render(replace(VIEW, camera=turned(FRONT, 9.0)), whole=True)
-    assert frame.waiting == 0
+    assert frame.is_complete
     made.release()
     truth.release()
 
@@ -112,7 +112,7 @@ def test_an_answer_that_is_late_holds_nothing_up(graphics: GraphicsContext, monk
 def test_nothing_is_grey_in_the_first_frame(graphics: GraphicsContext) -> None:
     made = renderer(graphics)
     frame = made.render(VIEW)
-    assert frame.waiting > 0, "finer tiles are to come"
+    assert not frame.is_complete, "finer tiles are to come"
     targets = made._targets
     assert targets is not None
     shown = targets.picture(SLOT).read()

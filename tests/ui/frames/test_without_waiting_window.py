@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from lab.bench.scene import nudged
 from tests.support.blocking_watch import watched_calls
 from tests.support.driven_app import DrivenApp
+from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.inspect.pixel_content import REACH
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
@@ -25,20 +27,20 @@ MOST_FRAMES = 2000
 """Of a picture that comes to rest."""
 
 
-class WindowLikeApp(DrivenApp):
-    """Draws as a window does."""
-
-    waits = False
+def late_context(device: str | None) -> GraphicsContext:
+    """A context whose frames go on without waiting for the GPU, as those of a window do."""
+    return replace(create_headless_context(device), waits=False)
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[WindowLikeApp, list[str]]]:
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[DrivenApp, list[str]]]:
     """An app that has come to rest, and the calls that wait, as they are made."""
     path = builtin_scene_path()
     with watched_calls() as calls:
         scene, packs = load_scene(path), open_packs(packs_beside(path))
         settings = ViewerSettings(coarse_while_moving=False, column_folded=False)
-        app = WindowLikeApp(scene, packs, SIZE, tmp_path_factory.mktemp("pictures"), settings)
+        with mock.patch("viewer.app.headless.create_headless_context", late_context):
+            app = DrivenApp(scene, packs, SIZE, tmp_path_factory.mktemp("pictures"), settings)
         app.session.view = replace(app.session.view, slot_a=SLOT, slot_b=SLOT, compare="a", material_view="base")
         app.settle()
         rest(app)
@@ -50,7 +52,7 @@ MIDDLE = (0.5, 0.5)
 """Of the picture, as shares."""
 
 
-def rest(app: WindowLikeApp) -> None:
+def rest(app: DrivenApp) -> None:
     """Draw until the picture is whole."""
     for _ in range(MOST_FRAMES):
         app.frame()
@@ -60,7 +62,7 @@ def rest(app: WindowLikeApp) -> None:
 
 
 @pytest.mark.parametrize("asks", [False, True])
-def test_nothing_waits_in_motion(drawn: tuple[WindowLikeApp, list[str]], asks: bool) -> None:
+def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool) -> None:
     """`asks`: with times, the pixel and the block at a place, and the map of decoders."""
     app, calls = drawn
     camera = app.session.view.camera
@@ -96,7 +98,7 @@ def test_nothing_waits_in_motion(drawn: tuple[WindowLikeApp, list[str]], asks: b
     app.run("camera.set", camera)
 
 
-def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[WindowLikeApp, list[str]]) -> None:
+def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[DrivenApp, list[str]]) -> None:
     app, _ = drawn
     app.show_panel("Pixel")
     app.session.inspection.pixel = MIDDLE
@@ -115,7 +117,7 @@ def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[WindowLikeApp, li
     assert not app.frontend.reader.is_pending, "who does not look waits for nothing"
 
 
-def test_the_picture_at_rest_is_that_of_a_renderer_that_waits(drawn: tuple[WindowLikeApp, list[str]]) -> None:
+def test_the_picture_at_rest_is_that_of_a_renderer_that_waits(drawn: tuple[DrivenApp, list[str]]) -> None:
     app, _ = drawn
     app.show_panel("Memory")
     rest(app)

@@ -9,6 +9,8 @@ from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import TextureUnit
 
 PIXEL_BYTES = 16
+SAMPLES = 16
+"""Of a picture at rest with the stochastic filter, or with BLEND surfaces; then it is complete."""
 
 
 class AccumulatePass:

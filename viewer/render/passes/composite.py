@@ -64,8 +64,6 @@ class HeatmapOverlay:
     """Decoders at the far end of the palette."""
     opacity: float
     palette: PaletteName
-    version: int
-    """Number of the content of `maps`."""
 
     def uniforms(self) -> dict[str, object]:
         """Values of the shader's uniforms."""
@@ -146,13 +144,11 @@ class CompositeVariant:
 
 @dataclass(frozen=True)
 class CompositeInputs:
-    """What the pass reads. Equal inputs give equal pictures."""
+    """What the pass reads. Equal inputs of the same content give equal pictures."""
 
     first: ColorTarget
     second: ColorTarget
     """The same where one slot fills the picture: it is not read then."""
-    versions: tuple[int, int]
-    """Numbers of the content of both pictures."""
     params: CompositeParams
 
     @property

@@ -25,6 +25,8 @@ PIXEL_BYTES = 4
 class DecodeBinnedPass(DecodePass):
     """Count, scan and scatter fill the bins; then one indirect dispatch for each decoder that may be visible."""
 
+    name = "decode_binned"
+
     def __init__(
         self,
         context: GraphicsContext,

@@ -17,6 +17,8 @@ class DecodeDeferredPass(DecodePass):
     `ranges` may be None where they have not.
     """
 
+    name = "decode_deferred"
+
     def __init__(
         self,
         context: GraphicsContext,

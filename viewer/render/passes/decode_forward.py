@@ -15,6 +15,8 @@ from viewer.state.view_state import TexelFilter
 class DecodeForwardPass(DecodePass):
     """Draws the draw list of the visibility buffer again, with its matrix."""
 
+    name = "decode_forward"
+
     def __init__(
         self,
         context: GraphicsContext,

@@ -20,6 +20,8 @@ FOLDER = "passes/decode_listed"
 class DecodeListedPass(DecodePass):
     """List the pixels' texels, decode them elsewhere, and write the plane."""
 
+    name = "decode_binned"
+
     def __init__(
         self,
         context: GraphicsContext,

@@ -18,6 +18,9 @@ def filter_defines(texel_filter: TexelFilter) -> dict[str, int]:
 class DecodePass(ABC):
     """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
 
+    name: str
+    """`decode_` and the name of the decode path."""
+
     @abstractmethod
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode every visible pixel once."""

@@ -9,7 +9,6 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.visibility_buffer import VisibilityTarget
-from viewer.scene.model import Camera
 
 
 @dataclass(frozen=True)
@@ -17,8 +16,8 @@ class DivergenceInputs:
     """What the pass reads. Equal inputs give equal maps."""
 
     visibility: VisibilityTarget
-    camera: Camera | None
-    """Whose view the visibility buffer holds; None where no camera drew it."""
+    version: int
+    """Of the visibility buffer's content."""
     tables: DecoderTables
 
 

@@ -17,6 +17,7 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
+from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.images.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
 from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
@@ -33,40 +34,31 @@ SECONDS_BETWEEN_NEWS = 0.25
 """Images that come one after the other are shown together so often: each time the whole plane is drawn again."""
 
 
-class ReferencePass:
-    """Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps.
+class ImageUploads:
+    """Keeps the images of one source and plane on the GPU that the visible materials need.
 
-    Images are uploaded when a material that may be visible first needs them.
+    All of them, uploaded when a material that may be visible first needs them; or where that would take too much memory those in
+    sight, which are read in threads beside the frames unless frames wait.
     """
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        places: ImagePlaces,
-        mips: MipsOf,
-        write_places: Callable[[], None],
-        name: str = REFERENCE,
-        reading: PlaneReading = DEFAULT_READING,
-    ) -> None:
-        """`mips` gives the images by texture id, in threads. `write_places` hands the places to shaders, when they have changed.
+    name = "upload"
 
-        `name` is that of the source.
-        """
-        self._context, self.name, self._reading = context, name, reading
+    def __init__(
+        self, context: GraphicsContext, places: ImagePlaces, mips: MipsOf, write_places: Callable[[], None], srgb: bool
+    ) -> None:
+        """`mips` gives the images by texture id, in threads. `write_places` hands the places to shaders, when they have changed."""
+        self._context, self._srgb = context, srgb
         self._mips, self._places, self._write_places = mips, places, write_places
-        self._arrays: dict[int, tuple[ImageArrayPlan, ImageArray]] = {}
-        self._samplers = SamplerCache(context)
+        self.arrays: dict[int, tuple[ImageArrayPlan, ImageArray]] = {}
+        """By number: what shaders sample."""
         self._uploaded: dict[ImagePlace, ImageContent] = {}
-        self._programs = programs
-        self._depth: moderngl.Texture | None = None
         self._pool: ThreadPoolExecutor | None = None
         self._coming: dict[ImageContent, Future[Sequence[NDArray[np.uint8]]]] = {}
         self._arrived: list[ImagePlace] = []
         """Uploaded, not shown yet."""
         self._news_at = -math.inf
-        self.version = 0
-        """Changes when images have come that a picture drawn before lacks."""
+        self._shown = -1
+        """Version of the places when pictures were last told of new ones."""
 
     @property
     def images_not_uploaded(self) -> int:
@@ -74,18 +66,23 @@ class ReferencePass:
         return self._places.images - len(self._uploaded)
 
     @property
-    def is_waiting(self) -> bool:
-        """Whether images are still to come."""
-        return bool(self._places.pending)
+    def places(self) -> Output:
+        """Where images lie: sources that are shown as images share that."""
+        return Output(self._places.version)
 
-    def upload(self, visible_materials: Sequence[int], whole: bool = True) -> None:
-        """Upload the images of these materials that are not on the GPU yet, with their mip chains.
+    def arrays_of(self, visible_materials: Sequence[int]) -> list[int]:
+        """Numbers of the arrays that hold their images, ascending."""
+        return sorted({place.array for place in self._places.of(visible_materials)})
 
-        Where images are bounded, and this is not to be the `whole` picture, those that have been read so far.
+    def advance(self, visible_materials: Sequence[int], _target: object, step: Step) -> Progress:
+        """Upload the images of these materials that are not on the GPU yet, with their mip chains, into the arrays here.
+
+        Where images are bounded, and this is not to be the whole picture, those that have been read so far.
 
         Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
         reference.
         """
+        whole, before = step.whole or self._context.waits, len(self._uploaded)
         self._places.want(visible_materials)
         self._forget_what_is_gone()
         wanted = self._places.of(visible_materials)
@@ -97,9 +94,13 @@ class ReferencePass:
                 raise
             self._upload(wanted)
             self._upload_coming(whole)
+        has_changed = self._shown != self._places.version or len(self._uploaded) != before
+        self._shown = self._places.version
+        left = len(self._places.pending)
+        return Progress(has_changed, (ToCome("images", left, self._places.in_sight),) if left else ())
 
     def _forget_what_is_gone(self) -> None:
-        for array in [array for array, (plan, _) in self._arrays.items() if self._places.plans.get(array) is not plan]:
+        for array in [array for array, (plan, _) in self.arrays.items() if self._places.plans.get(array) is not plan]:
             self._drop(array)
         content = self._places.content
         self._uploaded = {place: own for place, own in self._uploaded.items() if content.get(place) == own}
@@ -107,13 +108,13 @@ class ReferencePass:
 
     def _drop_all_but(self, wanted: Collection[int]) -> bool:
         """Free all other arrays; whether there were any."""
-        others = [array for array in self._arrays if array not in wanted]
+        others = [array for array in self.arrays if array not in wanted]
         for array in others:
             self._drop(array)
         return bool(others)
 
     def _drop(self, array: int) -> None:
-        self._arrays.pop(array)[1].release()
+        self.arrays.pop(array)[1].release()
         self._uploaded = {place: own for place, own in self._uploaded.items() if place.array != array}
 
     def _mips_of(self, content: ImageContent) -> Sequence[NDArray[np.uint8]]:
@@ -135,12 +136,12 @@ class ReferencePass:
                 self._write(place, chain)
 
     def _write(self, place: ImagePlace, chain: Sequence[NDArray[np.uint8]]) -> None:
-        if place.array not in self._arrays:
+        if place.array not in self.arrays:
             plan = self._places.plans[place.array]
-            made = ImageArray(self._context, plan.size, plan.layers, srgb=self._reading.plane != "surface")
-            self._arrays[place.array] = plan, made
+            made = ImageArray(self._context, plan.size, plan.layers, srgb=self._srgb)
+            self.arrays[place.array] = plan, made
         try:
-            self._arrays[place.array][1].write(place.layer, chain)
+            self.arrays[place.array][1].write(place.layer, chain)
         except GpuMemoryError:
             self._drop(place.array)
             raise
@@ -160,7 +161,6 @@ class ReferencePass:
         if whole or len(self._arrived) == len(pending) or now - self._news_at >= SECONDS_BETWEEN_NEWS:
             self._places.arrived(self._arrived)
             self._arrived, self._news_at = [], now
-            self.version += not whole
             self._forget_what_is_gone()
             self._write_places()
 
@@ -176,6 +176,32 @@ class ReferencePass:
             elif own not in self._coming and len(self._coming) < MOST_AHEAD:
                 self._coming[own] = self._threads().submit(self._mips_of, own)
 
+    def release(self) -> None:
+        """Free the images."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+        for _, array in self.arrays.values():
+            array.release()
+
+
+class ReferencePass:
+    """Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        uploads: ImageUploads,
+        name: str = REFERENCE,
+        reading: PlaneReading = DEFAULT_READING,
+    ) -> None:
+        """`name` is that of the source."""
+        self._context, self.name, self._reading = context, name, reading
+        self.uploads = uploads
+        self._samplers = SamplerCache(context)
+        self._programs = programs
+        self._depth: moderngl.Texture | None = None
+
     def _depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         if self._depth is None or self._depth.size != size:
             made = self._context.memory.depth_texture(f"depth of the reference {size[0]}x{size[1]}", size)
@@ -188,7 +214,7 @@ class ReferencePass:
         """Draw the plane, once the visible materials have been uploaded."""
         visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl
-        arrays = sorted({place.array for place in self._places.of(inputs.visible_materials)})
+        arrays = self.uploads.arrays_of(inputs.visible_materials)
         # One array, the common case, needs no depth to tell pixels apart.
         sorts = len(arrays) > 1
         framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
@@ -216,7 +242,7 @@ class ReferencePass:
         if array < 0:
             triangle.render(moderngl.TRIANGLES, vertices=3)
             return
-        plan, images = self._arrays[array]
+        plan, images = self.uploads.arrays[array]
         images.use(unit)
         set_uniforms(triangle.program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in plan.sampler.wrap)})
         sampler = self._samplers.get(plan.sampler, anisotropy)
@@ -226,10 +252,7 @@ class ReferencePass:
 
     def release(self) -> None:
         """Free images, samplers and depth."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-        for _, array in self._arrays.values():
-            array.release()
+        self.uploads.release()
         self._samplers.release()
         if self._depth is not None:
             self._depth.release()

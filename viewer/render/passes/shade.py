@@ -30,13 +30,11 @@ class PlaneTargets:
     base: ColorTarget | None
     surface: ColorTarget | None = None
     emission: ColorTarget | None = None
-    drawings: tuple[int, ...] = ()
-    """Numbers that change with what the targets show."""
 
 
 @dataclass(frozen=True)
 class ShadeInputs:
-    """Equal inputs give equal pictures."""
+    """Equal inputs give equal pictures of the same planes and maps of light."""
 
     view: VisibilityInputs
     """With frames where `material_view` is lit."""

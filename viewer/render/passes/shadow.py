@@ -18,9 +18,11 @@ CONSTANT_BIAS = 4.0
 
 @dataclass(frozen=True)
 class ShadowInputs:
-    """Equal directions of the sun give equal shadow maps of one scene."""
+    """Equal directions of the sun give equal shadow maps of one pose of a scene."""
 
     direction: tuple[float, float, float]
+    pose: int
+    """Version of the pose."""
     view: ShadowView = field(compare=False)
     draw_list: DrawList = field(compare=False)
 

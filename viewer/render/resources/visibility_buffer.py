@@ -177,6 +177,8 @@ class VisibilityInputs:
     materials: MaterialsSource = field(compare=False)
     camera: Camera | None = None
     """None for a visibility buffer that no camera drew."""
+    version: int = 0
+    """Another number whenever the visibility buffer may hold something else."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
     plane: Plane = "base"

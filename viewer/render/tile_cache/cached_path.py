@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from viewer.gl.timer import PassTimer
+from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.render.tile_cache.budget import TileBudget, TileCounts
@@ -15,18 +16,15 @@ FRAMES_AHEAD = 12
 """Frames that decode tiles and show the picture before, where all tiles are there in an older version."""
 FRAMES_AHEAD_OF_MISSING = 4
 """The same where tiles are shown coarser, and frames are long."""
-NAME = "decode_cached"
 
 
 class CachedPath:
     """Draws one pack from its tile cache. A view is complete once no tile is waiting and no band is left."""
 
-    memory_part = "tile cache"
-    samples = 0
+    name = "decode_cached"
 
-    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget, waits: bool = True) -> None:
-        """`waits`: whether a frame waits for the list of tiles that it has requested."""
-        self._cache, self._timer, self._budget, self._waits = cache, timer, budget, waits
+    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
+        self._cache, self._timer, self._budget, self._waits = cache, timer, budget, cache.waits
         self._requested: VisibilityInputs | None = None
         """The view whose tiles were requested last."""
         self._is_unasked = False
@@ -48,22 +46,24 @@ class CachedPath:
         undrawn = bool(self._frames_ahead or self._bands_left or self._is_unasked)
         return replace(counts, waiting=max(counts.waiting, 1)) if undrawn else counts
 
-    @property
-    def is_waiting(self) -> bool:
-        """Whether drawing the same view again improves it."""
-        return self.tiles.waiting > 0
+    def advance(self, inputs: VisibilityInputs, target: ColorTarget, step: Step) -> Progress:
+        """Request, decode and draw tiles, a frame's share of them, or all where the picture is to be whole."""
+        again = step.is_same_view and not step.whole
+        if again and self._decodes_ahead():
+            return Progress(False, self._to_come())
+        self._draw(inputs, target, step.whole, again)
+        # The picture before is shown until all rows are drawn.
+        return Progress(not self._bands_left, self._to_come())
 
-    @property
-    def is_partial(self) -> bool:
-        """Whether the last `draw` left rows of the picture for the next ones."""
-        return self._bands_left > 0
+    def _to_come(self) -> tuple[ToCome, ...]:
+        waiting = self.tiles.waiting
+        return (ToCome("tiles", waiting),) if waiting else ()
 
-    def decode_ahead(self, inputs: VisibilityInputs) -> bool:
+    def _decodes_ahead(self) -> bool:
         """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
 
         Drawing costs as much as decoding many tiles: the picture is drawn once for several frames that decode.
         """
-        del inputs
         if self._bands_left:
             return False
         if not self._waits:
@@ -78,14 +78,14 @@ class CachedPath:
         self._decode(self._cache.tiles_ahead())
         return True
 
-    def draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, same_view: bool = False) -> None:
+    def _draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, again: bool) -> None:
         """Request, decode and draw. With `whole` all missing tiles are decoded, however long it takes.
 
-        With `same_view`, where `target` shows an older picture of this view, only some rows may be drawn (`is_partial`).
+        Drawn `again`, where `target` shows an older picture of this view, only some rows may be drawn.
         """
         # Only after frames that decoded ahead: else a picture that lacks tiles is to improve in every frame.
         undrawn = bool(self._frames_ahead or self._bands_left)
-        in_bands = same_view and not whole and self._requested == inputs and undrawn
+        in_bands = again and self._requested == inputs and undrawn
         if in_bands and self._bands_left:
             self._sample_band(inputs, target)
             return
@@ -98,17 +98,15 @@ class CachedPath:
             self._bands_left = BANDS
             self._sample_band(inputs, target)
             return
-        with self._timer.measure(NAME):
-            self._cache.sample(inputs, target)
+        self._cache.sample(inputs, target)
 
     def _decode_asked(self, inputs: VisibilityInputs, whole: bool) -> None:
         """Request the view's tiles, and decode those that are missing, or a frame's share of them."""
         self._is_unasked = False
         while True:
             if self._requested != inputs or self._cache.request_overflowed:
-                with self._timer.measure(NAME):
-                    self._cache.request(inputs)
-                    self._cache.answer(waits=True)
+                self._cache.request(inputs)
+                self._cache.answer(waits=True)
                 self._requested = inputs
             elif self._cache.is_pending:
                 self._cache.answer(waits=True)
@@ -126,35 +124,35 @@ class CachedPath:
         self._frames_ahead = 0
         if wanted:
             self._decode(wanted)
-        with self._timer.measure(NAME):
-            self._cache.decode_first(inputs)
-            is_new = self._requested != inputs or self._cache.request_overflowed
-            self._is_unasked = is_new and self._cache.is_pending
-            if is_new and not self._is_unasked:
-                self._cache.request(inputs)
-                self._requested = inputs
+        self._cache.decode_first(inputs)
+        is_new = self._requested != inputs or self._cache.request_overflowed
+        self._is_unasked = is_new and self._cache.is_pending
+        if is_new and not self._is_unasked:
+            self._cache.request(inputs)
+            self._requested = inputs
 
-    def update(self, textures: Collection[int], regrouped: bool) -> None:
+    def mark_stale(self, textures: Collection[int]) -> None:
         """The pack's buffers hold another version of these scene textures: their tiles are decoded anew."""
-        del regrouped
         self._cache.mark_stale(textures)
 
     def _decode(self, count: int) -> None:
         """Decode waiting tiles. Where a frame has a limit of time, it asks for the time that they took."""
+        if self._budget.milliseconds is None:
+            self._cache.decode(count)
+            return
         done = 0
 
         def note(milliseconds: float) -> None:
             self._cache.note_time(done, milliseconds)
 
-        with self._timer.measure(NAME, note if self._budget.milliseconds is not None else None):
+        with self._timer.watch(note):
             done = self._cache.decode(count)
 
     def _sample_band(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Draw the next rows."""
         band = (BANDS - self._bands_left, BANDS)
         self._bands_left -= 1
-        with self._timer.measure(NAME):
-            self._cache.sample(inputs, target, band)
+        self._cache.sample(inputs, target, band)
 
     def release(self) -> None:
         """Free the tile cache."""

@@ -55,13 +55,13 @@ class DecodeCachedPass:
         reading: PlaneReading,
         config: TileCacheConfig,
         budget: TileBudget,
-        waits: bool = True,
         lists: TexelLists | None = None,
     ) -> None:
-        """`waits`: whether every request is answered in the frame that makes it; else fewer tiles are listed. `lists`: has
-        tiles decoded in place of GLSL."""
+        """`lists`: has tiles decoded in place of GLSL."""
         self._context, self._gl, self._lists = context, context.gl, lists
-        self._most = MAX_TILE_REQUESTS if waits else LATE_TILE_REQUESTS
+        self.waits = context.waits
+        """Whether every request is answered in the frame that makes it; else fewer tiles are listed."""
+        self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
         self._programs, self._defines = programs, reading.defines()
         self._compile({**self._defines, **buffers.defines, **ranges.defines})

@@ -1,5 +1,6 @@
 """Original images under a budget: the same picture where there is room for what is in sight, a coarser one where there is not."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -66,10 +67,10 @@ def test_images_that_come_beside_the_frames_end_in_the_same_picture(
     graphics: GraphicsContext, expected: dict[str, NDArray[np.uint8]], request: pytest.FixtureRequest
 ) -> None:
     request.getfixturevalue("bounded")
-    renderer = Renderer(graphics, scene(), waits=False)
+    renderer = Renderer(replace(graphics, waits=False), scene())
     for camera in (ABOVE, CLOSE, ABOVE):
         frame = renderer.render(view(camera))
-        while frame.is_pending:
+        while not frame.is_complete:
             frame = renderer.render(view(camera))
         np.testing.assert_array_equal(read_picture(frame.image), expected[camera.name])
     renderer.release()

@@ -89,7 +89,7 @@ def test_writes_are_found(source: str, found: list[int]) -> None:
 
 
 def test_only_commands_and_event_handlers_change_the_session() -> None:
-    assert {"navigation", "inspection", "window", "requests"} <= GROUPS
+    assert {"navigation", "inspection", "window"} <= GROUPS
     assert len(FILES) > 100
     found = {str(path.relative_to(ROOT)): lines for path in FILES if (lines := writes(path.read_text()))}
     assert found == {}

@@ -1,4 +1,4 @@
-"""Packs that events open, replace and close: what the session then has, and what the renderer is told of it."""
+"""Packs that events open, replace and close: what the session then has."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.scene.model import Material
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
-from viewer.state.events import PackChangesTaken, PackClosed, PackUpdated, RunStarted
+from viewer.state.events import PackClosed, PackUpdated, RunStarted
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
@@ -26,36 +26,15 @@ def session() -> Session:
     return new_session(scene, {}, ViewerSettings(), InitialView())
 
 
-def test_changed_groups_add_up_until_the_renderer_takes_them(session: Session) -> None:
-    first, second, third = pack(1), pack(2), pack(3)
-    apply_event(session, PackUpdated("run 1", first, frozenset((0, 1))))
-    apply_event(session, PackChangesTaken())
-    assert session.requests.pack_changes == {}
-    apply_event(session, PackUpdated("run 1", second, frozenset((0,)), first))
-    apply_event(session, PackUpdated("run 1", third, frozenset((1,)), second))
-    change = session.requests.pack_changes["run 1"]
-    assert change.pack is session.packs["run 1"] is third
-    assert change.groups == frozenset((0, 1))
-
-
-def test_groups_are_unknown_where_another_pack_is_replaced(session: Session) -> None:
-    first, second, third = pack(1), pack(2), pack(3)
+def test_a_pack_is_replaced_and_the_same_one_again_changes_nothing(session: Session) -> None:
+    first, second = pack(1), pack(2)
     apply_event(session, PackUpdated("run 1", first))
-    apply_event(session, PackChangesTaken())
-    apply_event(session, PackUpdated("run 1", third, frozenset((1,)), second))
-    assert session.requests.pack_changes["run 1"].groups is None
-    apply_event(session, PackUpdated("run 1", second, frozenset((0,)), third))
-    assert session.requests.pack_changes["run 1"].groups is None, "not known since the last picture"
-
-
-def test_the_same_pack_again_changes_nothing(session: Session) -> None:
-    first = pack(1)
-    apply_event(session, PackUpdated("run 1", first))
-    apply_event(session, PackChangesTaken())
     packs = session.packs
     apply_event(session, PackUpdated("run 1", first))
     assert session.packs is packs
-    assert session.requests.pack_changes == {}
+    apply_event(session, PackUpdated("run 1", second))
+    assert session.packs is not packs
+    assert session.packs["run 1"] is second
 
 
 def test_closing_a_run_shows_what_was_shown_before(session: Session) -> None:

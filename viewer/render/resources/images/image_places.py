@@ -94,6 +94,8 @@ class ImagePlaces:
         """By array, its layers without content."""
         self._bytes = self._placed = 0
         self._wanted: frozenset[_Key] = frozenset()
+        self.version = 0
+        """Another number whenever images lie elsewhere, or other ones are coming."""
         self.side = max((max(scene.textures[texture].size) for texture, _ in self._keys.values()), default=1)
         """Largest side in texels at which the images in sight are there."""
         if not self.is_bounded:
@@ -122,6 +124,11 @@ class ImagePlaces:
         return {place: self.content[place] for place in self._pending.values()}
 
     @property
+    def in_sight(self) -> int:
+        """Images that are in sight, where they are bounded."""
+        return len(self._wanted)
+
+    @property
     def bytes_placed(self) -> int:
         """Bytes of what is there or coming, where that is bounded."""
         return self._bytes
@@ -139,6 +146,7 @@ class ImagePlaces:
         if wanted == self._wanted:
             return
         self._wanted = wanted
+        self.version += 1
         for key in [key for key in self._pending if key not in wanted]:
             self._drop(self._pending.pop(key))
         self.side = self._fitting_side(wanted)
@@ -219,6 +227,7 @@ class ImagePlaces:
     def arrived(self, places: Iterable[ImagePlace]) -> None:
         """These are there now: what was shown in their stead goes."""
         there = set(places)
+        self.version += 1
         for key in [key for key, place in self._pending.items() if place in there]:
             before = self._current.get(key)
             self._current[key] = self._pending.pop(key)

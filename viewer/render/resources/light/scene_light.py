@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.lighting.sun import Sun
+from viewer.render.pass_scheduler import Output
 from viewer.render.resources.layout import MOST_LIGHTS
 from viewer.render.resources.light.environment_maps import EnvironmentMaps
 from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView
@@ -76,6 +77,8 @@ class SceneLight:
     shadow_view: ShadowView | None = field(default=None, compare=False)
     lights: tuple[Light, ...] = ()
     kinds: SurfaceKinds = SurfaceKinds()
+    outputs: tuple[Output, ...] = field(default=(), compare=False)
+    """Of the environment and the shadow map."""
 
 
 def light_records(lights: tuple[Light, ...], eye: NDArray[np.float64]) -> NDArray[np.void]:

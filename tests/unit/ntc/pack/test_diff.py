@@ -1,11 +1,13 @@
-"""The run under way: which groups a snapshot has changed."""
+"""Which groups of a pack decode otherwise than those of the version before."""
 
 from dataclasses import replace
 
+import numpy as np
+
 from lab.bench.random_pack import random_pack
 from ntc.codec.model import Decoder, Grouping, Pack
+from ntc.pack.diff import changed_groups
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
-from viewer.training.active_run import changed_groups
 
 
 def other_decoder(decoder: Decoder) -> Decoder:
@@ -25,11 +27,19 @@ def test_a_snapshot_changes_its_group_alone() -> None:
     assert changed_groups(after, replace(after, path=None)) == frozenset()
 
 
-def test_all_groups_change_with_the_grouping_and_for_the_first_time() -> None:
+def test_latents_and_adapters_count_as_much_as_decoders() -> None:
     before = random_pack(((16, 16), (16, 16), (8, 8)), (0, 1, 1))
-    assert changed_groups(None, before) == {0, 1}
+    first = before.textures[0]
+    other = replace(first, latents=first.latents ^ np.uint8(1))
+    assert changed_groups(before, replace(before, textures=(other, *before.textures[1:]))) == {0}
+    equal = replace(first, latents=first.latents.copy())
+    assert changed_groups(before, replace(before, textures=(equal, *before.textures[1:]))) == frozenset()
+
+
+def test_textures_that_change_groups_count_where_they_decode_otherwise() -> None:
+    before = random_pack(((16, 16), (16, 16), (8, 8)), (0, 1, 1))
     moved = apply_snapshot(before, snapshot(before, 1, (1,)))
     assert moved.grouping.groups != before.grouping.groups
-    assert changed_groups(before, moved) == set(range(len(moved.decoders)))
+    assert changed_groups(before, moved) == {moved.textures[1].group}
     renamed = replace(before, grouping=Grouping("single", before.grouping.groups))
     assert changed_groups(before, renamed) == frozenset()

@@ -1,14 +1,16 @@
 """Which mips of which textures the visible pixels read: what has to be on the GPU."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.latents import LatentLevel
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.read_back import ReadBack
-from viewer.gl.timer import PassTimer
+from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.resources.layout import GROUP_SIDE, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
@@ -69,92 +71,90 @@ class NeededLevelsPass:
             part.release()
 
 
+@dataclass(eq=False)
 class VisibleLatents:
-    """Keeps the mips on the GPU that the visible pixels read of one plane of a pack's maps.
+    """What one view needs of the latents of one plane of a pack's maps, as far as it is known."""
 
-    Where frames do not wait, they are there a frame or two after the pixels: coarser mips are shown until then.
+    needed: Mapping[int, int] | None = None
+    """Finest mip by texture; None until the GPU has told."""
+    shown: NDArray[np.int32] | None = None
+    """[textures of the view] finest mip that was there when the version of the output changed last."""
+
+
+class VisibleLatentsPass:
+    """Keeps the mips on the GPU that the visible pixels of a view read of one plane of a pack's maps.
+
+    Where frames do not wait, the GPU tells a frame or two later which those are: coarser mips are shown until then.
     """
 
-    def __init__(
-        self, needed_levels: Callable[[], NeededLevelsPass] | None, buffers: PackBuffers, timer: PassTimer, waits: bool
-    ) -> None:
+    name = "latents"
+
+    def __init__(self, needed_levels: Callable[[], NeededLevelsPass] | None, buffers: PackBuffers, waits: bool) -> None:
         """`needed_levels` makes the pass, once it is needed; None: all mips of what may be visible are uploaded."""
-        self._make_pass, self._buffers, self._timer, self._waits = needed_levels, buffers, timer, waits
+        self._make_pass, self._buffers, self._waits = needed_levels, buffers, waits
         self._pass: NeededLevelsPass | None = None
-        self._shown: VisibilityInputs | None = None
-        self._known: VisibilityInputs | None = None
-        """The last view whose mips are there."""
-        store = buffers.latent_store
-        self._coarse = np.array([_first_small(pyramid) for pyramid in store.pyramids], np.int64)
+        self._coarse = np.array([_first_small(pyramid) for pyramid in buffers.latent_store.pyramids], np.int64)
         """[textures] mip that stands in for finer ones."""
-        self.version = 0
-        """Changes when mips have arrived that a picture drawn before lacks."""
 
     @property
     def bytes_on_gpu(self) -> int:
         """Buffers of the pass."""
         return 0 if self._pass is None else self._pass.bytes_on_gpu
 
-    @property
-    def is_waiting(self) -> bool:
-        """Whether it is not known yet what the last view needs."""
-        return self._shown != self._known
-
-    def upload(self, inputs: VisibilityInputs, whole: bool) -> None:
-        """Upload what this view needs, as far as is known; with `whole` all of it. Raises GpuMemoryError."""
+    def advance(self, inputs: VisibilityInputs, target: VisibleLatents, step: Step) -> Progress:
+        """Upload what the view needs, as far as is known; all of it where frames wait. Raises GpuMemoryError."""
         store, decoders = self._buffers.latent_store, self._buffers.decoder_of_texture
         textures = [texture for texture in inputs.textures if decoders[texture] >= 0]
-        if self._make_pass is None:
-            self._upload_all(inputs)
-        elif store.has(dict.fromkeys(textures, 0)):
-            self._shown = self._known = inputs
-        elif self._waits or whole:
-            if self._known != inputs:
-                self._ask(inputs)
-                self._take(waits=True)
-            self._shown = inputs
+        if not step.is_same_view:
+            target.needed = target.shown = None
+        all_of_them = dict.fromkeys(textures, 0)
+        if self._make_pass is None or store.has(all_of_them):
+            target.needed = all_of_them
+        elif self._waits or step.whole:
+            self._ask(inputs, self._make_pass)
+            self._take(inputs, target, waits=True)
         else:
             self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
-            self.poll(inputs)
+            self._take(inputs, target, waits=False)
+            if target.needed is None and not (self._pass is not None and self._pass.is_pending):
+                self._ask(inputs, self._make_pass)
+        if target.needed is not None:
+            self._buffers.need(target.needed)
+        left = len(textures) if target.needed is None else 0
+        to_come = (ToCome("textures", left, len(textures)),) if left else ()
+        return Progress(self._is_finer(textures, target), to_come)
 
-    def poll(self, inputs: VisibilityInputs) -> None:
-        """Upload what has been found out, and find out about this view. Never waits. Raises GpuMemoryError."""
-        if self._make_pass is None:
-            # A picture that is shown without having been drawn from these latents is of a pack before.
-            is_first = self._shown is None
-            self.version += self._upload_all(inputs) or is_first
-            return
-        self._shown = inputs
-        self._take(waits=False)
-        if self.is_waiting and not (self._pass is not None and self._pass.is_pending):
-            self._ask(inputs)
+    def _is_finer(self, textures: Sequence[int], target: VisibleLatents) -> bool:
+        """Whether pixels of the view read finer mips than when this was asked last."""
+        there = self._buffers.latent_store.finest[textures]
+        if target.shown is not None:
+            levels = dict.fromkeys(textures, 0) if target.needed is None else target.needed
+            needed = np.array([levels.get(texture, NOT_VISIBLE) for texture in textures], np.int32)
+            if not np.any(np.maximum(there, needed) < np.maximum(target.shown, needed)):
+                return False
+        target.shown = there
+        return True
 
-    def _upload_all(self, inputs: VisibilityInputs) -> bool:
-        """All mips of what may be visible; whether some were missing."""
-        decoders = self._buffers.decoder_of_texture
-        self._shown = self._known = inputs
-        return self._buffers.need({texture: 0 for texture in inputs.textures if decoders[texture] >= 0})
+    def _ask(self, inputs: VisibilityInputs, make_pass: Callable[[], NeededLevelsPass]) -> None:
+        self._pass = self._pass or make_pass()
+        self._pass.run(inputs, self._buffers)
 
-    def _ask(self, inputs: VisibilityInputs) -> None:
-        assert self._make_pass is not None
-        self._pass = self._pass or self._make_pass()
-        with self._timer.owned_by(None), self._timer.measure("latents"):
-            self._pass.run(inputs, self._buffers)
-
-    def _take(self, waits: bool) -> None:
+    def _take(self, inputs: VisibilityInputs, target: VisibleLatents, waits: bool) -> None:
+        """Upload what the GPU has told last, which may be of a view before."""
         answer = None if self._pass is None else self._pass.answer(waits)
         if answer is None:
             return
-        levels, self._known = answer
-        is_new = self._buffers.need(levels)
-        # A frame that waits has them before it draws.
-        self.version += is_new and not self._waits
+        levels, told = answer
+        if told == inputs:
+            target.needed = levels
+        else:
+            self._buffers.need(levels)
 
     def release(self) -> None:
         """Free the pass."""
         if self._pass is not None:
             self._pass.release()
-        self._pass = self._shown = self._known = None
+        self._pass = None
 
 
 def _first_small(pyramid: Sequence[LatentLevel]) -> int:

@@ -1,0 +1,155 @@
+"""What a window is to do until it rests, and what makes its reading slow and its memory small: told to its program as JSON."""
+
+import random
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import msgspec
+
+from viewer.gl.read_back import ReadBack
+from viewer.render.image_sources import ImageSources
+from viewer.render.resources.latent_store import LatentBudget
+from viewer.scene.model import SceneTexture
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What is done with a window that rests, before it is left alone until it rests again."""
+
+    name: str
+    commands: tuple[str, ...] = ()
+    """Lines as in scripts. A line that cannot be carried out ends the program."""
+    drops: tuple[str, ...] = ()
+    """Files that are dropped on the window, before the commands."""
+
+
+@dataclass(frozen=True)
+class Budgets:
+    """Limits of memory that are smaller than the usual ones; None for those."""
+
+    latent_bytes: int | None = None
+    image_bytes: int | None = None
+    tile_megabytes: int | None = None
+    """Of the tile cache, which a window takes from its settings."""
+
+
+USUAL = Budgets()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A window from its opening to its end."""
+
+    arguments: tuple[str, ...]
+    """Of `ntc-viewer view`."""
+    stages: tuple[Stage, ...] = ()
+    """After the first rest, which is called `start`."""
+    budgets: Budgets = USUAL
+    slowest_read: float = 0.0
+    """Reading an image takes up to so many seconds longer."""
+    slowest_answer: float = 0.0
+    """What is read back from the GPU comes up to so many seconds later."""
+    seed: int = 0
+    """Of the delays."""
+    records_figures: bool = False
+    """Whether pictures are kept of frames that show figures as current."""
+    idle_seconds: float = 0.0
+    """The last rest is watched for so long."""
+    patience: float = 90.0
+    """Seconds that a window may take to come to rest."""
+
+
+def plan_of(text: bytes) -> Plan:
+    """The plan in JSON text."""
+    return msgspec.json.decode(text, type=Plan)
+
+
+@contextmanager
+def small_budgets(budgets: Budgets) -> Iterator[None]:
+    """Within the block what is made has these limits where none are given."""
+    with _default_of(LatentBudget, budgets.latent_bytes), _default_of(ImageSources, budgets.image_bytes):
+        yield
+
+
+@contextmanager
+def _default_of(kind: type[Any], last: int | None) -> Iterator[None]:
+    """Within the block the last default of `kind`, a number of bytes, is another one; None: it stays."""
+    if last is None:
+        yield
+        return
+    make: Any = kind.__init__
+    before = make.__defaults__
+    assert isinstance(before[-1], int), f"{kind.__name__}: its last default is no number of bytes"
+    make.__defaults__ = (*before[:-1], last)
+    try:
+        yield
+    finally:
+        make.__defaults__ = before
+
+
+class SlowReading:
+    """Makes images and what is read back from the GPU come late, by random times of one seed. For the rest of a process."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.delays: list[float] = []
+        """Seconds, in the order in which they were drawn."""
+        self._plan, self._random = plan, random.Random(plan.seed)
+        self._due: dict[int, float] = {}
+        """Monotonic seconds before which an answer is not there, by the object that reads it back."""
+
+    def _delay(self, longest: float) -> float:
+        # Threads that draw at the same time draw different numbers: `random` is locked by the interpreter.
+        self.delays.append(self._random.random() * longest)
+        return self.delays[-1]
+
+    def install(self) -> None:
+        """From now on."""
+        if self._plan.slowest_read > 0.0:
+            for name in ("pixels", "further_maps"):
+                self._slow_property(name)
+        if self._plan.slowest_answer > 0.0:
+            self._slow_answers()
+
+    def _slow_property(self, name: str) -> None:
+        read: Any = vars(SceneTexture)[name].fget
+
+        def slow(texture: SceneTexture) -> Any:
+            time.sleep(self._delay(self._plan.slowest_read))
+            return read(texture)
+
+        mock.patch.object(SceneTexture, name, property(slow)).start()
+
+    def _slow_answers(self) -> None:
+        newest: Any = ReadBack.newest
+
+        def late(back: ReadBack[Any]) -> Any:
+            if not back.is_pending:
+                return newest(back)
+            now = time.monotonic()
+            if now < self._due.setdefault(id(back), now + self._delay(self._plan.slowest_answer)):
+                return None
+            answer = newest(back)
+            if answer is not None:
+                del self._due[id(back)]
+            return answer
+
+        wait: Any = ReadBack.wait
+
+        def at_once(back: ReadBack[Any]) -> Any:
+            # Who waits gets it.
+            self._due[id(back)] = 0.0
+            return wait(back)
+
+        mock.patch.object(ReadBack, "newest", late).start()
+        mock.patch.object(ReadBack, "wait", at_once).start()
+
+
+def write_plan(path: Path, plan: Plan) -> Path:
+    """Write `plan` as JSON."""
+    path.write_bytes(msgspec.json.encode(plan))
+    return path

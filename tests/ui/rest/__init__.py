@@ -1,0 +1,1 @@
+"""Windows that nobody touches must rest on the picture that `render` draws."""

@@ -1,0 +1,78 @@
+"""Images that are read slowly, answers of the GPU that come many frames later, and memory that holds not all of a scene."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.rest.detailed_scenes import encode, write_wall
+from tests.support.rest.plan import Budgets, Stage
+from tests.ui.rest.conftest import Check, Start
+from viewer.state.view_state import REFERENCE
+
+pytestmark = [pytest.mark.process, pytest.mark.slow]
+
+SLOWEST = 2.0
+"""Seconds."""
+MATERIALS, SIDE = 4, 256
+IMAGE_BYTES = 4 * MATERIALS * SIDE * SIDE * 4 * 4 // 3 // 3
+"""Of all maps of the scene, about a third."""
+LATENT_BYTES = 60_000
+TILE_MEGABYTES = 4
+NEAR = "camera.look 0.5 0.5 0.4 0.5 0.5 0"
+"""One of the four squares fills the picture."""
+
+
+@pytest.fixture(scope="module")
+def four(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene of four materials with a pack of 4 bits beside it."""
+    path = write_wall(tmp_path_factory.mktemp("four") / "four.glb", MATERIALS, SIDE)
+    encode(path, path.with_suffix(".clustered.ntc"))
+    return path
+
+
+@pytest.mark.parametrize(("path", "seed"), [("deferred", 1), ("deferred", 2), ("cached", 3)])
+def test_answers_that_come_late(start: Start, check: Check, wall: Path, path: str, seed: int) -> None:
+    played = start(str(wall), "--path", path, slowest_answer=SLOWEST, seed=seed)
+    check(played.of("start"))
+
+
+def test_a_map_of_decoders_whose_answers_come_late(start: Start, check: Check, wall: Path) -> None:
+    stages = (Stage("map", ("overlay.kind divergence", "overlay.opacity 0.3", "compare.mode side-by-side")),)
+    played = start(str(wall), stages=stages, slowest_answer=SLOWEST)
+    check(played.of("map"))
+
+
+def test_images_and_answers_that_come_late(start: Start, check: Check, four: Path) -> None:
+    played = start(str(four), slowest_read=SLOWEST, slowest_answer=SLOWEST)
+    check(played.of("start"))
+
+
+@pytest.mark.parametrize("slowest", [0.0, SLOWEST])
+def test_images_that_there_is_no_room_for(start: Start, check: Check, four: Path, slowest: float) -> None:
+    """They are read in threads, while frames show coarser ones."""
+    budgets = Budgets(image_bytes=IMAGE_BYTES)
+    stages = (Stage("near", (NEAR,)), Stage("base", ("materials.view base",)))
+    played = start(str(four), "--grouping", REFERENCE, stages=stages, budgets=budgets, slowest_read=slowest)
+    for name in ("start", "near", "base"):
+        check(played.of(name), budgets)
+
+
+@pytest.mark.parametrize("path", ["deferred", "cached"])
+def test_latents_of_one_texture_at_a_time(start: Start, check: Check, four: Path, path: str) -> None:
+    """The budget holds what each of two near views needs, but neither both nor what the first view needs: coarser mips there.
+
+    Path cached decodes its tiles a few at a time, and so from finer mips than `render`, which decodes them at once.
+    """
+    budgets = Budgets(latent_bytes=LATENT_BYTES)
+    stages = (Stage("near", (NEAR,)), Stage("aside", ("camera.look -0.5 0.5 0.4 -0.5 0.5 0",)))
+    played = start(str(four), "--path", path, stages=stages, budgets=budgets)
+    for name in ("near", "aside") if path == "cached" else ("start", "near", "aside"):
+        check(played.of(name), budgets)
+
+
+def test_tiles_in_a_small_cache(start: Start, check: Check, four: Path) -> None:
+    budgets = Budgets(tile_megabytes=TILE_MEGABYTES)
+    stages = (Stage("near", (NEAR,)), Stage("back", ("camera.next",)))
+    played = start(str(four), "--path", "cached", stages=stages, budgets=budgets)
+    for name in ("start", "near", "back"):
+        check(played.of(name), budgets)

@@ -1,0 +1,37 @@
+"""Every path, filter, view and way to compare, each from a scene that has just been opened: what rests is what `render` draws."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.rest.plan import Plan, Stage
+from tests.support.rest.records import Played, play
+from tests.ui.rest.conftest import Check
+
+pytestmark = [pytest.mark.process, pytest.mark.slow]
+
+PATHS = [
+    f"slot.path a {path}; slot.filter a {texels}"
+    for path in ("forward", "deferred", "binned", "cached", "auto")
+    for texels in ("exact", "stochastic")
+]
+VIEWS = [f"materials.view {view}" for view in ("lit", "base", "normal", "orm", "emissive")]
+MODES = [f"compare.mode {mode}" for mode in ("a", "b", "wipe", "wipe-horizontal", "side-by-side")]
+DIFFERENCES = [f"compare.difference {kind}" for kind in ("raw", "amplified", "relative", "flip")]
+OVERLAYS = [f"overlay.kind {kind}; overlay.opacity 0.3" for kind in ("divergence", "error-texture")]
+SIZE = (480, 270)
+WAYS = [*PATHS, *VIEWS, *MODES, *DIFFERENCES, *OVERLAYS]
+
+
+@pytest.fixture(scope="module")
+def played(screen: str, wall: Path, tmp_path_factory: pytest.TempPathFactory) -> Played:
+    """One window for all: for each way it opens the scene anew, so that nothing of it is on the GPU, and is left alone."""
+    # The view of materials outlives the scene.
+    opened = (f"file.open '{wall}'", "materials.view lit")
+    stages = tuple(Stage(way, (*opened, *way.split("; "))) for way in WAYS)
+    return play(screen, tmp_path_factory.mktemp("ways"), Plan((str(wall),), stages), SIZE)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_scene_that_was_just_opened(played: Played, check: Check, way: str) -> None:
+    check(played.of(way))

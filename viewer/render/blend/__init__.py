@@ -1,1 +1,0 @@
-"""Pictures of BLEND surfaces, as means of several samples."""
