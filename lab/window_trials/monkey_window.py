@@ -82,7 +82,7 @@ class MonkeyWindow(WindowApp):
             self._held.remove((at, let_go))
         if now >= self._ends:
             # What a session manager does: no question is answered.
-            self.session.requests.close = True
+            self.run("window.close")
         elif now >= self._next_action:
             self._next_action = now + self._random.expovariate(1.0 / SECONDS_BETWEEN_ACTIONS)
             (action,) = self._random.choices(list(self._actions), list(self._actions.values()))

@@ -7,18 +7,24 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from tests.support.spoilt_files import finish_opening
 from viewer.app.headless import HeadlessApp
-from viewer.capture.picture_writer import read_pixels
+from viewer.capture.film import read_pixels
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 
 class DrivenApp(HeadlessApp):
     """A HeadlessApp with the hands of a person."""
 
+    def run(self, command_id: str, *values: object) -> None:
+        """Run a command; what it opens is open then. What keeps it from being carried out becomes a message."""
+        super().run(command_id, *values)
+        finish_opening(self.effects.opening)
+
     def settle(self) -> None:
         """Draw until the layout rests, and what is opened is open."""
         self.frame(SETTLING_FRAMES)
-        while self.frontend.slow.are_waiting:
+        while self.is_opening:
             time.sleep(0.005)
             self.frame(SETTLING_FRAMES)
         while self.frontend.interface.is_settling(self.session):

@@ -1,4 +1,4 @@
-"""Ways to spoil a file, a scene of several files to spoil, and a session on it."""
+"""Ways to spoil a file, a scene of several files to spoil, and a session on it whose commands are carried out at once."""
 
 import os
 import time
@@ -12,8 +12,11 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, png
+from viewer.app.effects import Effects
+from viewer.app.opening import Opening
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
+from viewer.commands.effects import Effect
 from viewer.scene.load import load_scene
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import open_packs, packs_beside
@@ -88,10 +91,30 @@ def pack_of(path: Path, seed: int = 0) -> Pack:
     return random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
 
 
+def finish_opening(opening: Opening) -> None:
+    """Open all that waits, as if frames had shown it."""
+    began = time.monotonic()
+    while opening.is_under_way:
+        opening.note_shown()
+        opening.advance()
+        assert time.monotonic() - began < SECONDS
+        time.sleep(0.001)
+
+
+class PromptEffects(Effects):
+    """What a command asks to be opened is open when it has run."""
+
+    def perform(self, effect: Effect) -> None:
+        super().perform(effect)
+        finish_opening(self.opening)
+
+
 def open_context(path: Path) -> Context:
     """A session on the scene at `path` with the packs beside it; pictures go beside the scene."""
     scene, packs, pictures = load_scene(path), open_packs(packs_beside(path)), path.parent / "pictures"
-    return Context(new_session(scene, packs, ViewerSettings(), InitialView(), pictures))
+    context = Context(new_session(scene, packs, ViewerSettings(), InitialView(), pictures))
+    PromptEffects(context)
+    return context
 
 
 def errors(context: Context) -> list[str]:

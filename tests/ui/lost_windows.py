@@ -94,7 +94,7 @@ def take_pictures(app: WindowApp, name: str) -> str:
     session = app.session
     for _ in range(100):
         app.show(1)
-        if app.frontend.is_settled(app.size):
+        if app.is_settled:
             break
     session.window.toasts = ()
     app.run("file.screenshot-picture", "plain", f"{name}.png")

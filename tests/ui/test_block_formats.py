@@ -118,7 +118,7 @@ def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldPro
     driven.frame(2)
     driven.run("slot.source", "a", "single")
     driven.frame(2)
-    assert driven.session.requests.formats == {}
+    assert driven.session.awaited_formats == {}
     assert driven.session.view.slot_a.source == "single"
     process.may_go = True
     until(driven, lambda: driven.is_settled)
@@ -141,7 +141,7 @@ def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, process: Hel
     process.may_go = False
     driven.run("slot.source", "a", "bc1")
     driven.run("compare.swap")
-    assert driven.session.requests.formats == {"b": "bc1"}
+    assert driven.session.awaited_formats == {"b": "bc1"}
 
 
 def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, process: HeldProcess) -> None:
@@ -184,7 +184,7 @@ def test_a_saved_view_asks_for_its_formats_again(driven: DrivenApp, tmp_path: Pa
     driven.run("slot.source", "b", "reference")
     driven.session.compressed = {}
     driven.run("view.load", tmp_path / "view.json")
-    assert driven.session.requests.formats == {"b": "bc1"}
+    assert driven.session.awaited_formats == {"b": "bc1"}
     assert "not open" not in toasts(driven)
     until(driven, lambda: driven.is_settled)
     assert driven.session.view.slot_b.source == "bc1"
@@ -211,7 +211,7 @@ def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, process
     driven.frame(3)
     assert driven.widgets.explanation("work") == "encoding bc1: 0 %"
     driven.click("cancel work")
-    assert driven.session.requests.formats == {}
+    assert driven.session.awaited_formats == {}
     assert "work" not in driven.widgets.labels()
     assert driven.session.view.slot_a == before
 

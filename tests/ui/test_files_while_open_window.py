@@ -12,9 +12,9 @@ from imgui_bundle import imgui
 from ntc.pack.file import read_pack
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, write_scene
+from viewer.commands.effects import PictureKind
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.session import PictureKind
 from viewer.state.settings import ViewerSettings
 
 

@@ -159,9 +159,9 @@ def courtyard(folder: Path) -> Path:
 def searched(app: DrivenApp) -> None:
     """Draw until the search has ended."""
     deadline = time.monotonic() + 60.0
-    while app.session.requests.first_view and time.monotonic() < deadline:
+    while app.session.seeks_first_view and time.monotonic() < deadline:
         app.frame()
-    assert not app.session.requests.first_view
+    assert not app.session.seeks_first_view
 
 
 def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import hide_panels, write_scene
+from viewer.commands import run_or_notify
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -192,7 +193,7 @@ def test_escape_closes_the_dialog_and_nothing_else(app: DrivenApp) -> None:
     dialog(app)
     app.press(imgui.Key.escape)
     assert not app.session.window.file_dialog
-    assert not app.session.requests.close
+    assert not app.is_closing
 
 
 def test_a_scene_that_cannot_be_drawn_is_put_away(
@@ -277,7 +278,7 @@ def test_look_suggests_where_the_camera_is(app: DrivenApp) -> None:
 
 def test_a_frame_says_what_is_opened_before_the_window_stands_still(app: DrivenApp, tmp_path: Path) -> None:
     path, before = write_scene(tmp_path, seed=19), app.session.scene
-    app.frontend.slow.emit("file.open", path)
+    run_or_notify(app.context, "file.open", path)
     assert not app.is_settled
     app.frame()
     assert app.session.scene is before
@@ -291,7 +292,7 @@ class HeldReading:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.may_go_on, self.began = threading.Event(), threading.Event()
-        monkeypatch.setattr("viewer.app.slow_commands.load_scene", self._load)
+        monkeypatch.setattr("viewer.state.open_files.load_scene", self._load)
 
     def _load(self, path: Path, report: JobReport) -> Scene:
         report.progress(1, 4)
@@ -303,14 +304,14 @@ class HeldReading:
 
 def test_frames_go_on_while_a_scene_is_read(app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     reading, path, before = HeldReading(monkeypatch), write_scene(tmp_path, seed=19), app.session.scene
-    app.frontend.slow.emit("file.open", path)
+    run_or_notify(app.context, "file.open", path)
     app.frame(2)
     assert reading.began.wait(60.0)
     app.frame(3)
     assert app.session.scene is before
     assert app.widgets.explanation("work").startswith("opening scene.glb: 25 %")
     assert not app.is_settled
-    app.run("view.magnify", 2.0)
+    run_or_notify(app.context, "view.magnify", 2.0)
     assert app.session.view.zoom.factor == 2.0
     reading.may_go_on.set()
     app.settle()
@@ -321,15 +322,17 @@ def test_frames_go_on_while_a_scene_is_read(app: DrivenApp, tmp_path: Path, monk
 def test_reading_can_be_ended(app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by: str) -> None:
     reading, path, before = HeldReading(monkeypatch), write_scene(tmp_path, seed=19), app.session.scene
     packs, view = app.session.packs, app.session.view
-    app.frontend.slow.emit("file.open", path)
+    run_or_notify(app.context, "file.open", path)
     app.frame(2)
     assert reading.began.wait(60.0)
-    app.run("window.dismiss") if by == "Escape" else app.frontend.slow.emit("file.cancel-opening")
+    run_or_notify(app.context, "window.dismiss") if by == "Escape" else run_or_notify(
+        app.context, "file.cancel-opening"
+    )
     reading.may_go_on.set()
     app.settle()
     assert (app.session.scene, app.session.packs, app.session.view) == (before, packs, view)
     assert app.session.window.log[-1].text == "scene.glb: not opened, as you asked"
-    app.frontend.slow.emit("file.open", path)
+    run_or_notify(app.context, "file.open", path)
     app.settle()
     assert app.session.scene.path == path
 
@@ -337,7 +340,7 @@ def test_reading_can_be_ended(app: DrivenApp, tmp_path: Path, monkeypatch: pytes
 def test_what_cannot_be_read_leaves_all_as_it_was(app: DrivenApp, tmp_path: Path) -> None:
     before = app.session.scene
     (tmp_path / "broken.glb").write_bytes(b"glTF")
-    app.frontend.slow.emit("file.open", tmp_path / "broken.glb")
+    run_or_notify(app.context, "file.open", tmp_path / "broken.glb")
     app.settle()
     assert app.session.scene is before
     assert app.session.window.log[-1].kind == "error"

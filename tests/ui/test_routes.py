@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
-from viewer.app import frontend, slow_commands
+from viewer.app import frontend
 from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
@@ -57,9 +57,7 @@ def seen(shared: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
         else:
             run(context, command_id, *values)
 
-    monkeypatch.setattr(slow_commands, "run_or_notify", note)
-    # Nothing is read before a command that opens it.
-    monkeypatch.setattr(slow_commands.SlowCommands, "_has_read", lambda _slow, _path: True)
+    monkeypatch.setattr(frontend, "run_or_notify", note)
     # What cannot run now is grey.
     monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "")
     monkeypatch.setattr(parse, "run", note)

@@ -12,6 +12,7 @@ from PIL.WebPImagePlugin import WebPImageFile
 
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
+from tests.ui.conftest import write_scene
 from viewer.commands import COMMANDS
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
@@ -265,9 +266,17 @@ def test_errors_that_are_expected_do_not_end_it(app: DrivenApp) -> None:
     assert not app.session.window.show_panels
 
 
+def test_a_line_that_opens_a_file_ends_when_it_is_open(app: DrivenApp, tmp_path: Path) -> None:
+    path = write_scene(tmp_path, seed=31)
+    before = app.session.scene
+    play(app, f"file.open '{path}'", f"file.open '{path.with_name('scene.single.ntc')}'", "expect source single")
+    assert app.session.scene.path == path
+    assert app.session.scene is not before
+
+
 def test_closing_ends_a_script(app: DrivenApp) -> None:
     play(app, "window.close", "expect source nothing-of-the-kind")
-    assert app.session.requests.close
+    assert app.is_closing
 
 
 def test_keys_of_the_users_own(app: DrivenApp) -> None:

@@ -14,7 +14,7 @@ def settle(app: DrivenApp) -> None:
     """Frames until nothing more is to come."""
     for _ in range(FRAMES):
         app.frame()
-        if app.frontend.is_settled(app.size):
+        if app.is_settled:
             return
     raise AssertionError("it never settles")
 

@@ -15,6 +15,7 @@ from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, hide_panels
 from viewer.commands import COMMANDS, run
 from viewer.commands.command import Command
+from viewer.commands.effects import Effect
 from viewer.commands.keys import parse_chord
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
@@ -23,8 +24,9 @@ from viewer.script.inputs import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, Overlay, Slot
+from viewer.state.view_state import REFERENCE, Overlay, Side, Slot
 from viewer.state.zoom import Zoom
+from viewer.ui.panels.timings import timings_text
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
@@ -88,7 +90,7 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> 
     app.click("A precision: auto")
     for _ in range(2000):
         app.frame()
-        if not app.session.requests.precision:
+        if not app.session.precision_searches:
             break
         time.sleep(0.01)
     assert app.session.view.slot_a.precision != "fp32", "weights of the built-in packs are halves"
@@ -97,7 +99,7 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> 
 
 def test_auto_lasts_until_another_precision_is_asked_for(app: DrivenApp) -> None:
     app.run("slot.precision", "a", "auto")
-    assert not app.frontend.is_settled(app.size)
+    assert not app.is_settled
     app.run("slot.precision", "a", "fp32")
     for _ in range(20):
         app.frame()
@@ -201,6 +203,24 @@ def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
     assert app.frontend.picture.frames_drawn == drawn + 1
 
 
+def test_the_window_says_why_it_draws(app: DrivenApp) -> None:
+    assert app.frontend.reasons(SIZE) == ()
+    app.frame()
+    assert "drawing because: the mouse" in timings_text(app.frontend.facts())
+    app.run("camera.turntable", 30.0)
+    assert "the camera moves" in app.frontend.reasons(SIZE)
+    app.frame()
+    assert "drawing because: the camera moves" in timings_text(app.frontend.facts())
+    app.run("camera.stop")
+    app.run("file.screenshot", "a.png")
+    assert "a picture is written" in app.frontend.reasons(SIZE)
+    app.settle()
+    app.session.precision_searches = frozenset[Side](("a",))
+    assert app.frontend.reasons(SIZE) == ("finding the cheapest precision",)
+    assert not app.is_settled
+    assert not app.frontend.needs_frame(SIZE), "a frame was drawn just now, and none is due before it has been found"
+
+
 def test_measuring_fills_the_table(app: DrivenApp) -> None:
     # So that the edge between the two squares falls inside blocks.
     camera = replace(app.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
@@ -302,12 +322,14 @@ def test_resolution(app: DrivenApp) -> None:
 
 def state_of(session: Session) -> dict[str, Any]:
     """Everything in a session, its groups as they are now."""
-    groups = ("navigation", "inspection", "window", "requests")
+    groups = ("navigation", "inspection", "window")
     return {name: copy.copy(value) if name in groups else value for name, value in vars(session).items()}
 
 
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.key], ids=lambda command: command.id)
-def test_every_key_runs_its_command(app: DrivenApp, command: Command) -> None:
+def test_every_key_runs_its_command(app: DrivenApp, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    effects: list[Effect] = []
+    monkeypatch.setattr(app.context, "perform", effects.append)
     moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
     app.session.view = replace(app.session.view, camera=moved, zoom=Zoom(2.0))
     # Something that Escape closes.
@@ -316,7 +338,7 @@ def test_every_key_runs_its_command(app: DrivenApp, command: Command) -> None:
     for down in (True, False):
         for _ in hold(parse_chord(command.key), down):
             app.frame()
-        assert state_of(app.session) != before or app.session.window.toasts
+        assert state_of(app.session) != before or app.session.window.toasts or effects
 
 
 def test_help_lists_the_keys(app: DrivenApp) -> None:
@@ -327,10 +349,10 @@ def test_help_lists_the_keys(app: DrivenApp) -> None:
 def test_escape_closes_an_open_list_and_not_the_window(app: DrivenApp) -> None:
     app.click("A source")
     app.press(imgui.Key.escape)
-    assert not app.session.requests.close
+    assert not app.is_closing
     assert "A source: single" not in app.widgets.labels()
     app.press(imgui.Key.escape)
-    assert not app.session.requests.close
+    assert not app.is_closing
 
 
 def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:

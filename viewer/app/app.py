@@ -5,6 +5,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
+from viewer.app.effects import Effects
 from viewer.app.frontend import Frontend
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
@@ -32,8 +33,12 @@ class App:
         kept = KeptRuns(kept_runs_folder()) if self.keeps_runs else None
         self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text, kept)
         self.training = self.context.training
-        self.frontend = Frontend(graphics, self.context, self.prepares_ahead)
+        self.effects = Effects(self.context)
+        self.frontend = self._frontend(graphics)
         self._appearance = Appearance()
+
+    def _frontend(self, graphics: GraphicsContext) -> Frontend:
+        return Frontend(graphics, self.context, self.effects, self.prepares_ahead)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -42,8 +47,18 @@ class App:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the next frames would show the same picture: it is whole, and nothing moves it."""
-        return self.frontend.is_settled(self.size)
+        """Whether nothing is to come that the next frames would show."""
+        return not self.frontend.reasons(self.size)
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether a file is still to be opened."""
+        return self.effects.opening.is_under_way
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the window is to be closed."""
+        return self.effects.is_closing
 
     @property
     def widgets(self) -> WidgetRects:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -9,12 +10,12 @@ import moderngl
 from imgui_bundle import imgui
 
 from ntc.errors import InputError
+from viewer.app.effects import Effects
 from viewer.app.frame_facts import FactsReader
-from viewer.app.slow_commands import SlowCommands
-from viewer.app.work_under_way import WorkUnderWay
-from viewer.capture.picture_writer import PictureWriter
-from viewer.commands import bindings, why_not
+from viewer.app.work_under_way import WorkUnderWay, training_work
+from viewer.commands import bindings, run_or_notify, why_not
 from viewer.commands.command import Context
+from viewer.commands.effects import Measure, RaisePanel, ResetLayout
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.inspect.format_encoding import FormatEncoding
@@ -29,10 +30,10 @@ from viewer.state.event_handlers import (
     apply_event,
     expire_pointing,
     expire_toasts,
-    finish_measurement,
     notify,
     sample_camera,
     set_flicker_phase,
+    set_measurements,
     set_panel_titles,
     set_unsupported,
     start_frame,
@@ -55,10 +56,14 @@ POLL_SECONDS = 0.05
 class Frontend:
     """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
-    def __init__(self, graphics: GraphicsContext, context: Context, prepares_ahead: bool = False) -> None:
-        """`prepares_ahead`: whether the encoding of a scene without a pack is prepared once it is drawn."""
+    def __init__(
+        self, graphics: GraphicsContext, context: Context, effects: Effects, prepares_ahead: bool = False
+    ) -> None:
+        """`effects` carries out what the commands of `context` ask for. `prepares_ahead`: whether the encoding of a scene without a
+        pack is prepared once it is drawn.
+        """
         session = context.session
-        self._graphics, self._context, self.session = graphics, context, session
+        self._graphics, self._context, self._effects, self.session = graphics, context, effects, session
         emit = partial(apply_event, session)
         for problem in bindings(session.settings.keys).problems:
             notify(session, problem, "error")
@@ -68,7 +73,6 @@ class Frontend:
         self._times = FrameTimes(graphics.waits)
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
         self.reader = FactsReader(graphics, session, self.picture, self._times)
-        self._writer = PictureWriter(graphics, session, self.picture)
         self._first_view = FirstView(self.interface.background, emit)
         self._precision = PrecisionSearch(
             self.interface.background, partial(self.picture.variants.precisions, graphics), emit
@@ -78,21 +82,24 @@ class Frontend:
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
         self._work = WorkUnderWay()
-        self.slow = SlowCommands(context)
         self._news = False
         """Whether jobs have found something since the last frame."""
         self._built_at = -math.inf
         """Monotonic seconds."""
         self._training_shown: tuple[object, ...] = ()
         """Of the last frame."""
+        self._because: tuple[str, ...] = ()
+        """What the last frame was drawn for."""
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
         encoding, last = self._formats.progress, self.picture.last
-        to_come = last.to_come if last is not None else ()
-        found = self._work.read(self.session, self._context.training, encoding, self.live.is_computing, to_come)
-        work = (*self.slow.work, *found)
-        return replace(self.reader.read(self.live.figures, self._is_training, encoding), work=work)
+        beside = self._work.read(
+            self.session, encoding, self.live.is_computing, last.to_come if last is not None else ()
+        )
+        work = (*self._effects.opening.work, *training_work(self._context.training), *beside)
+        found = self.reader.read(self.live.figures, self._is_training, encoding)
+        return replace(found, work=work, drawn_because=self._because)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.
@@ -100,7 +107,8 @@ class Frontend:
         `size` (width, height) in pixels is the window's.
         """
         session, room = self.session, self._picture_size(size)
-        self.slow.run_announced()
+        self._because = self.reasons(size)
+        self._effects.opening.advance()
         self._times.begin()
         self._news, self._built_at = False, time.monotonic()
         self._tick_training()
@@ -122,8 +130,13 @@ class Frontend:
         reason = partial(why_not, self._context)
         facts = self.facts()
         # Before the panels are drawn: what they ask for is shown by the next frame only.
-        self.slow.note_shown()
-        frame = UiFrame(session, self._context.training, facts, self.slow.emit, self.interface.rects, reason)
+        self._effects.opening.note_shown()
+        for panel in self._effects.take(RaisePanel):
+            self.interface.raise_panel(panel.title)
+        if self._effects.take(ResetLayout):
+            self.interface.reset_layout()
+        emit = partial(run_or_notify, self._context)
+        frame = UiFrame(session, self._context.training, facts, emit, self.interface.rects, reason)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():
             notify(session, problem, "error")
@@ -140,49 +153,86 @@ class Frontend:
         if self._graphics.waits:
             self._times.end()
         self._graphics.reset.check()
-        self._writer.write_requested(framebuffer)
+        self._effects.write_pictures(self._graphics, framebuffer, self.picture)
 
     def presented(self) -> None:
         """The frame has been handed to the window system."""
         if not self._graphics.waits:
             self._times.end()
 
+    def reasons(self, size: tuple[int, int]) -> tuple[str, ...]:
+        """Why the window draws another frame now, or will as soon as something has ended, in plain lines; empty while it rests.
+
+        `size` (width, height) in pixels is the window's. A training draws frames by its news, and is none of the reasons.
+        """
+        return tuple(dict.fromkeys((*self._due(size), *self._awaited())))
+
     def needs_frame(self, size: tuple[int, int]) -> bool:
-        """Whether the picture or a panel is out of date, a message is about to end, or a request is open."""
+        """Whether a frame is to be drawn now."""
         return self.frames_needed(size) > 0
 
     def frames_needed(self, size: tuple[int, int]) -> int:
-        """How many frames show what has changed: one for the figures of a training, else as many as the layout needs; 0 for none."""
+        """How many frames show what has changed: as many as the layout needs, one for news of what is under way, 0 for none."""
         self._follow_training()
         self._record_camera()
-        if self._is_out_of_date(size):
+        if any(self._due(size)):
             return SETTLING_FRAMES
-        shown = self._training_shown
-        news = shown != self._training_facts()
-        return int(news and (time.monotonic() - self._built_at >= SECONDS_BETWEEN_FIGURES))
+        news = self._training_shown != self._training_facts() or any(self._awaited())
+        return int(news and time.monotonic() - self._built_at >= SECONDS_BETWEEN_FIGURES)
 
-    def _is_out_of_date(self, size: tuple[int, int]) -> bool:
-        session = self.session
-        waiting = session.requests.camera_path is not None
-        pointed = session.inspection.pointed_out
-        ends = [toast.until for toast in session.window.toasts] + ([] if pointed is None else [pointed.until])
-        ending = any(end is not None and end <= time.monotonic() for end in ends)
-        comparing = self._compares and self.live.has_work(self._figures_are_wanted(), time.monotonic())
+    def _due(self, size: tuple[int, int]) -> Iterator[str]:
+        """Why the next frame shows something else than the last."""
+        session, now, room = self.session, time.monotonic(), self._picture_size(size)
+        encoded, computed = self._formats.take_news(), self.interface.background.take_news()
+        # Kept until a frame shows it, whoever asks first.
+        self._news = self._news or encoded or computed
+        if self._news:
+            yield "work beside the frames has a result"
+        # ImGui takes one press or release of a key or button in a frame, however many came at once.
+        if not imgui.get_current_context().input_events_queue.empty():
+            yield "keys or buttons were pressed"
+        if room is None or self.interface.is_settling(session):
+            yield "panels find their places"
+        if any(toast.until is not None and toast.until <= now for toast in session.window.toasts):
+            yield "a message ends"
+        pointed, tooltip = session.inspection.pointed_out, self.interface.rects.tooltips.seconds_until_due
+        if pointed is not None and pointed.until is not None and pointed.until <= now:
+            yield "textures are no longer highlighted"
+        if tooltip is not None and tooltip <= 0.0:
+            yield "an explanation appears"
+        if self._compares and self.live.has_work(self._figures_are_wanted(), now):
+            yield "A is compared with B"
+        yield from self._effects.reasons
         self._update_flicker()
-        tooltip = self.interface.rects.tooltips.seconds_until_due
-        explains = tooltip is not None and tooltip <= 0.0
-        return waiting or ending or comparing or explains or self._frame_is_due(size)
+        if room is not None and not self.picture.is_undrawable(room):
+            yield from self._picture_is_due(room)
 
-    def is_settled(self, size: tuple[int, int]) -> bool:
-        """Whether the next frames would show the same picture: it is whole, and nothing moves it. A comparison may be under way."""
-        seeks = self.session.requests.first_view and self.picture.is_open
-        moves = self.slow.are_waiting or self._frame_is_due(size) or self.picture.is_coarse()
-        return not (moves or self._is_searching or seeks)
+    def _picture_is_due(self, room: tuple[int, int]) -> Iterator[str]:
+        """Why the next picture, of this size, is another one than the last."""
+        session = self.session
+        if session.is_moving:
+            yield "the camera moves" if session.navigation.motion is not None else "an animation plays"
+        if self._first_view.is_due(session):
+            yield "a first view is looked for"
+        if self.reader.is_pending:
+            yield "values under the mouse are read"
+        if self.picture.is_due(room):
+            yield from (item.line for item in self.picture.to_come)
+            if not self.picture.to_come:
+                yield "the picture has changed"
+        if self.picture.is_coarse():
+            yield "the picture is coarse while the camera moves"
 
-    @property
-    def _is_searching(self) -> bool:
-        """Whether a slot waits for its precision, or for the textures that it is to show."""
-        return bool(self.session.requests.precision or self.session.requests.formats)
+    def _awaited(self) -> Iterator[str]:
+        """What is under way, and changes what the window shows when it ends."""
+        session, last_view = self.session, self.picture.last_view
+        work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
+        yield from (part.title for part in (*self._effects.opening.work, *work))
+        yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
+        if session.seeks_first_view and self.picture.is_open:
+            yield "a first view is looked for"
+        if self._compares and last_view is not None and self.live.is_pending(self._figures_are_wanted()):
+            yield "A is compared with B"
 
     @property
     def seconds_until_change(self) -> float:
@@ -198,9 +248,7 @@ class Frontend:
 
     def release(self) -> None:
         """Free everything on the GPU, and end what runs beside it."""
-        self._writer.end_film()
         self.interface.background.close()
-        self.slow.close()
         self.live.close()
         self._formats.close()
         self.reader.release()
@@ -214,10 +262,10 @@ class Frontend:
     def _draw_picture(self, size: tuple[int, int]) -> None:
         session = self.session
         try:
-            self.picture.draw(size)
+            self.picture.draw(size, self._effects.need_whole_picture)
             self._look_for_first_view(size)
-            if session.requests.measure:
-                finish_measurement(session, self.reader.measurements())
+            if self._effects.take(Measure) and (measured := self.reader.measurements()) is not None:
+                set_measurements(session, measured)
             self._compare(size)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             self._graphics.reset.check_after(error)
@@ -225,8 +273,7 @@ class Frontend:
                 raise
             line = " ".join(str(error).split()) or "out of memory"
             notify(session, line, "error", str(error))
-            if session.requests.measure:
-                finish_measurement(session, None)
+            self._effects.take(Measure)
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:
         """In a scene without cameras, go on looking for a place to begin with, once all of it is on screen."""
@@ -300,18 +347,3 @@ class Frontend:
         if self.session.window.flickers:
             turns = time.monotonic() * 2.0 * self.session.settings.flicker_hz
             set_flicker_phase(self.session, int(turns) % 2 == 1)
-
-    def _frame_is_due(self, size: tuple[int, int]) -> bool:
-        """Whether the next frame shows something else, because of a request, an opened file, or a result of a background job."""
-        session, room = self.session, self._picture_size(size)
-        encoded, computed = self._formats.take_news(), self.interface.background.take_news()
-        # Kept until a frame shows it, whoever asks first.
-        self._news = self._news or encoded or computed
-        # ImGui takes one press or release of a key or button in a frame, however many came at once.
-        queued = not imgui.get_current_context().input_events_queue.empty()
-        found = self._news or queued or self.slow.is_due or self.interface.is_settling(session)
-        if room is None:
-            return True
-        requested = session.requests.measure or bool(session.requests.pictures) or session.is_moving
-        requested = requested or self._first_view.is_due(session) or self.reader.is_pending
-        return found or self.picture.is_due(room) or (requested and not self.picture.is_undrawable(room))

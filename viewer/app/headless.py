@@ -96,6 +96,7 @@ class HeadlessApp(App):
 
     def close(self) -> None:
         """Free everything."""
+        self.effects.close()
         self.training.close()
         self.frontend.release()
         imgui.set_current_context(self._imgui)

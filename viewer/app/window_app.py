@@ -14,7 +14,6 @@ import glfw
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.app.app import App
-from viewer.app.frontend import Frontend
 from viewer.app.imgui_window import ImguiWindow, Placement
 from viewer.app.loss_recovery import MOST_LOSSES, RECOVERED, RESET_SECONDS, LossHistory, context_lost_error, open_again
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
@@ -106,8 +105,7 @@ class WindowApp(App):
         listen_to_drops(handle, self._dropped)
 
     def _dropped(self, _window: object, paths: Any, *_rest: object) -> None:
-        for path in paths:
-            self.frontend.slow.emit("file.open", Path(path))
+        self.open_files([Path(path) for path in paths])
         self._wake()
 
     def _monitor_scale(self) -> float:
@@ -164,7 +162,7 @@ class WindowApp(App):
         """
         drawn = 0
         last_size = (0, 0)
-        while self._window is not None and not (self.session.requests.close or drawn == frames):
+        while self._window is not None and not (self.is_closing or drawn == frames):
             if glfw.window_should_close(self._handle):
                 glfw.set_window_should_close(self._handle, False)
                 self.run("file.quit")
@@ -215,7 +213,7 @@ class WindowApp(App):
             window = open_again(lambda: self._open(placement, layout))
         except InputError as error:
             raise context_lost_error(self.session, lost, str(error)) from error
-        earlier, self.frontend = self.frontend, Frontend(window.context, self.context, self.prepares_ahead)
+        earlier, self.frontend = self.frontend, self._frontend(window.context)
         self._appearance = Appearance()
         self.frontend.interface.bring_to_front(earlier.interface.panels_in_front)
         notify(self.session, RECOVERED, details=str(lost))
@@ -249,6 +247,7 @@ class WindowApp(App):
             if self._folder is not None:
                 save_settings(self._folder, settings)
         finally:
+            self.effects.close()
             self.training.close()
             self._close_window()
 

@@ -21,6 +21,12 @@ TRAINING_STATES = {
 }
 
 
+def seconds_left(share: float, began: float) -> float | None:
+    """Seconds until work ends of which `share` is done since `began` (monotonic seconds); None while that cannot be told."""
+    seconds = time.monotonic() - began
+    return seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
+
+
 class WorkUnderWay:
     """Remembers when each piece of work was seen first."""
 
@@ -29,21 +35,14 @@ class WorkUnderWay:
         """Monotonic seconds, by title."""
 
     def read(
-        self,
-        session: Session,
-        training: LiveTraining,
-        encoding: Mapping[BlockFormat, float],
-        comparing: bool,
-        to_come: Sequence[ToCome],
+        self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
     ) -> tuple[Work, ...]:
-        """All that is under way, what takes longest first.
+        """What is under way for the picture and its figures, what takes longest first.
 
         `encoding`: how far block formats are; `comparing`: whether A is compared with B; `to_come`: what the picture lacks.
         """
-        found = [*_training(training), *self._formats(encoding)]
-        if training.saving:
-            found.append(Work("writing the pack"))
-        if session.requests.precision:
+        found = [*self._formats(encoding)]
+        if session.precision_searches:
             found.append(Work("finding the cheapest precision"))
         found += [Work(item.line) for item in to_come]
         if comparing:
@@ -55,21 +54,20 @@ class WorkUnderWay:
         titles = {f"encoding {name}": share for name, share in encoding.items()}
         self._began = {title: self._began.get(title, now) for title in titles}
         for title, share in titles.items():
-            seconds = now - self._began[title]
-            left = seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
-            yield Work(title, share, left, "slot.leave-format")
+            yield Work(title, share, seconds_left(share, self._began[title]), "slot.leave-format")
 
 
-def _training(training: LiveTraining) -> Iterator[Work]:
-    run = training.active
-    if run is None:
-        return
-    title, progress = f"{run.name}: {job_title(run.job)}", run.progress
-    state = TRAINING_STATES.get(run.state, "")
-    if progress is None:
-        state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-    share = progress.step / max(1, progress.steps) if progress is not None else None
-    left = progress.seconds_left if progress is not None and not state else None
-    # One that is about to end cannot be ended again.
-    cancel = "training.cancel" if run.state != "cancelling" else ""
-    yield Work(f"{title}, {state}" if state else title, share, left, cancel)
+def training_work(training: LiveTraining) -> Iterator[Work]:
+    """The training under way, and the pack that is written."""
+    if (run := training.active) is not None:
+        title, progress = f"{run.name}: {job_title(run.job)}", run.progress
+        state = TRAINING_STATES.get(run.state, "")
+        if progress is None:
+            state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
+        share = progress.step / max(1, progress.steps) if progress is not None else None
+        left = progress.seconds_left if progress is not None and not state else None
+        # One that is about to end cannot be ended again.
+        cancel = "training.cancel" if run.state != "cancelling" else ""
+        yield Work(f"{title}, {state}" if state else title, share, left, cancel)
+    if training.saving:
+        yield Work("writing the pack")

@@ -1,10 +1,11 @@
-"""The window's content over time as an animated WebP."""
+"""The window's content as pixels, and over time as an animated WebP."""
 
 import io
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -19,6 +20,15 @@ LARGEST_FILM = 512 << 20
 """Bytes of all pictures in memory; when they are full every second one is dropped."""
 QUALITY = 60
 """Of 100, as libwebp counts it."""
+
+
+def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
+    """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
+    # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
+    viewport = framebuffer.viewport
+    width, height = viewport[2:]
+    pixels = np.frombuffer(framebuffer.read(viewport=viewport, components=3, alignment=1), np.uint8)
+    return np.ascontiguousarray(pixels.reshape(height, width, 3)[::-1])
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """Every command of the window: one registry feeds menus, keys, the palette, the help, scripts and README's key table."""
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -76,27 +76,21 @@ def find_command(command_id: str) -> Command:
 
 
 def run(context: Context, command_id: str, *values: Any) -> None:
-    """Run a command with typed values; parameters that are left out take their defaults.
+    """Run a command with typed values, and have its effect carried out; parameters that are left out take their defaults.
 
     Raises InputError for values that do not fit, and where files fail.
     """
+    command, session, training = _BY_ID[command_id], context.session, context.training
+    before = present_state(session, training)
     try:
-        _run(context, _BY_ID[command_id], values)
-        while context.following:
-            following, chosen = context.following.pop(0)
-            _run(context, _BY_ID[following], chosen)
+        effect = command.run(context, values)
+        if command.menu != "Edit":
+            title = command.title.lower() or command.id.partition(".")[0]
+            context.history.note(command.id, title, before, present_state(session, training), session.scene)
+        if effect is not None:
+            context.perform(effect)
     except OSError as error:
         raise InputError(f"{command_id}: {error.filename or 'a file'}: {error.strerror or error}") from error
-
-
-def _run(context: Context, command: Command, values: Sequence[Any]) -> None:
-    """Run a command, and remember what it changes."""
-    session, training, scene = context.session, context.training, context.session.scene
-    before = present_state(session, training)
-    command.run(context, values)
-    if command.menu != "Edit" and session.scene is scene:
-        title = command.title.lower() or command.id.partition(".")[0]
-        context.history.note(command.id, title, before, present_state(session, training), scene)
 
 
 def why_not(context: Context, command_id: str) -> str:

@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.effects import Effect, WriteText
+from viewer.scene.cameras_file import cameras_json
 from viewer.scene.model import Camera
 from viewer.state.event_handlers import notify
 from viewer.state.navigation import frame
@@ -123,11 +125,13 @@ def set_mode(session: Session, mode: Annotated[CameraMode, Arg("how the mouse mo
     "R",
     current=switch(lambda session: session.navigation.recording is not None),
 )
-def record(session: Session) -> None:
+def record(session: Session) -> Effect | None:
     navigation = session.navigation
     if navigation.recording is None:
         navigation.recording = ()
         notify(session, "recording the camera's path; the same key ends it")
-    else:
-        session.requests.camera_path = navigation.last_path = navigation.recording
-        navigation.recording = None
+        return None
+    path, file = navigation.recording, session.dated_file("-path", ".json")
+    navigation.last_path, navigation.recording = path, None
+    message = f"wrote {len(path)} cameras to {file}: encode --grouping covisible --views takes it"
+    return WriteText(file, cameras_json(path), message)

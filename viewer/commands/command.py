@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ntc.errors import InputError
+from viewer.commands.effects import Effect
 from viewer.commands.history import History
-from viewer.jobs.job import Job
-from viewer.scene.model import Scene
 from viewer.state.event_handlers import apply_event
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
@@ -36,10 +35,8 @@ class Context:
         self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.history = History()
-        self.opening: Job[Scene] | None = None
-        """What reads a scene beside the frames."""
-        self.following: list[tuple[str, tuple[Any, ...]]] = []
-        """(id, values) of commands that run after the one that asks for them here."""
+        self.perform: Callable[[Effect], object] = lambda _effect: None
+        """Carries out what commands return. Raises InputError. Without a window nothing does."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +169,9 @@ class Command:
     """One line."""
     menu: Menu | None
     """None: a gesture of the mouse or a widget, which menus, palette, scripts and tables do not show."""
-    function: Callable[..., None]
-    """Takes a Session, or a Context where it needs more than that, and the values of the parameters. Raises InputError."""
+    function: Callable[..., Effect | None]
+    """Takes a Session, or a Context where it needs more than that, and the values of the parameters. Returns what is to be done
+    outside the session. Raises InputError."""
     parameters: tuple[Parameter, ...]
     key: str = ""
     """Default key as `viewer.commands.keys` spells it; "" for none. Only for commands that need no arguments."""
@@ -220,14 +218,14 @@ class Command:
         self._require_all(len(texts))
         return tuple(self._each(lambda parameter, text: parameter.parse(text), texts))
 
-    def run(self, context: Context, values: Sequence[Any]) -> None:
-        """Check the values, and carry the command out. Raises InputError."""
+    def run(self, context: Context, values: Sequence[Any]) -> Effect | None:
+        """Check the values, and change the session; what is to be done outside it. Raises InputError."""
         self._require_all(len(values))
         if reason := self.why_not(context):
             raise InputError(f"{self.id}: {reason}")
         values = [*values, *(parameter.default for parameter in self.parameters[len(values) :])]
         values = self._each(lambda parameter, value: parameter.checked(value, context.session), values)
-        self.function(context if self._takes_context else context.session, *values)
+        return self.function(context if self._takes_context else context.session, *values)
 
     def _require_all(self, given: int) -> None:
         if given > len(self.parameters):
@@ -253,7 +251,7 @@ def command(
     *,
     unavailable: Callable[[Context], str] | None = None,
     current: Callable[..., str | None] | None = None,
-) -> Callable[[Callable[..., None]], Command]:
+) -> Callable[[Callable[..., Effect | None]], Command]:
     """Make a command of a function: its parameters after the first are the command's. The rest as `Command` says."""
     return lambda function: Command(
         command_id, title, help_line, menu, function, _parameters(function), key, second_key, unavailable, current
@@ -265,12 +263,12 @@ def switch(is_on: Callable[[Session], bool]) -> Callable[[Session], str]:
     return lambda session: "on" if is_on(session) else "off"
 
 
-def gesture(command_id: str) -> Callable[[Callable[..., None]], Command]:
-    """Make a command of a function that widgets and the mouse call, with values that have no text."""
-    return lambda function: Command(command_id, "", "", None, function, _parameters(function))
+def gesture(command_id: str, title: str = "") -> Callable[[Callable[..., Effect | None]], Command]:
+    """Make a command of a function that widgets and the mouse call, with values that have no text; `title` is what undo calls it."""
+    return lambda function: Command(command_id, title, "", None, function, _parameters(function))
 
 
-def _parameters(function: Callable[..., None]) -> tuple[Parameter, ...]:
+def _parameters(function: Callable[..., Effect | None]) -> tuple[Parameter, ...]:
     hints = get_type_hints(function, include_extras=True)
     parameters = []
     for name, declared in list(inspect.signature(function).parameters.items())[1:]:

@@ -7,6 +7,7 @@ from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
 from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.effects import Effect, Measure
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
 from viewer.state.view_state import (
@@ -36,7 +37,7 @@ def _shown_difference(session: Session) -> str | None:
 
 
 def _precision(session: Session, side: Side) -> str:
-    return "auto" if side in session.requests.precision else session.view.slots[side].precision
+    return "auto" if side in session.precision_searches else session.view.slots[side].precision
 
 
 def _filter_of_both(session: Session) -> str | None:
@@ -152,8 +153,8 @@ def set_divider(session: Session, position: Position = 0.5) -> None:
 @command("compare.swap", "Swap A and B", "exchange what slots A and B show", "Compare", "X")
 def swap(session: Session) -> None:
     session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
-    formats = session.requests.formats
-    session.requests.formats = {"a" if side == "b" else "b": name for side, name in formats.items()}
+    waiting = session.awaited_formats
+    session.awaited_formats = {"a" if side == "b" else "b": name for side, name in waiting.items()}
 
 
 @command(
@@ -163,8 +164,8 @@ def swap(session: Session) -> None:
     "Compare",
     "M",
 )
-def measure(session: Session) -> None:
-    session.requests.measure = True
+def measure(_session: Session) -> Effect:
+    return Measure()
 
 
 Source = Annotated[
@@ -174,19 +175,19 @@ Source = Annotated[
 
 def show_source(session: Session, side: Side, source: str) -> None:
     """Show `source` in a slot; a block format when its textures have been encoded, which is asked for here."""
-    others = {other: name for other, name in session.requests.formats.items() if other != side}
+    others = {other: name for other, name in session.awaited_formats.items() if other != side}
     block_format = named_format(source)
     if block_format is None or block_format in session.compressed:
-        session.requests.formats = others
+        session.awaited_formats = others
         _change_slot(session, side, source=source)
     else:
-        session.requests.formats = {**others, side: block_format}
+        session.awaited_formats = {**others, side: block_format}
 
 
 @gesture("slot.leave-format")
 def leave_formats(session: Session) -> None:
     """Slots that wait for a block format keep what they show."""
-    session.requests.formats = {}
+    session.awaited_formats = {}
 
 
 @command(
@@ -234,14 +235,14 @@ Precision = Annotated[
     current=_precision,
 )
 def set_precision(session: Session, side: SlotSide, precision: Precision) -> None:
-    session.requests.precision -= {side}
+    session.precision_searches -= {side}
     if precision != "auto":
         _change_slot(session, side, precision=precision)
     elif is_image_source(source := session.view.slots[side].source):
         shown = "the reference" if source == REFERENCE else source
         raise InputError(f"slot {side.upper()} shows {shown}, which has no precision; show a pack in it first")
     else:
-        session.requests.precision |= {side}
+        session.precision_searches |= {side}
 
 
 @command(

@@ -5,17 +5,20 @@ from pathlib import Path
 from typing import Annotated
 
 from ntc.errors import InputError
-from ntc.io import numbered_path, read_file, write_text
+from ntc.io import numbered_path, read_file
+from ntc.library.index import is_library
 from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.commands.compare import show_source
-from viewer.commands.leaving import open_scene
+from viewer.commands.effects import Effect, OpenScene, PictureKind, RunCommand, TakePicture, WriteText
+from viewer.commands.leaving import asks_about_runs
 from viewer.commands.materials import use_environment
 from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
-from viewer.state.open_files import open_file
-from viewer.state.session import PictureAlone, PictureKind, PictureRequest, Session
+from viewer.state.open_files import open_pack
+from viewer.state.session import Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_known_pose, with_open_sources
+from viewer.state.view_state import PictureAlone
 from viewer.state.zoom import LARGEST, Zoom
 
 PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
@@ -30,60 +33,51 @@ OpenedFile = Annotated[
 
 
 @command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "File", "Ctrl+O")
-def open_any(context: Context, file: OpenedFile = Path()) -> None:
-    session = context.session
+def open_any(context: Context, file: OpenedFile = Path()) -> Effect | None:
     if file == Path():
-        session.window.file_dialog = True
-    elif file.suffix.lower() in PANORAMA_SUFFIXES:
+        context.session.window.file_dialog = True
+        return None
+    if file.suffix.lower() in (PACK_SUFFIX, *PANORAMA_SUFFIXES) or is_library(file):
+        return RunCommand("file.open-now", (file,), f"opening {file.name}")
+    if not asks_about_runs(context, f"{file.name} is opened", "file.open-leaving", file):
+        return OpenScene(file)
+    context.session.window.file_dialog = False
+    return None
+
+
+@gesture("file.open-now", "Open...")
+def open_now(session: Session, file: Path) -> None:
+    """Open what is added to the open scene: a pack, a library or a panorama."""
+    if file.suffix.lower() in PANORAMA_SUFFIXES:
         use_environment(session, file)
         session.view = replace(session.view, material_view="lit")
-        session.window.file_dialog = False
-    elif file.suffix.lower() == PACK_SUFFIX:
-        open_file(session, file)
-        session.window.file_dialog = False
     else:
-        open_scene(context, file)
-        session.window.file_dialog = False
+        open_pack(session, file)
+    session.window.file_dialog = False
 
 
 RecentFile = Annotated[str, Arg("a file that was opened before", lambda session: session.settings.recent_files)]
 
 
 @command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", "File")
-def open_recent(context: Context, file: RecentFile) -> None:
-    open_any.function(context, Path(file))
+def open_recent(_session: Session, file: RecentFile) -> Effect:
+    return RunCommand("file.open", (Path(file),))
 
 
-@gesture("file.close-dialog")
-def close_dialog(session: Session) -> None:
-    session.window.file_dialog = False
-
-
-def _request_picture(session: Session, kind: PictureKind, file: Path) -> None:
+def _picture(kind: PictureKind, file: Path) -> Effect:
     if file != Path() and file.suffix.lower() != ".png":
         raise InputError(f"{file}: the name of a picture must end in .png")
-    request = PictureRequest(kind, None if file == Path() else file)
-    session.requests.pictures = (*session.requests.pictures, request)
+    return TakePicture(kind, None if file == Path() else file)
 
 
 @command("file.screenshot", "Screenshot", "write the window's content as a PNG", "File", "F12")
-def take_screenshot(session: Session, file: PictureFile = Path()) -> None:
-    _request_picture(session, "window", file)
+def take_screenshot(_session: Session, file: PictureFile = Path()) -> Effect:
+    return _picture("window", file)
 
 
 @command("file.screenshot-picture", "Picture alone", "write the picture without the panels as a PNG", "File")
-def take_picture(session: Session, kind: Picture, file: PictureFile = Path()) -> None:
-    _request_picture(session, kind, file)
-
-
-@gesture("file.screenshot-quietly")
-def take_quiet_screenshot(session: Session, file: Path) -> None:
-    session.requests.pictures = (*session.requests.pictures, PictureRequest("window", file, quiet=True))
-
-
-@gesture("file.film")
-def take_film(session: Session, file: Path | None) -> None:
-    session.requests.film = file
+def take_picture(_session: Session, kind: Picture, file: PictureFile = Path()) -> Effect:
+    return _picture(kind, file)
 
 
 def _restore(session: Session, text: str, where: str) -> None:
@@ -95,7 +89,7 @@ def _restore(session: Session, text: str, where: str) -> None:
     session.view = with_known_pose(replace(view, size=session.view.size), session.scene.animations)
     session.resolution = saved.resolution
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: saved.bookmarks}
-    session.requests.formats = {}
+    session.awaited_formats = {}
     for side, slot in saved.view.slots.items():
         if slot.source in BLOCK_FORMATS:
             show_source(session, side, slot.source)
@@ -135,10 +129,9 @@ ViewFile = Annotated[Path, Arg("a .json, in the folder of pictures unless it is 
     "File",
     "Ctrl+S",
 )
-def save_view(session: Session, file: ViewFile = Path("view.json")) -> None:
+def save_view(session: Session, file: ViewFile = Path("view.json")) -> Effect:
     path = numbered_path(session.pictures_folder / file)
-    write_text(path, view_json(present_view(session)))
-    notify(session, f"wrote {path}")
+    return WriteText(path, view_json(present_view(session)), f"wrote {path}")
 
 
 @command("view.load", "Load view", "go to a view that was saved", "View")

@@ -1,7 +1,8 @@
 """What commands have changed of the view, the settings and the panels, so that it can be undone and done again."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from operator import attrgetter
 from time import monotonic
 from typing import Any
 
@@ -13,34 +14,42 @@ from viewer.training.live_training import LiveTraining
 SECONDS_TOGETHER = 1.0
 """The same command again within this time, as by a drag, is undone together with the one before."""
 MOST_CHANGES = 200
-VIEW, SETTINGS = "view.", "settings."
 NOT_UNDONE = (
-    f"{VIEW}size",
-    *(f"{SETTINGS}{name}" for name in ("window_size", "column_folded", "keys", "first_steps", "recent_files")),
+    "view.size",
+    *(f"settings.{name}" for name in ("window_size", "column_folded", "keys", "first_steps", "recent_files")),
 )
 """What follows the window, or only remembers what was done."""
-GROUPS = {
-    "navigation": ("bookmarks", "speed_notches"),
-    "inspection": ("selected_texture", "flat_texture", "block", "pixel", "errors"),
-    "window": ("open_panels", "show_panels", "flickers"),
-}
-"""What is restored of the groups of the session, besides its view, its settings and its resolution."""
-RESOLUTION, DISCARDED = "resolution", "discarded"
-"""The latter: numbers of the training runs that were discarded."""
+VALUES = ("view", "settings")
+"""Attributes of the session whose fields are undone one by one."""
+NAMES = (
+    *VALUES,
+    "resolution",
+    *(f"navigation.{name}" for name in ("bookmarks", "speed_notches")),
+    *(f"inspection.{name}" for name in ("selected_texture", "flat_texture", "block", "pixel", "errors")),
+    *(f"window.{name}" for name in ("open_panels", "show_panels", "flickers")),
+)
+"""Attributes of the session that can be undone. Each holds an immutable value."""
+DISCARDED = "discarded"
+"""Numbers of the training runs that were discarded."""
+_read = attrgetter(*NAMES)
 
-State = Mapping[str, Any]
+
+def present_state(session: Session, training: LiveTraining) -> tuple[Any, ...]:
+    """References to all that can be undone, in the order of NAMES, and the discarded runs."""
+    return (*_read(session), training.discarded)
 
 
-def present_state(session: Session, training: LiveTraining) -> State:
-    """All that can be undone, by name."""
-    state = {f"{VIEW}{field.name}": getattr(session.view, field.name) for field in fields(session.view)}
-    state |= {f"{SETTINGS}{field.name}": getattr(session.settings, field.name) for field in fields(session.settings)}
-    for group, names in GROUPS.items():
-        state |= {f"{group}.{name}": getattr(getattr(session, group), name) for name in names}
-    return {name: value for name, value in state.items() if name not in NOT_UNDONE} | {
-        RESOLUTION: session.resolution,
-        DISCARDED: training.discarded,
-    }
+def _changed(before: tuple[Any, ...], after: tuple[Any, ...]) -> Iterator[tuple[str, Any, Any]]:
+    """(name, value before, value after) of what differs; only values that are other objects are compared."""
+    for name, old, new in zip((*NAMES, DISCARDED), before, after, strict=True):
+        if old is new:
+            continue
+        if name in VALUES:
+            for field in fields(new):
+                if f"{name}.{field.name}" not in NOT_UNDONE:
+                    yield f"{name}.{field.name}", getattr(old, field.name), getattr(new, field.name)
+        else:
+            yield name, old, new
 
 
 @dataclass(frozen=True)
@@ -49,9 +58,8 @@ class Change:
 
     command_id: str
     title: str
-    before: State
-    after: State
-    """The same names: those whose values differ."""
+    values: Mapping[str, tuple[Any, Any]]
+    """(value before, value after) of what differs, by name."""
     when: float
     """Monotonic seconds of the last of them."""
 
@@ -72,57 +80,49 @@ class History:
         """Whether something was undone, and nothing else done since."""
         return bool(self._undone) and self._scene is session.scene
 
-    def note(self, command_id: str, title: str, before: State, after: State, scene: Scene) -> None:
-        """A command was run, and the state was `before` and is `after`, both in `scene`: the history of another begins anew."""
+    def note(self, command_id: str, title: str, before: tuple[Any, ...], after: tuple[Any, ...], scene: Scene) -> None:
+        """Note that a command has changed `before` to `after` (`present_state`) in `scene`: the history of another begins anew."""
         if scene is not self._scene:
             self._done, self._undone, self._scene = (), (), scene
-        names = [name for name in after if before[name] is not after[name] and before[name] != after[name]]
-        if not names:
+        values = {name: (old, new) for name, old, new in _changed(before, after) if old != new}
+        if not values:
             return
-        self._undone = ()
-        change = Change(command_id, title, {n: before[n] for n in names}, {n: after[n] for n in names}, monotonic())
+        self._undone, now = (), monotonic()
         last = self._done[-1] if self._done else None
-        if last is not None and last.command_id == command_id and change.when - last.when < SECONDS_TOGETHER:
-            change = replace(change, before={**change.before, **last.before}, after={**last.after, **change.after})
-            self._done = self._done[:-1]
-        self._done = (*self._done, change)[-MOST_CHANGES:]
+        if last is not None and last.command_id == command_id and now - last.when < SECONDS_TOGETHER:
+            together = {name: (last.values.get(name, pair)[0], pair[1]) for name, pair in values.items()}
+            values, self._done = {**last.values, **together}, self._done[:-1]
+        self._done = (*self._done, Change(command_id, title, values, now))[-MOST_CHANGES:]
 
     def undo(self, session: Session, training: LiveTraining) -> str:
         """Undo the last change; its title. There must be one."""
         change, self._done = self._done[-1], self._done[:-1]
         self._undone = (*self._undone, change)
-        _restore(session, training, change.after, change.before)
+        _restore(session, training, {name: (new, old) for name, (old, new) in change.values.items()})
         return change.title
 
     def redo(self, session: Session, training: LiveTraining) -> str:
         """Do again what was undone last; its title. There must be something."""
         change, self._undone = self._undone[-1], self._undone[:-1]
         self._done = (*self._done, replace(change, when=0.0))
-        _restore(session, training, change.before, change.after)
+        _restore(session, training, change.values)
         return change.title
 
 
-def _restore(session: Session, training: LiveTraining, present: State, wanted: State) -> None:
+def _restore(session: Session, training: LiveTraining, values: Mapping[str, tuple[Any, Any]]) -> None:
+    """Put the second of each of `values` in the place of the first."""
     # First: slots can show the packs of these runs again then.
-    for number in wanted.get(DISCARDED, frozenset()) ^ present.get(DISCARDED, frozenset()):
-        training.set_discarded(number, number in wanted[DISCARDED])
-    known = {name: value for name, value in wanted.items() if not _is_closed(value, session)}
-    view = _of(known, VIEW)
-    if "camera" in view:
+    present, wanted = values.get(DISCARDED, (frozenset(), frozenset()))
+    for number in wanted ^ present:
+        training.set_discarded(number, number in wanted)
+    if "view.camera" in values:
         session.navigation.motion = None
-    session.view = replace(session.view, **view)
-    session.settings = replace(session.settings, **_of(known, SETTINGS))
-    session.resolution = known.get(RESOLUTION, session.resolution)
-    for group, names in GROUPS.items():
-        for name in names:
-            if f"{group}.{name}" in known:
-                setattr(getattr(session, group), name, known[f"{group}.{name}"])
-
-
-def _is_closed(value: object, session: Session) -> bool:
-    """Whether it is a slot whose source is not open any more."""
-    return isinstance(value, Slot) and value.source not in session.open_sources
-
-
-def _of(state: State, prefix: str) -> dict[str, Any]:
-    return {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
+    for path, (_, value) in values.items():
+        group, _, name = path.rpartition(".")
+        # A slot whose source was closed stays as it is.
+        if path == DISCARDED or (isinstance(value, Slot) and value.source not in session.open_sources):
+            continue
+        if group in VALUES:
+            setattr(session, group, replace(getattr(session, group), **{name: value}))
+        else:
+            setattr(getattr(session, group) if group else session, name, value)

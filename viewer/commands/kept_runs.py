@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.effects import Effect, OpenScene, RaisePanel, RunCommand
 from viewer.commands.leaving import DISCARD, ask, asks_about_runs
 from viewer.state.event_handlers import notify
-from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.view_state import REFERENCE, is_image_source
 from viewer.training.live_training import Decision
@@ -35,7 +35,7 @@ def decide(
     number: Annotated[
         int, Arg("which one of the list in the panel Training, 1 is the newest", minimum=1, maximum=1e6)
     ] = 1,
-) -> None:
+) -> Effect | None:
     runs = context.training.waiting.runs
     if number > len(runs):
         raise InputError(f"number {number}: there are only {len(runs)} kept runs")
@@ -47,9 +47,10 @@ def decide(
         # The last choice is that of Escape.
         ask(context.session, Question(f"Discard {run.line}?", "Its pack is removed for good.", choices[::-1]))
     elif run.is_of(context.session.scene.path):
-        _open(context, run.key)
+        return RunCommand("training.show-kept-back", (run.key,))
     elif not asks_about_runs(context, f"{run.scene_name} is opened", "training.open-kept-back", run.key):
-        open_leaving(context, run.key, "later")
+        return RunCommand("training.open-kept-back", (run.key, "later"))
+    return None
 
 
 @gesture("training.discard-kept-back")
@@ -58,21 +59,17 @@ def discard(context: Context, key: str) -> None:
 
 
 @gesture("training.open-kept-back")
-def open_after_answer(context: Context, key: str, decision: Decision) -> None:
-    open_leaving(context, key, decision)
-
-
-def open_leaving(context: Context, key: str, decision: Decision) -> None:
-    """Open the scene of a waiting run, and the run in slot A. Raises InputError."""
+def open_leaving(context: Context, key: str, decision: Decision) -> Effect:
+    """Open the scene of a waiting run, and then the run."""
     run = context.training.waiting[key]
     if not run.scene_path:
         raise InputError(f"{run.line}: its scene was not read from a file")
-    open_file(context.session, Path(run.scene_path))
-    context.training.leave_scene(decision)
-    _open(context, key)
+    return OpenScene(Path(run.scene_path), decision, RunCommand("training.show-kept-back", (key,)))
 
 
-def _open(context: Context, key: str) -> None:
+@gesture("training.show-kept-back", "Kept back run")
+def show(context: Context, key: str) -> Effect:
+    """Show a waiting run of the open scene in slot A."""
     session = context.session
     name = context.training.adopt(key, session.scene)
     if {slot.source for slot in session.view.slots.values()} == {REFERENCE}:
@@ -82,4 +79,4 @@ def _open(context: Context, key: str) -> None:
     path = "cached" if is_image_source(slot.source) else slot.path
     view = session.view.with_slot("a", replace(slot, source=name, path=path))
     session.view = view if view.compare in ("a", "wipe") else replace(view, compare="a")
-    session.requests.raised_panel = "Training"
+    return RaisePanel("Training")

@@ -1,14 +1,13 @@
 """Commands: questions and their answers; quitting, and opening another scene, which end what is trained; closing what is on top."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ntc.errors import InputError
 from viewer.commands.command import Context, command, gesture
+from viewer.commands.effects import CancelOpening, CloseWindow, Effect, OpenScene, RunCommand
 from viewer.locations import is_builtin
-from viewer.state.open_files import open_file
 from viewer.state.question import CANCEL, Choice, Question
 from viewer.state.session import Session
 from viewer.training.live_training import Decision, LiveTraining
@@ -61,87 +60,67 @@ def ask(session: Session, question: Question) -> None:
 
 
 @gesture("question.answer")
-def answer(context: Context, label: str) -> None:
+def answer(context: Context, label: str) -> Effect | None:
     question, context.session.window.question = context.session.window.question, None
     chosen = next((choice for choice in question.choices if choice.label == label), None) if question else None
     if chosen is None:
         raise InputError(f"{label!r}: is not an answer to an open question")
-    if chosen.command:
-        context.following.append((chosen.command, chosen.values))
-
-
-def open_scene(context: Context, file: Path) -> None:
-    """Open another scene, after asking about runs of this one. Raises InputError."""
-    if not asks_about_runs(context, f"{file.name} is opened", "file.open-leaving", file):
-        open_file(context.session, file)
+    return RunCommand(chosen.command, chosen.values) if chosen.command else None
 
 
 @gesture("file.open-leaving")
-def open_leaving(context: Context, file: Path, decision: Decision) -> None:
-    # First: a scene that cannot be opened ends nothing.
-    open_file(context.session, file)
-    context.training.leave_scene(decision)
+def open_leaving(_session: Session, file: Path, decision: Decision) -> Effect:
+    return OpenScene(file, decision)
 
 
 @gesture("file.cancel-opening")
-def cancel_opening(context: Context) -> None:
-    if context.opening is not None:
-        context.opening.cancel()
+def cancel_opening(_session: Session) -> Effect:
+    return CancelOpening()
 
 
 @command("file.quit", "Quit", "close the window; asks about trainings that have not been kept", "File", "Ctrl+Q")
-def quit_window(context: Context) -> None:
-    if not asks_about_runs(context, "quitting", "file.quit-leaving"):
-        context.session.requests.close = True
+def quit_window(context: Context) -> Effect | None:
+    return None if asks_about_runs(context, "quitting", "file.quit-leaving") else CloseWindow()
 
 
 @gesture("file.quit-leaving")
-def quit_leaving(context: Context, decision: Decision) -> None:
+def quit_leaving(context: Context, decision: Decision) -> Effect:
     context.training.leave_scene(decision)
-    context.session.requests.close = True
+    return CloseWindow()
 
 
 @command(
     "window.close", "Close at once", "close the window without a question; trainings wait for the next start", "Window"
 )
-def close(session: Session) -> None:
-    session.requests.close = True
+def close(_session: Session) -> Effect:
+    return CloseWindow()
 
 
-def _close_question(session: Session) -> bool:
-    is_open, session.window.question = session.window.question is not None, None
+LAYERS = {
+    "window.question": None,
+    "window.palette": None,
+    "window.show_help": False,
+    "window.show_glossary": False,
+    "window.file_dialog": False,
+    "window.show_first_steps": False,
+    "inspection.flat_texture": None,
+}
+"""What lies over the picture and the panels, topmost first: where the session holds it, and its value while it is closed."""
+
+
+def _close(session: Session, layer: str) -> bool:
+    """Close one of LAYERS; whether it was open."""
+    group, _, name = layer.partition(".")
+    is_open = bool(getattr(getattr(session, group), name) != LAYERS[layer])
+    setattr(getattr(session, group), name, LAYERS[layer])
+    if is_open and name == "show_first_steps":
+        session.settings = replace(session.settings, first_steps=False)
     return is_open
 
 
-def _close_palette(session: Session) -> bool:
-    is_open, session.window.palette = session.window.palette is not None, None
-    return is_open
-
-
-def _close_help(session: Session) -> bool:
-    is_open, session.window.show_help = session.window.show_help, False
-    return is_open
-
-
-def _close_glossary(session: Session) -> bool:
-    is_open, session.window.show_glossary = session.window.show_glossary, False
-    return is_open
-
-
-def _close_file_dialog(session: Session) -> bool:
-    is_open, session.window.file_dialog = session.window.file_dialog, False
-    return is_open
-
-
-def _close_first_steps(session: Session) -> bool:
-    is_open, session.window.show_first_steps = session.window.show_first_steps, False
-    session.settings = replace(session.settings, first_steps=session.settings.first_steps and not is_open)
-    return is_open
-
-
-def _close_flat_window(session: Session) -> bool:
-    is_open, session.inspection.flat_texture = session.inspection.flat_texture is not None, None
-    return is_open
+@gesture("window.close-layer")
+def close_layer(session: Session, layer: str) -> None:
+    _close(session, layer)
 
 
 def _forget_places(session: Session) -> bool:
@@ -159,20 +138,6 @@ def _forget_highlight(session: Session) -> bool:
     return highlighted
 
 
-CLOSERS: tuple[Callable[[Session], bool], ...] = (
-    _close_question,
-    _close_palette,
-    _close_help,
-    _close_glossary,
-    _close_file_dialog,
-    _close_first_steps,
-    _close_flat_window,
-    _forget_places,
-    _forget_highlight,
-)
-"""What Escape closes, topmost first; each says whether it was open."""
-
-
 @command(
     "window.dismiss",
     "Close what is on top",
@@ -180,6 +145,6 @@ CLOSERS: tuple[Callable[[Session], bool], ...] = (
     "Window",
     "Escape",
 )
-def dismiss(context: Context) -> None:
-    if not any(close_one(context.session) for close_one in CLOSERS) and context.opening is not None:
-        context.opening.cancel()
+def dismiss(session: Session) -> Effect | None:
+    closed = any(_close(session, layer) for layer in LAYERS) or _forget_places(session) or _forget_highlight(session)
+    return None if closed else CancelOpening()

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.effects import Effect, ReadVariant
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
-from viewer.state.open_files import show_variant
 from viewer.state.session import Session
 from viewer.state.view_state import (
     ELEVATION_RANGE,
@@ -77,9 +77,9 @@ Variant = Annotated[
     unavailable=_no_variants,
     current=lambda session: session.scene.variant or OWN_MATERIALS,
 )
-def set_variant(session: Session, name: Variant) -> None:
+def set_variant(session: Session, name: Variant) -> Effect:
     own = name == OWN_MATERIALS and name not in session.scene.variants
-    show_variant(session, "" if own else name)
+    return ReadVariant("" if own else name)
 
 
 @command("light.sun", "Place of the sun", "put the sun at an azimuth and an elevation", "View")

@@ -10,6 +10,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.effects import Effect, RaisePanel
 from viewer.commands.leaving import ask
 from viewer.state.event_handlers import point_out
 from viewer.state.pack_files import base_pack_name, match_scene
@@ -57,12 +58,12 @@ def _settings(budget: str, recipe: RecipeName) -> TrainingSettings:
     return replace(_DEFAULT, budget=parse_budget(budget), recipe=recipe)
 
 
-def _start(context: Context, job: TrainingJob) -> None:
+def _start(context: Context, job: TrainingJob) -> Effect:
     session = context.session
     name = base_pack_name(session.view, session.packs)
     context.training.start(job, session.scene, None if name is None else (name, session.packs[name]))
     # It shows the progress.
-    session.requests.raised_panel = "Training"
+    return RaisePanel("Training")
 
 
 def _show_where(context: Context, pack: Pack, groups: Collection[int], textures: Collection[int] = ()) -> None:
@@ -144,12 +145,12 @@ def encode(
     recipe: Recipe = _DEFAULT.recipe,
     codec: Codec = "auto",
     bits: Bits = _DEFAULT.bits,
-) -> None:
+) -> Effect:
     settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=size)
     kind: CodecKind | None = None if codec == "auto" else codec
     if kind == "block" and recipe == "paper":
         raise InputError("recipe paper: trains codec grid; leave it out, or take codec grid")
-    _start(context, EncodeScene(replace(settings, codec=kind, bits=bits)))
+    return _start(context, EncodeScene(replace(settings, codec=kind, bits=bits)))
 
 
 @command(
@@ -159,11 +160,12 @@ def encode(
     "Train",
     unavailable=_no_base,
 )
-def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> None:
+def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> Effect:
     pack = _base(context)
     chosen = _groups(groups, pack)
-    _start(context, RetrainGroups(_settings(budget, recipe), chosen))
+    effect = _start(context, RetrainGroups(_settings(budget, recipe), chosen))
     _show_where(context, pack, chosen)
+    return effect
 
 
 @command(
@@ -175,13 +177,14 @@ def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: 
 )
 def move(
     context: Context, texture: Texture, group: Group, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe
-) -> None:
+) -> Effect:
     pack = _base(context)
     count = pack.grouping.group_count
     number = count if group == NEW_GROUP else _whole(group, "group", count - 1)
     moved = _texture(texture, pack)
-    _start(context, MoveTexture(_settings(budget, recipe), moved, number))
+    effect = _start(context, MoveTexture(_settings(budget, recipe), moved, number))
     _show_where(context, pack, {number}, {moved})
+    return effect
 
 
 @command(
@@ -197,9 +200,9 @@ def regroup(
     k: GroupCount = AUTO,
     budget: Budget = _BUDGET,
     recipe: Recipe = _DEFAULT.recipe,
-) -> None:
+) -> Effect:
     settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k))
-    _start(context, Regroup(settings))
+    return _start(context, Regroup(settings))
 
 
 @command(

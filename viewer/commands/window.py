@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.zoom import WHOLE
@@ -116,10 +117,10 @@ def toggle_help(session: Session) -> None:
 
 
 @command("window.layout-reset", "Reset the layout", "put all panels back where they stood at first", "Window")
-def reset_layout(session: Session) -> None:
+def reset_layout(session: Session) -> Effect:
     session.settings = replace(session.settings, hidden_panels=(), folded_panels=(), column_folded=None)
     session.window.show_panels = True
-    session.requests.reset_layout = True
+    return ResetLayout()
 
 
 @command(
@@ -141,18 +142,19 @@ Title = Annotated[str, Arg("title of the panel", lambda session: session.window.
 
 
 @command("window.panel", "Show panel", "bring a panel to the front, or close it", "Window")
-def show_panel(session: Session, name: Title, state: State = True) -> None:
+def show_panel(session: Session, name: Title, state: State = True) -> Effect | None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
     # Those that open on request are closed until then anyway, and open again when they are asked for in another way.
     closed = state or name in OPENED_ON_REQUEST
     session.settings = replace(session.settings, hidden_panels=hidden if closed else (*hidden, name))
     others = session.window.open_panels - {name}
     session.window.open_panels = others | {name} if state and name in OPENED_ON_REQUEST else others
-    if state:
-        session.window.show_panels = True
-        if session.window.column_folded:
-            _fold_column(session, False)
-        session.requests.raised_panel = name
+    if not state:
+        return None
+    session.window.show_panels = True
+    if session.window.column_folded:
+        _fold_column(session, False)
+    return RaisePanel(name)
 
 
 @command("window.stack", "Fold a stack", "fold the tabs with this panel to one line, or unfold them", "Window")
@@ -161,40 +163,14 @@ def fold_stack(session: Session, name: Title, state: Annotated[bool, Arg("on: un
     session.settings = replace(session.settings, folded_panels=others if state else (*others, name))
 
 
-@gesture("window.panel-raised")
-def note_raised_panel(session: Session) -> None:
-    session.requests.raised_panel = None
-
-
-@gesture("window.layout-done")
-def note_layout(session: Session) -> None:
-    session.requests.reset_layout = False
-
-
 @command("help.first-steps", "First steps", "what this program is for, and three things to try", "Help")
 def toggle_first_steps(session: Session) -> None:
     session.window.show_first_steps = not session.window.show_first_steps
 
 
-@gesture("help.first-steps-done")
-def close_first_steps(session: Session) -> None:
-    session.window.show_first_steps = False
-    session.settings = replace(session.settings, first_steps=False)
-
-
 @command("help.glossary", "Glossary", "what PSNR, divergence, group, latents and other words mean", "Help")
 def toggle_glossary(session: Session) -> None:
     session.window.show_glossary = not session.window.show_glossary
-
-
-@gesture("help.close-glossary")
-def close_glossary(session: Session) -> None:
-    session.window.show_glossary = False
-
-
-@gesture("help.close")
-def close_help(session: Session) -> None:
-    session.window.show_help = False
 
 
 @gesture("palette.set")

@@ -20,7 +20,7 @@ Key = tuple[Scene, BlockFormat]
 
 
 class FormatEncoding:
-    """Fulfils `session.requests.formats`, in a process: some encoders keep Python's interpreter lock until they are done."""
+    """Encodes what `session.awaited_formats` names, in a process: some encoders keep Python's interpreter lock until they are done."""
 
     def __init__(self, cache: Path, emit: EmitEvent) -> None:
         """`cache` is the folder that keeps blocks."""
@@ -41,7 +41,7 @@ class FormatEncoding:
 
     def step(self, session: Session) -> None:
         """Begin what is asked for, report what is done, and cancel what is no longer asked for."""
-        wanted = {(session.scene, block_format) for block_format in session.requests.formats.values()}
+        wanted = {(session.scene, block_format) for block_format in session.awaited_formats.values()}
         for key in self._asked - wanted:
             self._background.cancel(key)
         self._asked, self._shares = wanted, {}

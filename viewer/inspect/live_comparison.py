@@ -86,6 +86,10 @@ class LiveComparison:
         """Whether a comparison is under way, or its result has not been taken."""
         return self._job is not None
 
+    def is_pending(self, wanted: bool) -> bool:
+        """Whether `step` will have something to do once the picture has rested, or a comparison has ended."""
+        return self._job is not None or (self._rest_key, wanted) != self._done
+
     def has_work(self, wanted: bool, now: float) -> bool:
         """Whether `step` has something to do."""
         if self._job is not None:

@@ -15,7 +15,7 @@ from viewer.state.view_state import REFERENCE
 
 
 class PrecisionSearch:
-    """Fulfils `session.requests.precision`: takes seconds for a large pack, and no frame waits for it."""
+    """Searches for `session.precision_searches`: takes seconds for a large pack, and no frame waits for it."""
 
     def __init__(
         self, background: Background, fastest_first: Callable[[Pack], Sequence[Precision]], emit: EmitEvent
@@ -25,7 +25,7 @@ class PrecisionSearch:
 
     def step(self, session: Session) -> None:
         """Report what has been found since the last call, and why."""
-        for side in sorted(session.requests.precision):
+        for side in sorted(session.precision_searches):
             slot = session.view.slots[side]
             pack = session.packs.get(slot.source)
             if slot.source == REFERENCE or pack is None:

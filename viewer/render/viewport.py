@@ -29,8 +29,8 @@ from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
-from viewer.state.session import PictureRequest, Session
-from viewer.state.view_state import REFERENCE, DecodePath, ViewState
+from viewer.state.session import Session
+from viewer.state.view_state import REFERENCE, DecodePath, PictureAlone, ViewState
 
 SLOW_FRAME_MS = 120.0
 """A whole frame that takes longer makes a moving picture coarse."""
@@ -81,6 +81,8 @@ class Viewport:
         """What the GPU had no memory for last: not tried again before something changes."""
         self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
         """What was open and shown when it was drawn last."""
+        self._whole = False
+        """Whether the last picture was asked for whole."""
         self.times_wanted = False
         """Whether times of passes are shown."""
         self.frames_drawn = 0
@@ -106,8 +108,7 @@ class Viewport:
 
     def is_coarse(self) -> bool:
         """Whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
-        session = self._session
-        if session.requests.measure or session.requests.pictures or not session.settings.coarse_while_moving:
+        if self._whole or not self._session.settings.coarse_while_moving:
             return False
         return self._times.whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
@@ -119,16 +120,16 @@ class Viewport:
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
     def draw(self, size: tuple[int, int], whole: bool = False) -> None:
-        """Draw what is out of date; with `whole` nothing is left for later frames.
+        """Draw what is out of date; with `whole` at once, although the camera moves, and nothing is left for later frames.
 
         Raises InputError and ShaderError; a lack of GPU memory is notified."""
+        self._whole = whole
         self._note_movement()
         if self.is_undrawable(size):
             return
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
-        whole = whole or self._session.requests.measure or bool(self._session.requests.pictures)
         renderer.want_times(self.times_wanted)
         if view == self.last_view and not self.to_come:
             self._times.note_passes(renderer.take_times())
@@ -163,11 +164,11 @@ class Viewport:
             self.last = self.renderer.render(view)
             self.frames_drawn += 1
 
-    def alone(self, request: PictureRequest, size: tuple[int, int]) -> NDArray[np.uint8]:
+    def alone(self, kind: PictureAlone, size: tuple[int, int]) -> NDArray[np.uint8]:
         """[H, W, 3] uint8 sRGB, row 0 on top: the picture without the interface. Raises InputError where there is none."""
         if self.renderer is None or not self.is_open:
             raise InputError("there is no picture to write: what is open has not been drawn")
-        view = request.view(self._view(size))
+        view = self._view(size).alone(kind)
         # The next frame draws what is shown again: both have one target.
         self.last_view = None
         return read_picture(self.renderer.render(view, whole=True).image)

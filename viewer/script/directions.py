@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ntc.errors import InputError
-from viewer.commands import run
 from viewer.commands.command import typed_path
+from viewer.commands.effects import TakeFilm, TakePicture
 from viewer.commands.keys import parse_chord
 from viewer.script import inputs
 from viewer.script.stage import PROPERTIES, Stage, Turn, expect
@@ -145,7 +145,7 @@ def _screenshot(arguments: Sequence[str]) -> Play:
         raise InputError(f"{arguments[0]!r}: must end with .png")
 
     def play(stage: Stage) -> Iterator[Turn]:
-        run(stage.context, "file.screenshot-quietly", file)
+        stage.context.perform(TakePicture(file=file, quiet=True))
         yield "frame"
 
     return play
@@ -157,7 +157,7 @@ def _film(arguments: Sequence[str]) -> Play:
         raise InputError(f"{arguments[0]!r}: must end with .webp, or be `end`")
 
     def play(stage: Stage) -> Iterator[Turn]:
-        run(stage.context, "file.film", file)
+        stage.context.perform(TakeFilm(file))
         yield "frame"
 
     return play
@@ -168,7 +168,7 @@ def _drop(arguments: Sequence[str]) -> Play:
 
     def play(stage: Stage) -> Iterator[Turn]:
         stage.open_files(paths)
-        yield "frame"
+        yield from inputs.opened(stage)
 
     return play
 

@@ -23,6 +23,13 @@ def rest() -> Iterator[Turn]:
         yield "frame"
 
 
+def opened(stage: Stage) -> Iterator[Turn]:
+    """The next frame, and those until everything that is to be opened is open."""
+    yield "frame"
+    while stage.is_opening:
+        yield "rest"
+
+
 def hold(chord: Chord, down: bool) -> Iterator[Turn]:
     """Press a key with its modifiers, or let them go."""
     io = imgui.get_io()

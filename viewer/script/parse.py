@@ -9,6 +9,7 @@ from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
+from viewer.script import inputs
 from viewer.script.directions import DIRECTIONS, Play
 from viewer.script.stage import Stage, Turn
 
@@ -40,7 +41,7 @@ def _command(command_id: str, arguments: Sequence[str]) -> Play:
 
     def play(stage: Stage) -> Iterator[Turn]:
         run(stage.context, command_id, *values)
-        yield "frame"
+        yield from inputs.opened(stage)
 
     return play
 

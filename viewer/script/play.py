@@ -26,7 +26,7 @@ def play_script(script: Script, stage: Stage) -> Iterator[Turn]:
         new = [text for text in _errors(stage) if text not in known]
         if new and not (following is not None and following.expects_message):
             raise InputError(f"{step.where}: {new[0]}")
-        if stage.session.requests.close:
+        if stage.is_closing:
             return
 
 

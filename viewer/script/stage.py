@@ -26,7 +26,17 @@ class Stage(Protocol):
 
     @property
     def is_settled(self) -> bool:
-        """Whether the next frames would show the same picture."""
+        """Whether nothing is to come that the next frames would show."""
+        ...
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether a file is still to be opened."""
+        ...
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the window is to be closed."""
         ...
 
     @property

@@ -43,11 +43,6 @@ def _notification(event: events.Notification, session: Session) -> None:
 
 
 @_apply.register
-def _scene_read(event: events.SceneRead, session: Session) -> None:
-    session.requests.read_scene = event
-
-
-@_apply.register
 def _pack_updated(event: events.PackUpdated, session: Session) -> None:
     if session.packs.get(event.name) is not event.pack:
         session.packs = {**session.packs, event.name: event.pack}
@@ -101,7 +96,7 @@ def _run_started(event: events.RunStarted, session: Session) -> None:
 
 @_apply.register
 def _precision_found(event: events.PrecisionFound, session: Session) -> None:
-    session.requests.precision -= {event.side}
+    session.precision_searches -= {event.side}
     if event.precision is not None:
         slot = replace(session.view.slots[event.side], precision=event.precision)
         session.view = session.view.with_slot(event.side, slot)
@@ -111,9 +106,9 @@ def _precision_found(event: events.PrecisionFound, session: Session) -> None:
 def _textures_compressed(event: events.TexturesCompressed, session: Session) -> None:
     if event.scene is not session.scene:
         return
-    requests = session.requests
-    sides = [side for side, block_format in requests.formats.items() if block_format == event.block_format]
-    requests.formats = {side: name for side, name in requests.formats.items() if side not in sides}
+    waiting = session.awaited_formats
+    sides = [side for side, block_format in waiting.items() if block_format == event.block_format]
+    session.awaited_formats = {side: name for side, name in waiting.items() if side not in sides}
     if event.textures is None:
         return
     session.compressed = {**session.compressed, event.block_format: event.textures}
@@ -132,7 +127,7 @@ def _view_changed(event: events.ViewChanged, session: Session) -> None:
 @_apply.register
 def _reverted(event: events.Reverted, session: Session) -> None:
     if event.scene is not session.scene:
-        session.compressed, session.requests.formats = {}, {}
+        session.compressed, session.awaited_formats = {}, {}
     session.scene, session.packs, session.view = event.scene, event.packs, event.view
     for side, slot in session.view.slots.items():
         if slot.source not in session.open_sources:
@@ -145,7 +140,7 @@ def _reverted(event: events.Reverted, session: Session) -> None:
 def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
     if event.scene is not session.scene:
         return
-    session.requests.first_view = False
+    session.seeks_first_view = False
     if event.camera is None:
         return
     session.view = replace(session.view, camera=event.camera)
@@ -213,18 +208,6 @@ def expire_pointing(session: Session, now: float) -> None:
         session.inspection.pointed_out = replace(pointed, until=until) if until > now else None
 
 
-def finish_measurement(session: Session, measurements: Mapping[Side, SlotMeasurement] | None) -> None:
-    """The requested measurement was made; None where it failed."""
-    session.requests.measure = False
-    if measurements is not None:
-        session.inspection.measurements, session.inspection.measured_view = measurements, session.view
-
-
-def finish_picture(session: Session) -> None:
-    """The first of the requested pictures was written, or failed."""
-    session.requests.pictures = session.requests.pictures[1:]
-
-
-def finish_camera_path(session: Session) -> None:
-    """The recorded path was written, or failed."""
-    session.requests.camera_path = None
+def set_measurements(session: Session, measurements: Mapping[Side, SlotMeasurement]) -> None:
+    """Both slots were measured in the present view."""
+    session.inspection.measurements, session.inspection.measured_view = measurements, session.view

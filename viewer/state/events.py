@@ -5,7 +5,6 @@ The functions of `viewer.state.event_handlers` are the only code besides the com
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from ntc.codec.config import Precision
 from ntc.codec.model import Pack
@@ -103,18 +102,8 @@ class FirstViewFound:
     """None: all of the scene stays in view."""
 
 
-@dataclass(frozen=True, eq=False)
-class SceneRead:
-    """A scene was read that the next command opens."""
-
-    path: Path
-    """As the command names it."""
-    scene: Scene
-
-
 Event = (
-    SceneRead
-    | Notification
+    Notification
     | FirstViewFound
     | PackUpdated
     | PackClosed

@@ -1,20 +1,19 @@
 """Opening scenes and packs: a session begins with a scene, and goes on with others."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ntc.codec.config import PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.library.index import is_library
 from ntc.metrics.block_compression import named_format
 from ntc.pack.match import PackMatch, require_match
 from viewer.locations import is_builtin
 from viewer.scene.cameras_file import with_cameras_beside
+from viewer.scene.images import ProgressReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.camera import frame_all
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
@@ -28,7 +27,7 @@ from viewer.state.pack_files import (
     unused_name,
     wanted_textures,
 )
-from viewer.state.session import InspectionState, Requests, Session, WindowState
+from viewer.state.session import InspectionState, Session, WindowState
 from viewer.state.settings import ViewerSettings, with_recent
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
@@ -74,15 +73,12 @@ def new_session(
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
     session.decoder_variant, session.decode_with = initial.decoder_variant, initial.decode_with
     session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
-    session.requests = Requests(precision=frozenset(("a",) if initial.precision == "auto" else ()))
+    session.precision_searches = frozenset(("a",) if initial.precision == "auto" else ())
     block_format = named_format(initial.grouping)
     if block_format is not None:
-        session.requests.formats = {"a": block_format}
-    session.requests.first_view = not scene.cameras
-    if problem is not None:
-        notify(session, str(problem), "error", details_of(problem))
-    if scene.path is not None:
-        _remember(session, scene.path)
+        session.awaited_formats = {"a": block_format}
+    session.seeks_first_view = not scene.cameras
+    _begin(session, () if problem is None else (problem,))
     return session
 
 
@@ -93,26 +89,12 @@ def _with_cameras(scene: Scene) -> tuple[Scene, InputError | None]:
         return scene, error
 
 
-def _remember(session: Session, path: Path) -> None:
-    """Put an opened file first among those that can be opened again."""
-    if not is_builtin(path):
-        session.settings = with_recent(session.settings, path)
-
-
-def open_file(session: Session, path: Path) -> None:
-    """Open a scene with the packs and cameras beside it, or a pack or library with textures of the open scene; any other
-    folder stands for the one scene in it.
-
-    Raises InputError; all stays open then.
-    """
-    try:
-        if path.suffix.lower() == PACK_SUFFIX or is_library(path):
-            _open_pack(session, path)
-        else:
-            _open_scene(session, path)
-    except (OSError, ValueError) as error:
-        # Names that no file can have, and what fails where reading does not expect it.
-        raise InputError(f"{path}: cannot be opened ({error}); check the path") from error
+def _begin(session: Session, problems: Sequence[InputError]) -> None:
+    """Tell what went wrong while the scene was read, and put it first among those that can be opened again."""
+    for problem in problems:
+        notify(session, str(problem), "error", details_of(problem))
+    if session.scene.path is not None and not is_builtin(session.scene.path):
+        session.settings = with_recent(session.settings, session.scene.path)
 
 
 def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView) -> ViewState:
@@ -134,53 +116,80 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
     )
 
 
-def _open_scene(session: Session, path: Path) -> None:
-    read, session.requests.read_scene = session.requests.read_scene, None
-    loaded = read.scene if read is not None and read.path == path else load_scene(path)
-    path = loaded.path or path
-    scene, problem = _with_cameras(loaded)
-    packs: dict[str, Pack] = {}
-    for pack_path in packs_of(scene):
-        try:
-            pack, _ = _matching_pack(pack_path, scene)
-            packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
-        except InputError as error:
-            # A pack that cannot be read, or is of another scene, does not keep the scene closed.
-            notify(session, str(error), "error", details_of(error))
-    session.scene, session.packs = scene, packs
+@dataclass(frozen=True, eq=False)
+class ReadScene:
+    """A scene with the packs and cameras beside it, as read from its files."""
+
+    scene: Scene
+    packs: Mapping[str, Pack]
+    problems: tuple[InputError, ...]
+    """What keeps packs and cameras beside the scene from being read."""
+
+
+def read_scene(path: Path, report: ProgressReport | None = None) -> ReadScene:
+    """Read the scene at `path`, or the one in a folder, with the packs and cameras beside it. Raises InputError."""
+    try:
+        scene, problem = _with_cameras(load_scene(path, report=report))
+        packs: dict[str, Pack] = {}
+        problems: list[InputError] = []
+        for pack_path in packs_of(scene):
+            try:
+                pack, _ = _matching_pack(pack_path, scene)
+                packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
+            except InputError as error:
+                # A pack that cannot be read, or is of another scene, does not keep the scene closed.
+                problems.append(error)
+    except (OSError, ValueError) as error:
+        # Names that no file can have, and what fails where reading does not expect it.
+        raise _cannot_open(path, error) from error
+    return ReadScene(scene, packs, (*problems, *([problem] if problem is not None else [])))
+
+
+def _cannot_open(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: cannot be opened ({error}); check the path")
+
+
+def open_scene(session: Session, read: ReadScene) -> None:
+    """Close the scene that is open, and open another one."""
+    scene = session.scene = read.scene
+    session.packs, session.compressed, session.previous_views = read.packs, {}, {}
     before = InitialView(material_view=session.view.material_view, lighting=session.view.lighting)
-    session.view = _initial_view(scene, packs, session.settings, before)
+    session.view = _initial_view(scene, read.packs, session.settings, before)
     session.navigation.motion, session.playback = None, replace(session.playback, is_playing=False)
-    session.previous_views = {}
-    session.requests.precision, session.requests.first_view = frozenset(), not scene.cameras
-    session.compressed, session.requests.formats = {}, {}
+    session.precision_searches, session.awaited_formats, session.seeks_first_view = frozenset(), {}, not scene.cameras
     session.inspection = InspectionState(errors=session.inspection.errors)
-    _remember(session, path)
-    if problem is not None:
-        notify(session, str(problem), "error", details_of(problem))
-    problems = len(scene.report.missing)
-    notify(
-        session,
-        f"opened {path.name}" + (f"; {problems} files or parts could not be read, see panel Scene" if problems else ""),
-    )
+    session.window.file_dialog = False
+    _begin(session, read.problems)
+    missing = len(scene.report.missing)
+    note = f"; {missing} files or parts could not be read, see panel Scene" if missing else ""
+    notify(session, f"opened {scene.path.name if scene.path is not None else scene.name}{note}")
 
 
-def show_variant(session: Session, variant: str) -> None:
-    """Read the scene that is open again, in another material variant; packs and view stay. Raises InputError."""
-    before = session.scene
-    if before.path is not None and variant != before.variant:
-        loaded = load_scene(before.path, variant, before.pose, before=before)
-        session.scene = replace(loaded, cameras=before.cameras)
+def read_variant(scene: Scene, variant: str, report: ProgressReport | None = None) -> Scene:
+    """Read `scene` again, in another material variant. Raises InputError."""
+    if scene.path is None or variant == scene.variant:
+        return scene
+    return replace(load_scene(scene.path, variant, scene.pose, report, scene), cameras=scene.cameras)
+
+
+def show_variant(session: Session, scene: Scene) -> None:
+    """Open the scene of the session as it was read in another material variant; packs and view stay."""
+    if scene is not session.scene:
+        session.scene, variant = scene, scene.variant
         named = f"material variant {variant}" if variant else "the materials that the scene's parts name themselves"
         notify(session, named)
 
 
-def _open_pack(session: Session, path: Path) -> None:
-    pack, match = _matching_pack(path, session.scene)
+def open_pack(session: Session, path: Path) -> None:
+    """Open a pack or library with textures of the open scene in slot A. Raises InputError; all stays as it is then."""
+    try:
+        pack, match = _matching_pack(path, session.scene)
+    except (OSError, ValueError) as error:
+        raise _cannot_open(path, error) from error
     same = (name for name, other in session.packs.items() if other.path is not None and same_place(other.path, path))
     name = next(same, None) or unused_name(pack.grouping.name, path, session.packs)
     session.packs = {**session.packs, name: pack}
-    _remember(session, path)
+    session.settings = with_recent(session.settings, path)
     session.view = session.view.with_source("a", name)
     notify(session, f"opened {path.name} in slot A: {match.line()}")
 

@@ -14,16 +14,13 @@ from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.animation_playback import AnimationPlayback
 from viewer.state.camera_motion import Motion
-from viewer.state.events import SceneRead
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.question import Question
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, DecodeWith, Overlay, Side, Slot, ViewState
+from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, DecodeWith, Side, Slot, ViewState
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
-PictureAlone = Literal["shown", "a", "b", "split", "plain"]
-PictureKind = Literal["window", PictureAlone]
 
 
 @dataclass(frozen=True)
@@ -50,26 +47,6 @@ class SlotMeasurement:
     psnr_by_map: Mapping[DecodedMaps, float | None] = field(default_factory=dict)
     """The same PSNR with one map decoded among the original ones, by map; None where that shows no error. Empty in the view `base`,
     and for images."""
-
-
-@dataclass(frozen=True)
-class PictureRequest:
-    """A picture that is to be written as a file."""
-
-    kind: PictureKind = "window"
-    """The window's content, or the picture alone: as shown, of one side, of both with the divider, without overlay."""
-    file: Path | None = None
-    """Relative to the folder of pictures; None: a name with the time in it."""
-    quiet: bool = False
-    """Show no message when it has been written: it would be in the next picture."""
-
-    def view(self, shown: ViewState) -> ViewState:
-        """The view to draw for it, where `shown` is what the window shows."""
-        if self.kind in ("a", "b"):
-            return replace(shown, compare=self.kind)
-        if self.kind == "split":
-            return replace(shown, compare="wipe")
-        return replace(shown, overlay=Overlay()) if self.kind == "plain" else shown
 
 
 @dataclass(frozen=True)
@@ -174,31 +151,6 @@ class WindowState:
     """(width, height) in pixels that panels leave to the picture."""
 
 
-@dataclass
-class Requests:
-    """What commands and events ask of the next frames."""
-
-    measure: bool = False
-    pictures: tuple[PictureRequest, ...] = ()
-    film: Path | None = None
-    """File of the film that is taken of the window's content, relative to the folder of pictures; None while none is."""
-    camera_path: tuple[Camera, ...] | None = None
-    """A recorded path that is to be written as a file."""
-    formats: Mapping[Side, BlockFormat] = field(default_factory=dict)
-    """Block formats that slots are to show once the textures have been encoded."""
-    precision: frozenset[Side] = frozenset()
-    """Slots that are to get the cheapest precision that does not show."""
-    first_view: bool = False
-    """A place in the scene is to be found that shows more than a view of all of it."""
-    raised_panel: str | None = None
-    """The panel that is to come to the front."""
-    reset_layout: bool = False
-    read_scene: SceneRead | None = None
-    """A scene that was read beside the frames, until it is opened."""
-    close: bool = False
-    """The window is to be closed."""
-
-
 @dataclass(eq=False)
 class Session:
     """What is open, the view of it, and the state of the window around it."""
@@ -214,6 +166,12 @@ class Session:
     """Pixels of the picture along one side, as a share of the window's."""
     compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
     """The scene's textures in block formats that slots have shown; another object whenever one is added."""
+    awaited_formats: Mapping[Side, BlockFormat] = field(default_factory=dict)
+    """Block formats that slots show once the textures are encoded."""
+    precision_searches: frozenset[Side] = frozenset()
+    """Slots whose cheapest precision that does not show is being searched."""
+    seeks_first_view: bool = False
+    """Whether a place in the scene is looked for that shows more than a view of all of it."""
     decoder_variant: str = ""
     """How decoders are laid out on the GPU, as the command line asks (`VariantChoice`); empty: as the environment says."""
     decode_with: DecodeWith | None = None
@@ -226,7 +184,6 @@ class Session:
     navigation: NavigationState = field(default_factory=NavigationState)
     inspection: InspectionState = field(default_factory=InspectionState)
     window: WindowState = field(default_factory=WindowState)
-    requests: Requests = field(default_factory=Requests)
 
     @property
     def is_moving(self) -> bool:

@@ -93,6 +93,8 @@ class Lighting:
     tone_map: ToneMap = "neutral"
 
 
+PictureAlone = Literal["shown", "a", "b", "split", "plain"]
+"""A picture without the window around it: as shown, of one side, of both with the divider, without overlay."""
 DEFAULT_LIGHTING: Final = Lighting()
 
 
@@ -134,6 +136,14 @@ class ViewState:
         """(width, height) in pixels of the blocks that decoders are counted in: fewer in a preview, but as large on screen."""
         width, height = BLOCKS[self.overlay.block]
         return max(1, width // self.coarseness), max(1, height // self.coarseness)
+
+    def alone(self, kind: PictureAlone) -> "ViewState":
+        """The view to draw for a picture without the window, where this one is shown."""
+        if kind in ("a", "b"):
+            return replace(self, compare=kind)
+        if kind == "split":
+            return replace(self, compare="wipe")
+        return replace(self, overlay=NO_OVERLAY) if kind == "plain" else self
 
     def with_slot(self, side: Side, slot: Slot) -> "ViewState":
         """This view with another slot on one side."""

@@ -68,6 +68,8 @@ class FrameFacts:
     """Share of the work done of each block format that is encoded for a slot, 0 to 1."""
     work: tuple[Work, ...] = ()
     """What is under way beside the frames."""
+    drawn_because: tuple[str, ...] = ()
+    """What the last frame was drawn for; empty where the mouse or a key was the cause."""
     pixel: PixelContent | None = None
     """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None

@@ -61,6 +61,10 @@ class UserInterface:
         self._were_shown = True
         self._handles = StackHandles()
         self._picture_area: Area | None = None
+        self._raised: str | None = None
+        """Title of the panel that the next frame brings to the front."""
+        self._resets_layout = False
+        """Whether the next frame docks all panels anew."""
 
     @property
     def picture_area(self) -> Area | None:
@@ -86,9 +90,17 @@ class UserInterface:
         if panels:
             self._in_front, self._were_shown = list(panels), False
 
+    def raise_panel(self, title: str) -> None:
+        """Bring a panel to the front in the next frame that shows panels."""
+        self._raised = title
+
+    def reset_layout(self) -> None:
+        """Dock all panels anew in the next frame that shows panels."""
+        self._resets_layout = True
+
     def is_settling(self, session: Session) -> bool:
         """Whether the next frame puts panels elsewhere although nothing happens."""
-        asked = session.requests.reset_layout or session.requests.raised_panel is not None
+        asked = self._resets_layout or self._raised is not None
         waits = self._file_dialog.system.has_answer or self._input.flight.is_ending
         moves = not self._layout.is_placed if session.window.column_folded else self._layout.is_settling
         return waits or (session.window.show_panels and (asked or moves))
@@ -124,7 +136,7 @@ class UserInterface:
         if shown:
             self._panels(ui)
         if session.window.show_panels:
-            self._raise_panel(ui, shown)
+            self._raise_panel(shown)
             if not session.window.show_help:
                 draw_hints(ui, area)
             self._offer.draw(ui, area)
@@ -158,9 +170,8 @@ class UserInterface:
             narrow = folds_at_first(imgui.get_main_viewport().size.x / scale)
             if narrow != ui.session.window.column_folded:
                 ui.emit("window.fit-column", narrow)
-        area = self._layout.draw(places, scale, ui.session.requests.reset_layout, settings.folded_panels)
-        if ui.session.requests.reset_layout:
-            ui.emit("window.layout-done")
+        reset, self._resets_layout = self._resets_layout, False
+        area = self._layout.draw(places, scale, reset, settings.folded_panels)
         # A picture has at least a pixel.
         return Area(area.left, area.top, max(area.right, area.left + 1.0), max(area.bottom, area.top + 1.0))
 
@@ -186,14 +197,12 @@ class UserInterface:
                 ui.emit("window.panel", panel.title, False)
         if not self._layout.is_settling:
             self._in_front = in_front
-        self._handles.draw(ui, self._layout.stacks(shown), session.requests.raised_panel)
+        self._handles.draw(ui, self._layout.stacks(shown), self._raised)
 
-    def _raise_panel(self, ui: UiFrame, shown: bool) -> None:
+    def _raise_panel(self, shown: bool) -> None:
         """Bring the panel to the front that is asked for; a column that stays folded has none."""
-        raised = ui.session.requests.raised_panel
-        if raised is not None:
-            if shown:
-                self._layout.bring(raised)
-            ui.emit("window.panel-raised")
+        raised, self._raised = self._raised, None
+        if raised is not None and shown:
+            self._layout.bring(raised)
         if shown:
             self._layout.bring_to_front()

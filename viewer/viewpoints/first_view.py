@@ -42,7 +42,7 @@ class FirstView:
 
     def is_due(self, session: Session) -> bool:
         """Whether `step` would do something."""
-        if not session.requests.first_view:
+        if not session.seeks_first_view:
             return False
         begun = self._scene is session.scene and self._overview is not None and self._waiting is None
         return not begun or self._job(session.scene).done
@@ -57,7 +57,7 @@ class FirstView:
 
     def _step(self, session: Session, draw_ids: DrawTextureIds) -> None:
         scene, camera = session.scene, session.view.camera
-        if not session.requests.first_view:
+        if not session.seeks_first_view:
             self._scene = None
             return
         if self._scene is not scene:

@@ -23,12 +23,12 @@ class Sheet:
         label: str,
         rows: Callable[[Session], Rows],
         is_open: Callable[[Session], bool],
-        close: str,
+        layer: str,
         hint: str,
     ) -> None:
-        """`label` names it for scripts, `rows` are what it and what it means, `close` is the command that closes it."""
+        """`label` names it for scripts, `rows` are what it and what it means, `layer` is one of `viewer.commands.leaving.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
-        self._is_open, self._close, self._hint = is_open, close, hint
+        self._is_open, self._layer, self._hint = is_open, layer, hint
         self._text = ""
         self._was_open = False
         self._typing = False
@@ -60,7 +60,7 @@ class Sheet:
         imgui.end()
         # The field owns the key in the frame in which it ends the typing.
         if not stays or (self._typing and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
-            ui.emit(self._close)
+            ui.emit("window.close-layer", self._layer)
 
     def _table(self, rows: Rows) -> None:
         if not imgui.begin_table(self._label, 2, imgui.TableFlags_.scroll_y | imgui.TableFlags_.row_bg):
@@ -96,7 +96,7 @@ def make_sheets() -> tuple[Sheet, ...]:
             "keys",
             lambda session: key_table(bindings(session.settings.keys)),
             lambda session: session.window.show_help,
-            "help.close",
+            "window.show_help",
             "F1 closes this",
         ),
         Sheet(
@@ -104,7 +104,7 @@ def make_sheets() -> tuple[Sheet, ...]:
             "glossary",
             lambda _session: TERMS,
             lambda session: session.window.show_glossary,
-            "help.close-glossary",
+            "window.show_glossary",
             "Escape closes this",
         ),
     )

@@ -77,7 +77,7 @@ class FileDialog:
         self._content(ui)
         imgui.end()
         if not stays or (on_top and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
-            ui.emit("file.close-dialog")
+            ui.emit("window.close-layer", "window.file_dialog")
 
     def _begin(self, ui: UiFrame) -> None:
         recent = ui.session.settings.recent_files
@@ -260,7 +260,7 @@ class FileDialog:
         ui.rects.note("Open file")
         imgui.same_line()
         if imgui.button("Cancel"):
-            ui.emit("file.close-dialog")
+            ui.emit("window.close-layer", "window.file_dialog")
         ui.rects.note("Cancel opening")
         if self.system.is_available:
             imgui.same_line()

@@ -78,7 +78,7 @@ class FirstRunCard:
             self._row(number, step, done)
             ui.rects.note(f"first step {number}")
         if imgui.button("Got it"):
-            ui.emit("help.first-steps-done")
+            ui.emit("window.close-layer", "window.show_first_steps")
         ui.rects.note("Got it")
         imgui.same_line()
         imgui.text_disabled("Help > First steps shows this again.")

@@ -124,7 +124,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(letter)
     imgui.same_line()
-    shown = "auto" if side in ui.session.requests.precision else slot.precision
+    shown = "auto" if side in ui.session.precision_searches else slot.precision
     paths = list_width(slot.path), list_width(shown)
     left = imgui.get_cursor_pos_x()
     # Three lists in one row where there is room for them, else the first one in a row of its own.
@@ -134,7 +134,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     source = combo(f"{letter} source", slot.source, ui.session.sources, ui.rects)
     if source != slot.source:
         ui.emit("slot.source", side, source)
-    waits = ui.session.requests.formats.get(side)
+    waits = ui.session.awaited_formats.get(side)
     if waits is not None:
         disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
         ui.rects.note(f"{letter} encoding")

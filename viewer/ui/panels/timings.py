@@ -15,6 +15,8 @@ RECENT = 15
 COMPILING_MS = 1000.0
 COMPILING_TIMES = 5.0
 """Times the second longest of the recent frames, and at least COMPILING_MS: what takes longer compiled shaders."""
+INPUT = "the mouse, a key or a script"
+"""What draws a frame that shows nothing else."""
 TICKS = 3
 """Most numbers on the axis of frames, besides that of the last one."""
 
@@ -113,7 +115,12 @@ def timings_text(facts: FrameFacts) -> str:
     lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
     lines.append(f"{facts.blocking_calls:>9,} calls that waited for the GPU, in the last frame")
-    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn"])
+    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn", because_text(facts)])
+
+
+def because_text(facts: FrameFacts) -> str:
+    """Why the last frame was drawn, as a line."""
+    return f"drawing because: {', '.join(facts.drawn_because) or INPUT}"
 
 
 def _mark(color: imgui.ImVec4, side: float) -> None:
@@ -156,3 +163,4 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
             imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
     imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls that waited for the GPU, in the last frame")
     imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")
+    imgui.text_wrapped(because_text(ui.facts))

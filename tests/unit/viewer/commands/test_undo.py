@@ -1,7 +1,8 @@
 """Undo and redo: what a command changed is put back, and nothing else."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -54,6 +55,26 @@ def test_a_drag_is_one_change(context: Context, monkeypatch: pytest.MonkeyPatch)
     assert session.view.wipe_position == pytest.approx(0.55)
     run_line(context, "edit.undo")
     assert session.view.wipe_position == begin
+
+
+def test_what_changes_nothing_that_can_be_undone_is_not_looked_through(
+    context: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    walked: list[object] = []
+
+    def walk(value: Any) -> Any:
+        walked.append(value)
+        return fields(value)
+
+    monkeypatch.setattr("viewer.commands.history.fields", walk)
+    for step in range(10):
+        run(context, "picture.hover", (step / 10.0, 0.5))
+    assert walked == []
+    assert "nothing to undo" in why_not(context, "edit.undo")
+    run_line(context, "window.theme light")
+    assert walked == [context.session.settings], "the view is the same object as before"
+    run_line(context, "edit.undo")
+    assert context.session.settings.theme == "dark"
 
 
 def test_what_other_hands_changed_since_stays(context: Context) -> None:

@@ -10,6 +10,7 @@ import pytest
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
+from tests.support.spoilt_files import PromptEffects
 from viewer.commands import run
 from viewer.commands.command import Context
 from viewer.scene.images import decode_image
@@ -67,6 +68,7 @@ def test_broken_mappings_name_the_field(mapping: dict[str, Any], words: str) -> 
 def test_the_command_changes_the_variant_and_keeps_what_is_open(tmp_path: Path) -> None:
     scene = load_scene(shoe().write(tmp_path / "shoe.glb"))
     context = Context(new_session(scene, {}, ViewerSettings(), InitialView(), tmp_path))
+    PromptEffects(context)
     session, view = context.session, context.session.view
     run(context, "materials.variant", "blue")
     np.testing.assert_array_equal(drawn_pixels(session.scene), noise(seed=2))
@@ -84,6 +86,7 @@ def test_another_variant_or_moment_reads_no_image_again(tmp_path: Path, monkeypa
     )
     scene = load_scene(builder.write(tmp_path / "shoe.glb"))
     context = Context(new_session(scene, {}, ViewerSettings(), InitialView(), tmp_path))
+    PromptEffects(context)
     decoded: list[str] = []
 
     def counted(data: bytes, name: str) -> Any:

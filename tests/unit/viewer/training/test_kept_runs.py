@@ -12,7 +12,17 @@ import pytest
 
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
-from tests.support.spoilt_files import SECONDS, accept, errors, finished, open_context, pack_of, settle, write_scene
+from tests.support.spoilt_files import (
+    SECONDS,
+    PromptEffects,
+    accept,
+    errors,
+    finished,
+    open_context,
+    pack_of,
+    settle,
+    write_scene,
+)
 from viewer.commands import run_line, run_or_notify
 from viewer.commands.command import Context
 from viewer.training.kept_runs import FACTS_FILE, PACK_FILE, KeptRun, KeptRuns, scene_stamp
@@ -22,6 +32,7 @@ from viewer.training.settings import TrainingSettings
 KILLED = """
 import os, signal, sys
 from pathlib import Path
+from tests.support.spoilt_files import PromptEffects
 from tests.support.spoilt_files import pack_of
 from tests.unit.viewer.training.test_kept_runs import facts_of
 from viewer.training.kept_runs import KeptRuns
@@ -52,6 +63,7 @@ def window(path: Path, folder: Path) -> Context:
     """A window on a scene, as it is after its first frame."""
     opened = open_context(path)
     context = Context(opened.session, kept=KeptRuns(folder))
+    PromptEffects(context)
     context.training.tick(context.session.scene, frozenset())
     return context
 
@@ -172,9 +184,10 @@ def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
         raise InputError(f"{destination}: cannot be written")
 
     monkeypatch.setattr("viewer.training.pack_saving.write_pack", full)
+    effects = PromptEffects(context)
     run_line(context, "file.quit")
     run_or_notify(context, "question.answer", "Keep")
-    assert context.session.requests.close
+    assert effects.is_closing
     context.training.close()
     assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
     assert waiting(window(path, folder)) == [1]

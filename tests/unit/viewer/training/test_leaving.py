@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from ntc.pack.file import read_pack
-from tests.support.spoilt_files import accept, errors, finished, open_context, settle, write_scene
+from tests.support.spoilt_files import PromptEffects, accept, errors, finished, open_context, settle, write_scene
 from viewer.commands import run_line, run_or_notify
 from viewer.commands.command import Context
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import PackRenamed
-from viewer.state.open_files import open_file
+from viewer.state.open_files import open_scene, read_scene
 from viewer.training.pack_saving import save_numbered
 
 
@@ -62,7 +62,7 @@ def test_a_pack_is_written_beside_the_scene_that_it_was_trained_on(context: Cont
 
 def test_a_scene_that_is_opened_behind_its_back_gets_no_pack(context: Context, path: Path, other: Path) -> None:
     finished(context)
-    open_file(context.session, other)
+    open_scene(context.session, read_scene(other))
     accept(context)
     run_or_notify(context, "training.show", 1, "a")
     assert "no finished run waits" in errors(context)[0]
@@ -120,14 +120,15 @@ def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Cont
 
 
 def test_quitting_asks(context: Context, path: Path) -> None:
+    effects = PromptEffects(context)
     run_line(context, "file.quit")
-    assert context.session.requests.close
-    context.session.requests.close = False
+    assert effects.is_closing
+    effects = PromptEffects(context)
     finished(context)
     run_line(context, "file.quit")
-    assert not context.session.requests.close
+    assert not effects.is_closing
     answer(context, "Keep")
-    assert context.session.requests.close
+    assert effects.is_closing
     context.training.close()
     assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
 
@@ -178,7 +179,7 @@ def test_saved_views_are_numbered(context: Context, path: Path) -> None:
 
 
 def test_escape_closes_what_is_on_top_and_never_the_window(context: Context) -> None:
-    session = context.session
+    session, effects = context.session, PromptEffects(context)
     run_line(context, "help.keys")
     session.inspection.flat_texture, session.inspection.pixel, session.inspection.selected_texture = 0, (0.5, 0.5), 1
     session.window.palette = ""
@@ -189,4 +190,4 @@ def test_escape_closes_what_is_on_top_and_never_the_window(context: Context) -> 
         shown = (window.palette, window.show_help or None, inspection.flat_texture, inspection.pixel)
         states.append(sum(value is not None for value in (*shown, inspection.selected_texture)))
     assert states == [4, 3, 2, 1, 0, 0]
-    assert not session.requests.close
+    assert not effects.is_closing

@@ -1,0 +1,136 @@
+"""Carries out what commands ask for outside the session, each effect at its point of a frame."""
+
+import time
+from typing import TypeVar
+
+import moderngl
+
+from ntc.errors import InputError
+from ntc.io import numbered_path, write_text
+from viewer.app.opening import Opening
+from viewer.capture.film import Film, read_pixels
+from viewer.commands import run
+from viewer.commands.command import Context
+from viewer.commands.effects import (
+    CancelOpening,
+    CloseWindow,
+    Effect,
+    Measure,
+    OpenScene,
+    RaisePanel,
+    ReadVariant,
+    ResetLayout,
+    RunCommand,
+    TakeFilm,
+    TakePicture,
+    WriteText,
+)
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ShaderError
+from viewer.render.viewport import Viewport
+from viewer.scene.images import write_png
+from viewer.state.event_handlers import notify
+
+REASONS = {
+    RaisePanel: "a panel comes to the front",
+    ResetLayout: "panels go back to their places",
+    Measure: "the picture is measured",
+    TakePicture: "a picture is written",
+}
+"""What a frame is drawn for, by the effect that waits for it."""
+Kind = TypeVar("Kind")
+
+
+class Effects:
+    """What is still to be done for commands. It outlives the OpenGL context: what a lost one leaves undone is done in the next."""
+
+    def __init__(self, context: Context) -> None:
+        self._session, self._context = context.session, context
+        self.opening = Opening(context)
+        self.is_closing = False
+        """Whether the window is to be closed."""
+        self._waiting: tuple[Effect, ...] = ()
+        self._film: Film | None = None
+        context.perform = self.perform
+
+    def perform(self, effect: Effect) -> None:
+        """Carry an effect out, or keep it until its point of a frame. Raises InputError."""
+        match effect:
+            case OpenScene() | ReadVariant():
+                self.opening.add(effect)
+            case RunCommand() if effect.announced:
+                self.opening.add(effect)
+            case RunCommand():
+                run(self._context, effect.command_id, *effect.values)
+            case CancelOpening():
+                self.opening.cancel()
+            case WriteText():
+                write_text(effect.path, effect.text)
+                notify(self._session, effect.message)
+            case TakeFilm():
+                self._end_film()
+                self._film = Film(self._session.pictures_folder / effect.file) if effect.file is not None else None
+            case CloseWindow():
+                self.is_closing = True
+            case _:
+                self._waiting = (*self._waiting, effect)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What waits for the next frame, as lines."""
+        opened = ("what was read is opened",) if self.opening.is_due else ()
+        return (*dict.fromkeys(REASONS[type(effect)] for effect in self._waiting), *opened)
+
+    @property
+    def need_whole_picture(self) -> bool:
+        """Whether the next picture must not be coarse."""
+        return any(isinstance(effect, Measure | TakePicture) for effect in self._waiting)
+
+    def take(self, kind: type[Kind]) -> list[Kind]:
+        """The effects of one kind that wait, which the caller carries out."""
+        taken: list[Kind] = [effect for effect in self._waiting if isinstance(effect, kind)]
+        self._waiting = tuple(effect for effect in self._waiting if not isinstance(effect, kind))
+        return taken
+
+    def write_pictures(self, graphics: GraphicsContext, framebuffer: moderngl.Framebuffer, picture: Viewport) -> None:
+        """Once a frame is on its framebuffer: write and film it. Raises ContextLostError; what is not written still waits then."""
+        if self._film is not None and self._film.wants(now := time.monotonic()):
+            self._film.add(read_pixels(framebuffer), now)
+        for effect in [effect for effect in self._waiting if isinstance(effect, TakePicture)]:
+            try:
+                self._write_picture(effect, graphics, framebuffer, picture)
+            except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
+                line = " ".join(str(error).split()) or "out of memory while writing the picture"
+                notify(self._session, line, "error")
+            self._waiting = tuple(other for other in self._waiting if other is not effect)
+
+    def _write_picture(
+        self, effect: TakePicture, graphics: GraphicsContext, framebuffer: moderngl.Framebuffer, picture: Viewport
+    ) -> None:
+        session, kind = self._session, effect.kind
+        if effect.file is not None:
+            path = session.pictures_folder / effect.file
+        else:
+            path = session.dated_file("" if kind == "window" else f"-{kind}", ".png")
+        # Scripts say exactly which file they mean, and write it anew each time that they are played.
+        path = path if effect.quiet else numbered_path(path)
+        shown = read_pixels(framebuffer) if kind == "window" else picture.alone(kind, session.window.picture_size)
+        graphics.reset.check()
+        write_png(path, shown)
+        if not effect.quiet:
+            notify(session, f"wrote {path}")
+
+    def _end_film(self) -> None:
+        film, self._film = self._film, None
+        if film is None:
+            return
+        try:
+            count = film.write()
+            notify(self._session, f"wrote {film.path}: {count} pictures")
+        except (InputError, OSError, MemoryError) as error:
+            notify(self._session, f"{film.path}: cannot be written ({error})", "error")
+
+    def close(self) -> None:
+        """End what is under way: a film is written, a scene is not opened."""
+        self._end_film()
+        self.opening.cancel()
