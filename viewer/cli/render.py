@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.block_compression import named_format
@@ -36,7 +35,7 @@ from viewer.render.viewport import Viewport
 from viewer.scene.images import write_png
 from viewer.scene.model import Pose
 from viewer.state.event_handlers import apply_event
-from viewer.state.events import Event, Notification
+from viewer.state.events import Event, Notification, TexturesCompressed, ViewChanged
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
@@ -181,62 +180,59 @@ class _Console:
         return viewport.last, viewport.renderer
 
 
-def render(options: RenderOptions) -> int:
-    """Run `ntc-viewer render`: a session whose view is drawn once, and measured. Raises InputError for bad input."""
-    _check(options)
+def _opened(options: RenderOptions) -> Session:
+    """What the options name, open: the scene, the pack that is shown, and the view. Raises InputError."""
     pose = None if options.time is None else Pose(options.animation, options.time)
     scene = open_scene(options.scene, options.variant, pose)
-    if options.grouping is not None and is_image_source(options.grouping) and not options.pack:
-        packs: dict[str, Pack] = {}
-    else:
-        packs = packs_for(scene, options.pack)
+    needs_packs = options.grouping is None or not is_image_source(options.grouping) or bool(options.pack)
+    packs = packs_for(scene, options.pack) if needs_packs else {}
     source = choose_source(packs, options.grouping, options.pack)
     camera, lighting = choose_camera(scene, options), chosen_lighting(options)
     block_format = named_format(source)
     compressed = compress_scene(scene, block_format) if block_format is not None else None
+    kind: OverlayKind = "divergence" if options.overlay == "divergence" else "none"
+    overlay = Overlay(kind, options.opacity, options.palette, options.block, options.scale)
+    view = ViewState(
+        camera=camera,
+        size=options.size,
+        slot_a=Slot(source, options.path, filter=options.filter),
+        overlay=overlay,
+        anisotropy=options.anisotropy,
+        material_view=options.view,
+        lighting=lighting,
+    )
+    shown = {source: packs[source]} if source in packs else {}
+    initial = InitialView(decoder_variant=options.decoder_variant, decode_with=options.decode_with or "glsl")
+    session = new_session(scene, shown, ViewerSettings(), initial)
+    if compressed is not None:
+        apply_event(session, TexturesCompressed(session.scene, compressed.block_format, compressed))
+    apply_event(session, ViewChanged(view))
+    return session
+
+
+def render(options: RenderOptions) -> int:
+    """Run `ntc-viewer render`: a session whose view is drawn once, and measured. Raises InputError for bad input."""
+    _check(options)
+    session = _opened(options)
+    source = session.view.slot_a.source
     context = create_headless_context(options.device)
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
-    kind: OverlayKind = "divergence" if options.overlay == "divergence" else "none"
-    overlay = Overlay(kind, options.opacity, options.palette, options.block, options.scale)
-    chosen = {source: packs[source]} if source in packs else {}
-    initial = InitialView(
-        source,
-        options.path,
-        filter=options.filter,
-        material_view=options.view,
-        lighting=lighting,
-        decoder_variant=options.decoder_variant,
-        decode_with=options.decode_with or "glsl",
-    )
-    session = new_session(scene, chosen, ViewerSettings(), initial)
-    if compressed is not None:
-        session.compressed = {compressed.block_format: compressed}
     with context.reset.watched():
-        background = Background()
-        console = _Console(session)
+        console, background = _Console(session), Background()
         viewport = Viewport(context, session, FrameTimes(context.waits), background, console.emit)
         fastest_first = partial(viewport.variants.precisions, context)
-        precision = resolve_precision(options.precision, chosen.get(source), fastest_first)
-        slot = Slot(source, options.path, precision, options.filter)
-        session.view = view = replace(
-            session.view,
-            camera=camera,
-            size=options.size,
-            slot_a=slot,
-            slot_b=Slot(),
-            compare="a",
-            overlay=overlay,
-            anisotropy=options.anisotropy,
-        )
+        precision = resolve_precision(options.precision, session.packs.get(source), fastest_first)
+        view = replace(session.view, slot_a=replace(session.view.slot_a, precision=precision))
+        apply_event(session, ViewChanged(view))
         console.draw(viewport, (-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR)))
         frame, renderer = console.draw(viewport, view.size)
         # Read first: the calls below check whether the context was lost.
         shown = read_picture(frame.image)
-        (measured,) = measure(renderer, [slot], chosen, options.block)
-        map_errors = errors_by_map(renderer, slot) if options.error_by_map else ()
+        (measured,) = measure(renderer, [view.slot_a], session.packs, options.block)
+        map_errors = errors_by_map(renderer, view.slot_a) if options.error_by_map else ()
         if options.aovs:
-            write_aovs(options.out / "aovs.exr", material_aovs(renderer, slot))
+            write_aovs(options.out / "aovs.exr", material_aovs(renderer, view.slot_a))
         if frame.is_short:
             # PSNR of a coarser picture would be a wrong number.
             memory = "the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
@@ -244,14 +240,15 @@ def render(options: RenderOptions) -> int:
         background.close()
     stats = statistics(measured, frame, view, context.info.renderer)
     if map_errors:
-        stats["error_by_map"] = map_error_statistics(map_errors, scene)
+        stats["error_by_map"] = map_error_statistics(map_errors, session.scene)
         write_map_errors(options.out, map_errors)
+    compressed = session.compressed_as(source)
     if compressed is not None:
         stats["block_compression"] = compression_statistics(compressed)
-    write_picture(options.out, measured, shown, stats, options.overlay, overlay)
+    write_picture(options.out, measured, shown, stats, options.overlay, view.overlay)
     quality = stats["psnr_db"]
     sys.stdout.write(
-        f"wrote {options.out}: {source}, camera {camera.name!r}"
+        f"wrote {options.out}: {source}, camera {view.camera.name!r}"
         + (f", PSNR {quality:.2f} dB" if quality is not None else "")
         + f", excess {stats['divergence']['excess']}\n"
     )

@@ -59,11 +59,10 @@ class Renderer:
         list_decoders: MakeListDecoder | None = None,
         variants: VariantChoice | None = None,
     ) -> None:
-        """`update_bytes` is the upload budget of a frame for packs that replace others; `list_decoders` as in the RenderContext.
+        """`update_bytes` is the upload budget of a frame for packs that replace others; the rest is that of the RenderContext.
 
         Where the context waits for the GPU, the times of a frame and what its pixels need are known within the frame; else they are
-        taken from a frame or two before. `variants` tells how packs are decoded; None: as is the
-        default of the device. Raises GpuMemoryError.
+        taken from a frame or two before. Raises GpuMemoryError.
         """
         if not context.features.compute:
             divergence_stage = "fragment"
@@ -71,10 +70,9 @@ class Renderer:
         self.scene, self.reset = scene, context.reset
         self.name = context.info.renderer
         """The driver's name of the GPU, or of the software renderer."""
-        self._programs = scene_programs(context)
-        materials = material_records(scene)
-        self._timer = PassTimer(context)
+        self._programs, materials = scene_programs(context), material_records(scene)
         self._blocked = context.memory.blocking.count
+        self._timer = PassTimer(context)
         self._scheduler = PassScheduler(self._timer)
         with context.memory.transaction():
             self._scene_buffers = SceneBuffers(context, scene, materials)
@@ -82,12 +80,12 @@ class Renderer:
             self.images = ImageSources(context, self._programs, scene, materials, write_materials)
             self._compositor = Compositor(context, self._programs, scene, self._scheduler, divergence_stage)
         self._drawer = SceneDrawer(context, self._programs, scene, self._scene_buffers, self._scheduler)
-        tile_cache = tile_cache or TileCacheConfig()
-        self.tile_budget = TileBudget(tile_cache)
+        tiles = tile_cache or TileCacheConfig()
+        self.tile_budget = TileBudget(tiles)
         """Receives measured frame times (`note_frame`)."""
-        shared = (context, scene, self._scene_buffers, self._timer, tile_cache, self.tile_budget)
-        told = (list_decoders, variants or VariantChoice())
-        render_context = RenderContext(*shared, latents or LatentBudget(), emulate_half, *told)
+        shared = (context, scene, self._scene_buffers, self._timer, tiles, self.tile_budget)
+        own = (latents or LatentBudget(), emulate_half, list_decoders, variants or VariantChoice())
+        render_context = RenderContext(*shared, *own)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
         self._packs = GpuPacks(render_context, self._programs)
@@ -106,7 +104,7 @@ class Renderer:
         """The last view; None where it could not be drawn."""
 
     def want_times(self, are_wanted: bool) -> None:
-        """Whether anybody looks at times; a renderer that waits always takes them."""
+        """Whether anybody looks at times."""
         self._timer.is_wanted = are_wanted or self._timer.waits
 
     @property
@@ -161,7 +159,7 @@ class Renderer:
         view = replace(view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view))
         self._view = view
         self._drawer.stand_in(view.pose)
-        targets = self._targets_for(view)
+        targets, composite = self._targets_for(view)
         self._draw_visibility(view, targets)
         slots = tuple(dict.fromkeys(shown_slots(view)))
         for slot in slots:
@@ -171,21 +169,18 @@ class Renderer:
         targets.release_unused(view)
         groupings = {slot.source: self._packs.counted(slot.source) for slot in slots}
         counted = self._compositor.count_divergence(view, groupings, targets)
-        composite = self._composite
-        assert composite is not None
         output = self._compositor.draw(view, targets, composite, counted)
         if self._picture is not None and self._picture is not composite:
             self._picture.release()
         self._picture = composite
-        return self._result(asked, view, targets, upload, output)
+        return self._result(asked, view, (targets, composite), upload, output)
 
     def _discard_frame(self) -> None:
         """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
         self._scheduler.forget()
         targets = self._targets
-        if targets is None:
-            return
-        self._scheduler.invalidate(targets.visibility)
+        if targets is not None:
+            self._scheduler.invalidate(targets.visibility)
         if self._composite is not self._picture:
             # It was to have another size. The next frame begins anew, with all the memory that this one has taken.
             self._release_targets()
@@ -194,10 +189,11 @@ class Renderer:
         self,
         asked: tuple[Slot, Slot],
         view: ViewState,
-        targets: PictureTargets,
+        drawn: tuple[PictureTargets, CompositeTarget],
         upload: UploadCounts,
         output: Output,
     ) -> FrameResult:
+        targets, composite = drawn
         counts, skipped = self._drawer.draw_counts(), self._scheduler.skipped
         skipped["images_not_uploaded"] = self.images.images_not_uploaded
         skipped["planes_not_drawn"] = len(PLANES) - len(targets.materials.planes)
@@ -214,9 +210,8 @@ class Renderer:
         drawn_ms = targets.slot_ms()
         before, self._blocked = self._blocked, self._context.memory.blocking.count
         to_come = (*output.to_come, *([ToCome("packs", 1)] if upload.is_pending else []))
-        assert self._picture is not None
         return FrameResult(
-            image=self._picture.texture,
+            image=composite.texture,
             timings_ms=times,
             slot_ms=drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms},
             timer=self._timer.kind,
@@ -235,16 +230,17 @@ class Renderer:
             to_come=largest_of_each(to_come),
         )
 
-    def _targets_for(self, view: ViewState) -> PictureTargets:
-        content = surface_content(view, self._scene_buffers)
-        targets = self._targets
-        if targets is None or (targets.visibility.size, targets.visibility.content) != (view.size, content):
+    def _targets_for(self, view: ViewState) -> tuple[PictureTargets, CompositeTarget]:
+        content, targets, composite = surface_content(view, self._scene_buffers), self._targets, self._composite
+        if targets is not None and composite is not None:
+            if (targets.visibility.size, targets.visibility.content) == (view.size, content):
+                return targets, composite
             self._release_targets()
-            with self._context.memory.transaction():
-                targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
-                composite = CompositeTarget(self._context, view.size)
-            self._targets, self._composite = targets, composite
-        return targets
+        with self._context.memory.transaction():
+            targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
+            composite = CompositeTarget(self._context, view.size)
+        self._targets, self._composite = targets, composite
+        return targets, composite
 
     def _draw_visibility(self, view: ViewState, targets: PictureTargets) -> None:
         inputs = self._drawer.draw(view.camera, targets.visibility)
@@ -252,12 +248,11 @@ class Renderer:
 
     def _release_targets(self) -> None:
         """Free what has the size of the picture, but not the image of the last frame."""
-        targets, self._targets = self._targets, None
-        if targets is None:
-            return
-        targets.release()
+        targets, composite = self._targets, self._composite
+        self._targets = self._composite = None
         self._blend.release()
-        composite, self._composite = self._composite, None
+        if targets is not None:
+            targets.release()
         if composite is not None and composite is not self._picture:
             composite.release()
 
@@ -351,15 +346,15 @@ class Renderer:
 
     @checks_context
     def picture_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
-        """[h, w, 3] float32 linear: a part of what `slot` shows of the last view; None if that has not been drawn.
-
-        `pixels` are left, top, right, bottom from the upper left corner. Nothing but the part is read back.
-        """
+        """[h, w, 3] float32 linear: `picture_part`, read back."""
         part = self.picture_part(slot, pixels)
         return None if part is None else np.ascontiguousarray(part.read()[..., :3], np.float32)
 
     def picture_part(self, slot: Slot, pixels: tuple[int, int, int, int]) -> PicturePart | None:
-        """The same, still on the GPU and with alpha."""
+        """A part of what `slot` shows of the last view, with alpha; None if that has not been drawn.
+
+        `pixels` are left, top, right, bottom from the upper left corner.
+        """
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None

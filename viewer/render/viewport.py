@@ -214,7 +214,6 @@ class Viewport:
             try:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
-                    thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
                     lists = list_decoders(session.decode_with or session.settings.decode_with)
                     made = Renderer(
                         self._context,
@@ -223,6 +222,7 @@ class Viewport:
                         list_decoders=lists,
                         variants=self.variants,
                     )
+                    thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
             except InputError as error:
                 self._context.reset.check_after(error)
                 if self.renderer is None or self._drawable is None:

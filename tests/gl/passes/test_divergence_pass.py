@@ -44,7 +44,7 @@ def test_it_equals_numpy(
     ids[: size[1] // 2] = ids[: size[1] // 2, :1]
     visibility = visibility_of(graphics, ids)
     target = DivergenceTarget(graphics, size, block)
-    counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, [table.tolist()])), target)
+    counting.run(DivergenceInputs(visibility, 0, DecoderTables(graphics, [table.tolist()])), target)
     expected = divergence_map(np.append(table, -1)[ids].astype(np.int32), (block[1], block[0]))
     np.testing.assert_array_equal(target.read(), expected)
     assert_equal_statistics(target.statistics(), DivergenceStatistics.of(expected))
@@ -69,7 +69,7 @@ def test_several_groupings_at_once_from_one_visibility_buffer(
     target = DivergenceTarget(graphics, (70, 50), (8, 8), groupings=3)
     for _ in range(2):
         # Twice: nothing of the first count may be left in the second.
-        counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, tables)), target)
+        counting.run(DivergenceInputs(visibility, 0, DecoderTables(graphics, tables)), target)
     for row, table in enumerate(tables):
         expected = divergence_map(np.append(table, -1)[ids].astype(np.int32))
         np.testing.assert_array_equal(target.read(row), expected)
@@ -79,7 +79,7 @@ def test_several_groupings_at_once_from_one_visibility_buffer(
 def test_nothing_seen_is_no_divergence(graphics: GraphicsContext, counting: DivergencePass) -> None:
     visibility = visibility_of(graphics, np.full((20, 20), -1))
     target = DivergenceTarget(graphics, (20, 20), (8, 8))
-    counting.run(DivergenceInputs(visibility, None, DecoderTables(graphics, [[]])), target)
+    counting.run(DivergenceInputs(visibility, 0, DecoderTables(graphics, [[]])), target)
     figures = target.statistics()
     assert (figures.excess, figures.maximum, figures.covered_blocks, figures.blocks) == (0, 0, 0, 9)
     assert (figures.score, figures.mean, figures.wave_efficiency) == (0.0, 0.0, 1.0)
