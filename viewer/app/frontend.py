@@ -18,6 +18,7 @@ from viewer.commands.command import Context
 from viewer.commands.effects import Measure, RaisePanel, ResetLayout
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
+from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.format_encoding import FormatEncoding
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
@@ -38,7 +39,7 @@ from viewer.state.event_handlers import (
     set_unsupported,
     start_frame,
 )
-from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.facts import FIRST_PICTURE, FrameFacts, UiFrame, Work
 from viewer.ui.user_interface import SETTLING_FRAMES, UserInterface
 from viewer.viewpoints.first_view import FirstView
 
@@ -88,17 +89,20 @@ class Frontend:
         """Monotonic seconds."""
         self._training_shown: tuple[object, ...] = ()
         """Of the last frame."""
+        self._is_announced = False
+        """Whether a frame has shown that the first picture is being made."""
         self._because: tuple[str, ...] = ()
         """What the last frame was drawn for."""
 
     def facts(self) -> FrameFacts:
         """What the panels show of the last frame."""
-        encoding, last = self._formats.progress, self.picture.last
-        beside = self._work.read(
-            self.session, encoding, self.live.is_computing, last.to_come if last is not None else ()
-        )
-        work = (*self._effects.opening.work, *training_work(self._context.training), *beside)
-        found = self.reader.read(self.live.figures, self._is_training, encoding)
+        encoding, to_come = self._formats.progress, self.picture.to_come
+        first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
+        beside = self._work.read(self.session, encoding, self.live.is_computing, to_come)
+        work = (*first, *self._effects.opening.work, *training_work(self._context.training), *beside)
+        # Beside a picture that lacks something a figure would be wrong.
+        live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
+        found = self.reader.read(live, self._is_training, encoding)
         return replace(found, work=work, drawn_because=self._because)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
@@ -118,8 +122,10 @@ class Frontend:
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
         self.picture.times_wanted = self.interface.shows("Timings")
-        if room is not None:
+        if room is not None and (self._graphics.waits or self._is_announced):
             self._draw_picture(room)
+        # The first picture takes seconds: a frame says so before.
+        self._is_announced = room is not None
         self._prepare_ahead()
         self._record_camera()
         # After the picture: a message is on screen from now on, however long drawing took.

@@ -21,6 +21,9 @@ from viewer.state.view_state import PathChoice, Slot
 from viewer.training.live_training import LiveTraining
 from viewer.ui.widgets import WidgetRects
 
+FIRST_PICTURE = "compiling shaders"
+"""What is done before there is a first picture."""
+
 
 class Emit(Protocol):
     """How the UI runs a command. What keeps it from being carried out becomes a message."""

@@ -17,7 +17,7 @@ from viewer.ui.annotations import (
     draw_way_back,
 )
 from viewer.ui.dock_layout import Docked, DockLayout, folds_at_first
-from viewer.ui.facts import UiFrame
+from viewer.ui.facts import FIRST_PICTURE, UiFrame
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.fold_handles import StackHandles, draw_column_handle
 from viewer.ui.help.explanations import explanation
@@ -124,6 +124,8 @@ class UserInterface:
         if picture is not None:
             corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
             imgui.get_background_draw_list().add_image(picture, *corners)
+        else:
+            _draw_in_middle(FIRST_PICTURE, area)
         draw_labels(ui, area)
         if session.window.show_panels:
             self._warnings.draw(ui, area)
@@ -206,3 +208,10 @@ class UserInterface:
             self._layout.bring(raised)
         if shown:
             self._layout.bring_to_front()
+
+
+def _draw_in_middle(text: str, area: Area) -> None:
+    """Write `text` where there is no picture yet."""
+    size = imgui.calc_text_size(text)
+    place = ImVec2((area.left + area.right - size.x) / 2.0, (area.top + area.bottom - size.y) / 2.0)
+    imgui.get_background_draw_list().add_text(place, imgui.get_color_u32(imgui.Col_.text), text)
