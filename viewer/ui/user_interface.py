@@ -121,11 +121,7 @@ class UserInterface:
             draw_column_handle(ui, session.window.column_folded)
         area = self._layout_panels(ui) if session.window.show_panels else Area(0.0, 0.0, *size)
         self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
-        if picture is not None:
-            corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
-            imgui.get_background_draw_list().add_image(picture, *corners)
-        else:
-            _draw_in_middle(FIRST_PICTURE, area)
+        _draw_picture(picture, area)
         draw_labels(ui, area)
         if session.window.show_panels:
             self._warnings.draw(ui, area)
@@ -210,8 +206,13 @@ class UserInterface:
             self._layout.bring_to_front()
 
 
-def _draw_in_middle(text: str, area: Area) -> None:
-    """Write `text` where there is no picture yet."""
-    size = imgui.calc_text_size(text)
-    place = ImVec2((area.left + area.right - size.x) / 2.0, (area.top + area.bottom - size.y) / 2.0)
-    imgui.get_background_draw_list().add_text(place, imgui.get_color_u32(imgui.Col_.text), text)
+def _draw_picture(picture: imgui.ImTextureRef | None, area: Area) -> None:
+    """The picture, or what is done before there is one."""
+    draw_list = imgui.get_background_draw_list()
+    if picture is not None:
+        corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
+        draw_list.add_image(picture, *corners)
+        return
+    size = imgui.calc_text_size(FIRST_PICTURE)
+    middle = ImVec2((area.left + area.right - size.x) / 2.0, (area.top + area.bottom - size.y) / 2.0)
+    draw_list.add_text(middle, imgui.get_color_u32(imgui.Col_.text), FIRST_PICTURE)
