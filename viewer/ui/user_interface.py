@@ -121,8 +121,7 @@ class UserInterface:
             draw_column_handle(ui, session.window.column_folded)
         area = self._layout_panels(ui) if session.window.show_panels else Area(0.0, 0.0, *size)
         self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
-        _draw_picture(picture, area)
-        draw_labels(ui, area)
+        _draw_picture(picture, ui, area)
         if session.window.show_panels:
             self._warnings.draw(ui, area)
         draw_block(ui, area)
@@ -206,12 +205,13 @@ class UserInterface:
             self._layout.bring_to_front()
 
 
-def _draw_picture(picture: imgui.ImTextureRef | None, area: Area) -> None:
-    """The picture, or what is done before there is one."""
+def _draw_picture(picture: imgui.ImTextureRef | None, ui: UiFrame, area: Area) -> None:
+    """The picture with its labels, or what is done before there is one."""
     draw_list = imgui.get_background_draw_list()
     if picture is not None:
         corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))
         draw_list.add_image(picture, *corners)
+        draw_labels(ui, area)
         return
     size = imgui.calc_text_size(FIRST_PICTURE)
     middle = ImVec2((area.left + area.right - size.x) / 2.0, (area.top + area.bottom - size.y) / 2.0)
