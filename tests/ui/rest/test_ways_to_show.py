@@ -8,7 +8,7 @@ from tests.support.rest.plan import Plan, Stage
 from tests.support.rest.records import Played, play
 from tests.ui.rest.conftest import Check
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(900)]
 
 PATHS = [
     f"slot.path a {path}; slot.filter a {texels}"
