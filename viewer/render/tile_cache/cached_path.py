@@ -90,6 +90,8 @@ class CachedPath:
             self._sample_band(inputs, target)
             return
         self._bands_left = 0
+        if self._requested != inputs:
+            self._cache.retry_coarse()
         if whole or self._waits:
             self._decode_asked(inputs, whole)
         else:

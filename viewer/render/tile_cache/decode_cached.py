@@ -40,10 +40,7 @@ PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 
 
 class DecodeCachedPass:
-    """The GPU work of path `cached`: `request`, `decode` and `sample` in turn make a frame (see CachedPath).
-
-    Inputs: visibility buffer, materials, a pack. Output: a plane.
-    """
+    """The GPU work of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane (see CachedPath)."""
 
     def __init__(
         self,
@@ -67,7 +64,9 @@ class DecodeCachedPass:
         self._compile({**self._defines, **buffers.defines, **ranges.defines})
         self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
-        self._out_of_memory = self._coarse_latents = False
+        self._out_of_memory = False
+        self._coarse: NDArray[np.int64] = np.zeros(0, np.int64)
+        """Entries that were decoded from coarser latents than they need, for want of room."""
         with context.memory.transaction():
             if not self._atlas.grow(1):
                 raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
@@ -120,7 +119,7 @@ class DecodeCachedPass:
             self._decoded,
             self._evicted,
             self._out_of_memory,
-            self._coarse_latents,
+            bool(len(self._coarse)),
         )
 
     @property
@@ -269,7 +268,7 @@ class DecodeCachedPass:
     def _place(self, entries: NDArray[np.int64]) -> int:
         """Decode the first of these missing tiles into pages, as many as there is room for; their number."""
         # Whatever may fail for want of memory comes before tiles get their pages.
-        self._need_latents(self._table.tiles(entries))
+        self._buffers.need(finest_levels(self._table.tiles(entries)))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
@@ -298,17 +297,18 @@ class DecodeCachedPass:
     def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
         tiles = self._table.tiles(entries)
         tiles["page"] = pages
-        self._need_latents(tiles)
+        self._buffers.need(finest_levels(tiles))
+        too_coarse = self._buffers.latent_store.finest[tiles["texture_id"]] > tiles["level"]
+        self._coarse = np.union1d(np.setdiff1d(self._coarse, tiles["entry"]), tiles["entry"][too_coarse])
         decoders = self._buffers.decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
         self._run_decoders(tiles[order], decoders[order])
         self._decoded += len(pages)
 
-    def _need_latents(self, tiles: NDArray[np.void]) -> None:
-        levels = finest_levels(tiles)
-        self._buffers.need(levels)
-        # Such tiles stay as they are, even when there is room again.
-        self._coarse_latents |= not self._buffers.latent_store.has(levels)
+    def retry_coarse(self) -> None:
+        """Decode tiles anew that were decoded too coarse: for another view there may be room."""
+        coarse, self._coarse = np.intersect1d(self._coarse, self._pool.held()), self._coarse[:0]
+        self._stale = np.concatenate([self._stale, np.setdiff1d(coarse, self._stale)])
 
     def _drop_unseen_stale(self) -> None:
         """Drop stale tiles that the last request did not read."""
