@@ -234,6 +234,8 @@ class Frontend:
         session, last_view = self.session, self.picture.last_view
         work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
         yield from (part.title for part in (*self._effects.opening.work, *work))
+        if self.interface.background.is_busy:
+            yield "work beside the frames is under way"
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
             yield "a first view is looked for"
