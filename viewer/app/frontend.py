@@ -234,13 +234,13 @@ class Frontend:
         session, last_view = self.session, self.picture.last_view
         work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
         yield from (part.title for part in (*self._effects.opening.work, *work))
-        if self.interface.background.is_busy:
-            yield "work beside the frames is under way"
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
             yield "a first view is looked for"
         if self._compares and last_view is not None and self.live.is_pending(self._figures_are_wanted()):
             yield "A is compared with B"
+        if self.interface.background.is_busy:
+            yield "work beside the frames is under way"
 
     @property
     def seconds_until_change(self) -> float:
