@@ -1,12 +1,12 @@
 """Culling and the visibility pass: from a camera to what the later passes read."""
 
-from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import PLANES
+from ntc.codec.maps import PLANES, Plane
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import Output, PassScheduler
@@ -82,9 +82,14 @@ class CameraView:
 
 @dataclass(eq=False)
 class Culled:
-    """What the scene buffers are to draw; None before the first view."""
+    """What the scene buffers are to draw."""
 
     scene: CulledScene | None = None
+    """None before the first view."""
+    materials: tuple[int, ...] = ()
+    """Those that may be seen, ascending."""
+    textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict)
+    """The same for the textures of each plane of maps."""
 
 
 class CullPass:
@@ -92,8 +97,12 @@ class CullPass:
 
     name = "cull"
 
-    def __init__(self, posed: PosedScene, buffers: SceneBuffers, clusters: ClusterCulling | None) -> None:
+    def __init__(self, posed: PosedScene, scene: Scene, buffers: SceneBuffers, clusters: ClusterCulling | None) -> None:
         self._posed, self._buffers, self._clusters = posed, buffers, clusters
+        self._texture_of_material = {
+            plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
+            for plane in PLANES
+        }
 
     def run(self, inputs: CameraView, target: Culled) -> None:
         """Find out what may be seen. Raises GpuMemoryError."""
@@ -101,6 +110,10 @@ class CullPass:
         draw_list = self.draw_list(inputs, matrix)
         self._buffers.upload(draw_list)
         target.scene = CulledScene(inputs.camera, inputs.size, matrix, draw_list)
+        materials = np.nonzero(draw_list.materials)[0]
+        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
+        target.materials = tuple(materials.tolist())
+        target.textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
 
     def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
         """What may be seen with `matrix`, world to clip."""
@@ -133,12 +146,7 @@ class SceneDrawer:
         self._pose = None
         if motion is not None:
             self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)
-        self._cull = CullPass(self.posed, scene_buffers, self._clusters)
-        self._texture_of_material = {
-            plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
-            for plane in PLANES
-        }
-        self._drawn: WeakKeyDictionary[VisibilityTarget, VisibilityInputs] = WeakKeyDictionary()
+        self._cull = CullPass(self.posed, scene, scene_buffers, self._clusters)
         self.pose = Output(0)
         """Of the PosedScene."""
 
@@ -181,10 +189,7 @@ class SceneDrawer:
         self._scheduler.run(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
         culled = replace(self._last, sample=blend_sample)
         version = self._scheduler.run(self._visibility, culled, target, reads).version
-        drawn = self._drawn.get(target)
-        if drawn is None or drawn.version != version:
-            drawn = self._drawn[target] = self._inputs(culled, target, version)
-        return drawn
+        return self._inputs(culled, target, version)
 
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size."""
@@ -215,9 +220,7 @@ class SceneDrawer:
             self._scheduler.forget()
 
     def _inputs(self, culled: CulledScene, target: VisibilityTarget, version: int) -> VisibilityInputs:
-        materials = np.nonzero(culled.draw_list.materials)[0]
-        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
-        textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
+        textures = self._culled.textures
         return VisibilityInputs(
             target,
             self._buffers,
@@ -225,7 +228,7 @@ class SceneDrawer:
             version,
             textures=textures["base"],
             plane_textures=textures,
-            visible_materials=tuple(materials.tolist()),
+            visible_materials=self._culled.materials,
             matrix=culled.matrix,
             blend_sample=culled.sample,
         )
