@@ -194,12 +194,12 @@ class SceneDrawer:
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size."""
         last = self._last
-        if self._clusters is None or target.size == last.size:
-            version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
-        else:
-            # Of small clusters other ones are seen where pixels are others.
+        # Of small clusters other ones are seen where pixels are others.
+        is_culled_anew = self._clusters is not None and target.size != last.size
+        if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))
-            version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
+        version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
+        if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, last.size), last.matrix))
         return self._inputs(last, target, version)
 
