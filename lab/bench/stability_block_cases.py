@@ -4,21 +4,21 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from ntc.pack.validate import LARGEST_BLOCK_NUMBER
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from lab.bench.stability_cases import SIZES, StabilityCase, anywhere, place_cases
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import BlockDecoder, block_parts
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE
-from ntc.pack.validate import LARGEST_BLOCK_NUMBER
 
 Words = NDArray[np.uint8]
-SIZED = BlockCodecConfig(coefficients=60, modes=8)
+SIZED = BlockConfig(coefficients=60, modes=8)
 SINGLE_SIZE = replace(SIZED, block_words=(3,), mean_words=3.0)
 SMALL_BLOCKS = replace(SIZED, block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=40)
-LARGEST = BlockCodecConfig(block_words=(15, 16), mean_words=16.0, coefficients=192, modes=64)
+LARGEST = BlockConfig(block_words=(15, 16), mean_words=16.0, coefficients=192, modes=64)
 
 
 def _with_codes(pack: Pack, fill: Callable[[Words], Words]) -> Pack:
@@ -27,7 +27,7 @@ def _with_codes(pack: Pack, fill: Callable[[Words], Words]) -> Pack:
 
 
 def _with_tables(pack: Pack, change: Callable[[BlockDecoder], BlockDecoder]) -> Pack:
-    return replace(pack, decoders=tuple(change(decoder) for decoder in pack.block_decoders))
+    return replace(pack, decoders=tuple(change(decoder) for decoder in block_parts(pack).decoders))
 
 
 def _largest_numbers(pack: Pack) -> Pack:

@@ -11,10 +11,10 @@ from typing import Any
 
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
-from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.renderer import Renderer
@@ -24,13 +24,13 @@ from viewer.scene.source_textures import source_textures
 from viewer.state.view_state import Slot, ViewState
 
 TEXTURE_SIZE = 64
-CODECS: Mapping[str, CodecConfig] = {
-    "4 channels of 8 bits": CodecConfig(),
-    "+ scales and biases": CodecConfig(adapters=True),
-    "+ output layers": CodecConfig(adapters=True, adapter_output=True),
-    "8 channels of 4 bits": CodecConfig(latent_channels=8, latent_bits=4),
-    "8 of 4 bits, adapters (best)": CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-    "8 channels of 8 bits": CodecConfig(latent_channels=8),
+CODECS: Mapping[str, GridConfig] = {
+    "4 channels of 8 bits": GridConfig(),
+    "+ scales and biases": GridConfig(adapters=True),
+    "+ output layers": GridConfig(adapters=True, adapter_output=True),
+    "8 channels of 4 bits": GridConfig(latent_channels=8, latent_bits=4),
+    "8 of 4 bits, adapters (best)": GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+    "8 channels of 8 bits": GridConfig(latent_channels=8),
 }
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import is_partial, write_text
@@ -47,7 +47,7 @@ class Result:
 
 
 def _versions() -> list[Pack]:
-    config = CodecConfig(hidden_width=4)
+    config = GridConfig(hidden_width=4)
     return [random_pack(((SIDE, SIDE),), (0,), config, seed=seed) for seed in (1, 2)]
 
 

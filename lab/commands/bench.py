@@ -17,12 +17,12 @@ from lab.bench.tables import scaling_table, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
-from ntc.training.config import recipe_codec
 from viewer.cli.render import compression_statistics
 from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
@@ -78,14 +78,14 @@ def _check(options: BenchOptions) -> None:
         _with_width(_codec(options), "--scaling-widths", width)
 
 
-def _with_width(codec: CodecConfig, option: str, width: int) -> CodecConfig:
+def _with_width(codec: GridConfig, option: str, width: int) -> GridConfig:
     try:
         return replace(codec, hidden_width=width)
     except ValueError as error:
         raise InputError(f"{option} {width}: must be a multiple of 4 from 4 to 256") from error
 
 
-def _codec(options: BenchOptions) -> CodecConfig:
+def _codec(options: BenchOptions) -> GridConfig:
     codec = recipe_codec(options.codec, 3, None)
     return codec if options.hidden_width is None else _with_width(codec, "--hidden-width", options.hidden_width)
 

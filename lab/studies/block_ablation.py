@@ -5,24 +5,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lab.studies.runs import Report, RunResult
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count, texture_set
-from ntc.codec.block.sharing import DEFAULT_SHARING, Sharing
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count, texture_set
+from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, Sharing
+from ntc.codec.block.encoding.stages import encode_blocks
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import finite_or_none
 from ntc.codec.textures import SourceTexture
-from ntc.metrics.metrics import bits_with_mips, finite_or_none
-from ntc.training.encode_blocks import encode_blocks
+from ntc.metrics.metrics import bits_with_mips
 
 
 @dataclass(frozen=True)
 class Variant:
     """Settings that are compared."""
 
-    config: BlockCodecConfig
+    config: BlockConfig
     sharing: Sharing = DEFAULT_SHARING
 
 
-def _at_bits(config: BlockCodecConfig, known: TextureSet, bits: float) -> BlockCodecConfig:
+def _at_bits(config: BlockConfig, known: TextureSet, bits: float) -> BlockConfig:
     """`config` with the words that come to `bits` a texel, as far as its sizes of codes allow that."""
     left = bits * texel_count(known.sizes, config) - side_bits(known, config)
     words = left / (32.0 * block_count(known.sizes, config))

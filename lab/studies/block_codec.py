@@ -5,18 +5,18 @@ from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
 from lab.studies.settings import BlockSide
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_block import torch_codec
-from ntc.training.encode_blocks import encode_blocks
 
 
 def measured_pack(
     pack: Pack, textures: Sequence[SourceTexture], cpu_seconds: float, flip_every: int = 1
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
     """Each texture's quality in `pack`, which encodes `textures`, and the set's. FLIP is that of every `flip_every`-th texture."""
-    codec = torch_codec(pack, "cpu")
+    codec = codec_of(pack.config).torch_twin(pack, "cpu")
     pictures = tuple(
         picture_quality(texture.pixels, codec.decode_image(index), index % flip_every == 0)
         for index, texture in enumerate(textures)

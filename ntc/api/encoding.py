@@ -7,15 +7,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.targets import BitsTarget, BlockTarget
 from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
+from ntc.codec.grid.training.config import TrainingConfig, recipe_codec, recipe_config
+from ntc.codec.interruption import CancelQuestion
 from ntc.codec.maps import MAPS, MapName, joint_maps
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.targets import BitsTarget, Target
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
-from ntc.training.progress import CancelQuestion
 
 
 def texture(
@@ -67,7 +67,7 @@ def encode(
     codec: Literal["block", "grid"] = "block",
     grouping: GroupingConfig | Grouping | None = None,
     inputs: GroupingInputs | None = None,
-    target: BlockTarget | None = None,
+    target: Target | None = None,
     training: TrainingConfig | None = None,
     seed: int = 0,
     cancelled: CancelQuestion | None = None,
@@ -91,7 +91,7 @@ def encode(
         found = make_grouping(found or GroupingConfig("baseline"), textures, inputs or GroupingInputs())
     # Both take torch, which takes seconds to import.
     if codec == "block":
-        from ntc.training.encode_targets import encode_to_target
+        from ntc.codec.block.encoding.to_target import encode_to_target
 
         return encode_to_target(textures, found, target or BitsTarget(2.0), seed=seed, cancelled=cancelled)
     from ntc.training.encode import train

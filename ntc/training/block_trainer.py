@@ -1,6 +1,6 @@
 """Encoding in codec `block` for a host: what `ntc.training.trainer` is for codec `grid`. Groups from nothing, or of a pack again.
 
-Stages come from `ntc.training.encode_blocks`. A host gets a snapshot of each group as soon as it is encoded, and whenever it has
+Stages come from `ntc.codec.block.encoding.stages`. A host gets a snapshot of each group as soon as it is encoded, and whenever it has
 become better.
 """
 
@@ -8,20 +8,19 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.stages import BlockGroup, BlockStage, encoding_record, encoding_stages
+from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_image
-from ntc.codec.block_pack import block_texture
-from ntc.codec.model import EncodedTexture
-from ntc.metrics.map_quality import measured_texture
-from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
-from ntc.training.encode_blocks import BlockGroup, BlockStage, encoding_record, encoding_stages
+from ntc.codec.map_quality import measured_texture
+from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget, TrainingRequest
-from ntc.training.snapshot import GroupSnapshot, group_members, unchanged_groups
+from ntc.training.snapshot import GroupSnapshot, unchanged_groups
 
 SECONDS_BETWEEN_REPORTS = 0.1
 HIGHEST_PSNR_DB = 120.0
@@ -34,7 +33,7 @@ class BlockTrainer:
     def __init__(self, request: TrainingRequest, host: TrainingHost) -> None:
         """`request` comes from `checked_request`."""
         self._request, self._host = request, host
-        self._codec = request.block_codec
+        self._codec = cast(BlockConfig, request.codec)
         self._dirty = sorted(request.dirty or ())
         start = request.start
         self._old_numbers = {} if start is None else unchanged_groups(start.grouping, request.grouping)
@@ -50,7 +49,7 @@ class BlockTrainer:
         request = self._request
         self._began = self._host.seconds()
         # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
-        order = sorted(self._dirty, key=lambda group: self._texels(group_members(request.grouping, group)))
+        order = sorted(self._dirty, key=lambda group: self._texels(request.grouping.members(group)))
         stages = encoding_stages(request.textures, request.grouping, self._codec, request.training.seed, order)
         for stage in stages:
             self._host.interruption()
@@ -72,9 +71,7 @@ class BlockTrainer:
         elif self._host.wants_snapshot(state.group):
             self._send(state, state.textures, state.decoder, final=False)
 
-    def _send(
-        self, state: BlockGroup, textures: tuple[EncodedTexture, ...], decoder: BlockDecoder, final: bool
-    ) -> None:
+    def _send(self, state: BlockGroup, textures: tuple[BlockTexture, ...], decoder: BlockDecoder, final: bool) -> None:
         self._versions[state.group] += 1
         version = self._versions[state.group]
         self._host.snapshot(GroupSnapshot(version, state.group, state.members, textures, decoder, final))
@@ -85,7 +82,7 @@ class BlockTrainer:
         start, textures, decoder = self._request.start, state.textures, state.decoder
         after, before = _mean_square(textures), None
         if start is not None and state.group in self._old_numbers:
-            old_decoder = start.block_decoders[self._old_numbers[state.group]]
+            old_decoder = block_parts(start).decoders[self._old_numbers[state.group]]
             old = tuple(self._measured(start.textures[index], index, old_decoder) for index in state.members)
             before = _mean_square(old)
             if after > before:
@@ -95,11 +92,11 @@ class BlockTrainer:
         kept_old = before is not None and after > before
         self._outcomes[state.group] = GroupOutcome(state.group, before_db, psnr_of_mse(after), kept_old)
 
-    def _measured(self, texture: EncodedTexture, index: int, decoder: BlockDecoder) -> EncodedTexture:
+    def _measured(self, texture: BlockTexture, index: int, decoder: BlockDecoder) -> BlockTexture:
         """`texture` with the PSNR in dB of its mip 0 over 8-bit values."""
         self._host.interruption()
         pixels = self._request.textures[index].pixels
-        decoded = decode_image(block_texture(texture, self._codec), decoder, self._codec)
+        decoded = decode_image(texture, decoder, self._codec)
         return measured_texture(texture, decoded[..., texture.places(self._codec)], pixels)
 
     def _is_last(self, stage: BlockStage) -> bool:
@@ -157,7 +154,7 @@ class BlockTrainer:
         return {**self._request.start.training, "retrained": {**record, "groups": self._dirty}}
 
 
-def _mean_square(textures: Sequence[EncodedTexture]) -> float:
+def _mean_square(textures: Sequence[BlockTexture]) -> float:
     """Mean over textures of their mean square errors in 8-bit steps squared, from their PSNRs."""
     return float(np.mean([mse_of_psnr(texture.psnr_db) for texture in textures if texture.psnr_db is not None]))
 

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.interruption import CancelQuestion
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
-from ntc.training.config import TrainingConfig
-from ntc.training.progress import CancelQuestion, ProgressListener, TrainingProgress
+from ntc.training.progress import ProgressListener, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot
 from ntc.training.trainer import Trainer
@@ -22,7 +23,7 @@ class _CallingHost:
     def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
         self._listener, self._cancelled = listener, cancelled
         self.textures: dict[int, EncodedTexture] = {}
-        self.decoders: dict[int, AnyDecoder] = {}
+        self.decoders: dict[int, Decoder] = {}
 
     def interruption(self) -> None:
         if self._cancelled is not None and self._cancelled():
@@ -47,7 +48,7 @@ class _CallingHost:
 def train(
     textures: Sequence[SourceTexture],
     grouping: Grouping,
-    codec: CodecConfig,
+    codec: GridConfig,
     training: TrainingConfig,
     progress: ProgressListener | None = None,
     cancelled: CancelQuestion | None = None,

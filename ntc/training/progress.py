@@ -4,18 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ntc.metrics.metrics import PsnrSummary
+from ntc.codec.psnr import PsnrSummary
 from ntc.training.snapshot import GroupSnapshot
 
 ProgressListener = Callable[["TrainingProgress"], None]
-CancelQuestion = Callable[[], bool]
-Interruption = Callable[[], None]
-"""Called many times within a step. It may wait, and the step continues when it returns; what it raises ends the training."""
 EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
-
-
-def no_interruption() -> None:
-    """Lets training continue."""
 
 
 @dataclass(frozen=True)

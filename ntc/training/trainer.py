@@ -11,33 +11,30 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
 
-from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
+from ntc.codec.device import choose_device
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.start import grid_texture
+from ntc.codec.grid.torch_twin import TorchGrid
+from ntc.codec.grid.training.batch import StepReport, TrainingBatch
+from ntc.codec.grid.training.checkpoint import BatchProgress, TrainingState, load_state, save_state, training_settings
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.grid.training.rollback import RollbackStepper
+from ntc.codec.grid.training.schedule import FALL_FROM
+from ntc.codec.interruption import no_interruption
+from ntc.codec.map_quality import measured_texture
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
-from ntc.metrics.map_quality import measured_texture
-from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
-from ntc.training.batch import StepReport, TrainingBatch
-from ntc.training.checkpoint import BatchProgress, TrainingState, load_state, save_state, training_settings
-from ntc.training.config import TrainingConfig
-from ntc.training.device import choose_device
-from ntc.training.progress import (
-    Ended,
-    EndReason,
-    GroupOutcome,
-    TrainingHost,
-    TrainingProgress,
-    no_interruption,
-)
+from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget, TrainingRequest
-from ntc.training.rollback import RollbackStepper
-from ntc.training.schedule import FALL_FROM
-from ntc.training.snapshot import GroupSnapshot, encoded_texture, group_members, unchanged_groups
+from ntc.training.snapshot import GroupSnapshot, unchanged_groups
 
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
@@ -56,7 +53,7 @@ SECONDS_OF_SNAPSHOTS = 0.05
 def _batch_members(grouping: Grouping, training: TrainingConfig, groups: Iterable[int]) -> list[tuple[int, ...]]:
     """The textures of each batch that trains `groups`."""
     if training.texels_per_group is not None:
-        return [group_members(grouping, group) for group in sorted(groups)]
+        return [grouping.members(group) for group in sorted(groups)]
     chosen = set(groups)
     return [tuple(index for index, group in enumerate(grouping.groups) if group in chosen)]
 
@@ -84,7 +81,7 @@ class Trainer:
             TrainingBatch(
                 [textures[i] for i in members],
                 [grouping.groups[i] for i in members],
-                request.grid_codec,
+                cast(GridConfig, request.codec),
                 self._training,
                 self._device,
                 self._generator,
@@ -113,7 +110,7 @@ class Trainer:
 
     def _settings(self) -> dict[str, Any]:
         request = self._request
-        return training_settings(request.textures, request.grouping, request.grid_codec, request.training)
+        return training_settings(request.textures, request.grouping, cast(GridConfig, request.codec), request.training)
 
     def _load(self, path: Path) -> None:
         state = load_state(path, self._settings())
@@ -251,9 +248,7 @@ class Trainer:
         for group in groups:
             rows = [row for row, index in enumerate(members) if self._request.grouping.groups[index] == group]
             encoded = tuple(
-                encoded_texture(
-                    self._request.textures[members[row]], group, latents, adapters[row] if adapters else None
-                )
+                grid_texture(self._request.textures[members[row]], group, latents, adapters[row] if adapters else None)
                 for row, latents in zip(rows, batch.rounded_now(rows), strict=True)
             )
             decoder = decoders[batch.decoder_numbers.index(group)]
@@ -274,7 +269,7 @@ class Trainer:
             before = None
             if start is not None and found.group in old_numbers:
                 old = tuple(start.textures[index] for index in found.members)
-                decoder = start.grid_decoders[old_numbers[found.group]]
+                decoder = grid_parts(start).decoders[old_numbers[found.group]]
                 before = _mean_square(self._measured(old, decoder, sources))
                 if after > before:
                     final = replace(final, textures=tuple(replace(t, group=found.group) for t in old), decoder=decoder)
@@ -284,12 +279,12 @@ class Trainer:
             yield GroupOutcome(found.group, before_db, psnr_of_mse(after), kept_old)
 
     def _measured(
-        self, textures: Sequence[EncodedTexture], decoder: AnyDecoder, sources: Sequence[SourceTexture]
+        self, textures: Sequence[EncodedTexture], decoder: Decoder, sources: Sequence[SourceTexture]
     ) -> tuple[EncodedTexture, ...]:
         """The textures with the PSNR in dB of their mip 0 over 8-bit values."""
         own = tuple(replace(texture, group=0) for texture in textures)
         pack = Pack(self._request.codec, Grouping("single", (0,) * len(own)), own, (decoder,))
-        codec = TorchCodec(pack, self._device, self._host.interruption)
+        codec = TorchGrid(pack, self._device, self._host.interruption)
         return tuple(
             measured_texture(texture, codec.decode_image(index), source.pixels)
             for index, (texture, source) in enumerate(zip(textures, sources, strict=True))
@@ -302,7 +297,7 @@ class Trainer:
         errors = []
         for outcome in outcomes:
             kept = outcome.before_db if outcome.kept_old and outcome.before_db is not None else outcome.after_db
-            errors += [mse_of_psnr(kept)] * len(group_members(self._request.grouping, outcome.group))
+            errors += [mse_of_psnr(kept)] * len(self._request.grouping.members(outcome.group))
         return "target reached" if psnr_of_mse(float(np.mean(errors))) >= budget.psnr_db else "target not reached"
 
     def _record(self) -> Mapping[str, Any]:
@@ -336,5 +331,5 @@ def _start_at(batch: TrainingBatch, members: Sequence[int], start: Pack, groupin
     decoders = []
     for group in batch.decoder_numbers:
         counts = Counter(start.grouping.groups[index] for index in members if grouping.groups[index] == group)
-        decoders.append(start.grid_decoders[counts.most_common(1)[0][0]])
+        decoders.append(grid_parts(start).decoders[counts.most_common(1)[0][0]])
     batch.start_at([start.textures[index] for index in members], decoders)

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError, WireError
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, mean_colour_pack
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
 from ntc.worker.pipe import WindowEnd, framed
 from ntc.worker.process import TrainingProcess, start_process
 from ntc.worker.protocol import (
@@ -76,9 +76,7 @@ def starting_pack(request: TrainingRequest) -> Pack:
     colours of textures (codec `block`)."""
     if request.start is not None:
         return request.start
-    if isinstance(request.codec, BlockCodecConfig):
-        return mean_colour_pack(request.textures, request.grouping, request.codec)
-    return grey_pack(request.textures, request.grouping, request.codec)
+    return codec_of(request.codec).starting_pack(request.textures, request.grouping, request.codec)
 
 
 def _job(request: TrainingRequest) -> _Job:

@@ -15,15 +15,14 @@ from typing import Protocol
 
 import numpy as np
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.pack.validate import check_pack
+from ntc.threads import usable_cores, wait_passively
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot
-from ntc.training.threads import usable_cores, wait_passively
 from ntc.worker.pipe import WorkerEnd
 from ntc.worker.protocol import (
     Cancel,
@@ -186,8 +185,6 @@ def read_request(start: StartTraining) -> TrainingRequest:
         request = given.read(start.request)
     finally:
         given.close()
-    if request.start is not None:
-        check_pack(request.start)
     request = checked_request(request)
     missing = (request.dirty or frozenset()) - start.regions.keys()
     if missing:
@@ -219,7 +216,7 @@ def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> Worker
 
 
 def _trained(request: TrainingRequest, host: PipeHost) -> Ended:
-    if isinstance(request.codec, BlockCodecConfig):
+    if isinstance(request.codec, BlockConfig):
         from ntc.training.block_trainer import BlockTrainer
 
         return BlockTrainer(request, host).run()
@@ -247,10 +244,10 @@ def _warm_up() -> None:
     """Import what trains, and encode a texture: what torch does for the first time takes a second."""
     # An error is reported when a training imports it again.
     with suppress(Exception):
-        from ntc.training.encode_blocks import encode_blocks
+        from ntc.codec.block.encoding.stages import encode_blocks
 
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        encode_blocks([SourceTexture("noise", noise, "")], Grouping("single", (0,)), BlockCodecConfig())
+        encode_blocks([SourceTexture("noise", noise, "")], Grouping("single", (0,)), BlockConfig())
         importlib.import_module("ntc.training.trainer")
 
 

@@ -15,10 +15,11 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import Decoder, Pack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridDecoder
+from ntc.codec.model import Pack
 from ntc.errors import WireError
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest
@@ -138,13 +139,13 @@ def _decode_other(kind: type, value: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class _GridPack(Pack):
-    config: CodecConfig
-    decoders: tuple[Decoder, ...]
+    config: GridConfig
+    decoders: tuple[GridDecoder, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class _GridRequest(TrainingRequest):
-    codec: CodecConfig
+    codec: GridConfig
     start: _GridPack | None = None
 
 
@@ -155,18 +156,18 @@ class _GridStart(StartTraining):
 
 @dataclass(frozen=True, eq=False)
 class _GridSnapshot(GroupSnapshot):
-    decoder: Decoder
+    decoder: GridDecoder
 
 
 @dataclass(frozen=True, eq=False)
 class _BlockPack(Pack):
-    config: BlockCodecConfig
+    config: BlockConfig
     decoders: tuple[BlockDecoder, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class _BlockRequest(TrainingRequest):
-    codec: BlockCodecConfig
+    codec: BlockConfig
     start: _BlockPack | None = None
 
 
@@ -181,8 +182,8 @@ class _BlockSnapshot(GroupSnapshot):
 
 
 _BY_CODEC: Mapping[type[Any], Mapping[str, type[Any]]] = {
-    StartTraining: {CodecConfig.kind: _GridStart, BlockCodecConfig.kind: _BlockStart},
-    GroupSnapshot: {CodecConfig.kind: _GridSnapshot, BlockCodecConfig.kind: _BlockSnapshot},
+    StartTraining: {GridConfig.kind: _GridStart, BlockConfig.kind: _BlockStart},
+    GroupSnapshot: {GridConfig.kind: _GridSnapshot, BlockConfig.kind: _BlockSnapshot},
 }
 
 
@@ -190,7 +191,7 @@ def _name(message: Command | WorkerReport) -> str:
     if isinstance(message, StartTraining):
         return f"{StartTraining.__name__}.{message.request.codec.kind}"
     if isinstance(message, GroupSnapshot):
-        codec = BlockCodecConfig if isinstance(message.decoder, BlockDecoder) else CodecConfig
+        codec = BlockConfig if isinstance(message.decoder, BlockDecoder) else GridConfig
         return f"{GroupSnapshot.__name__}.{codec.kind}"
     return type(message).__name__
 

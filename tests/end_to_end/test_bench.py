@@ -12,7 +12,7 @@ import pytest
 from lab.bench.interleaved import time_interleaved, warm_up_rounds
 from lab.bench.random_pack import random_pack
 from lab.commands import bench as command
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
@@ -36,7 +36,7 @@ def scene_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """scene.glb with a small random pack beside it."""
     path = two_squares().write(tmp_path_factory.mktemp("bench") / "scene.glb")
     hashes = [texture.pixel_hash for texture in load_scene(path).textures]
-    codec = CodecConfig(hidden_width=4, positional_octaves=1)
+    codec = GridConfig(hidden_width=4, positional_octaves=1)
     write_pack(path.with_name("scene.random.ntc"), random_pack(((32, 32), (16, 16)), (0, 1), codec, hashes=hashes))
     return path
 

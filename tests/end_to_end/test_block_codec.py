@@ -6,10 +6,12 @@ from typing import get_args
 
 import numpy as np
 import pytest
-
 from ntc.codec.block_pack import latent_rows
+
+from ntc.codec.block.model import block_parts
 from ntc.codec.config import GroupingName
-from ntc.metrics.metrics import bits_with_mips, psnr_db
+from ntc.codec.psnr import psnr_db
+from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
@@ -130,7 +132,7 @@ def test_bits_are_met(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
         texels = sum(
             max(1, w >> level) * max(1, h >> level) for w, h in SIZES for level in range(16) if level <= last(w, h)
         )
-        tables = pack.block_decoders[0].stored_bits(pack.block_config)
+        tables = block_parts(pack).decoders[0].stored_bits(block_parts(pack).config)
         assert came == pytest.approx((8 * stored + tables) / texels)
         found.append(min(t.psnr_db or 0.0 for t in pack.textures))
     assert found[0] < found[1] < found[2]

@@ -6,11 +6,12 @@ from unittest.mock import Mock
 
 import pytest
 
+from ntc.codec.gpu_variant import DecoderVariant
 from tests.ui.conftest import write_scene
 from viewer.cli import main
 from viewer.render.back_ends import list_decoders
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.variant import DecoderVariant, parsed_variant
+from viewer.render.resources.variant import parsed_variant
 from viewer.scene.images import read_image
 
 

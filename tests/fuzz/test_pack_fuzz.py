@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ntc.codec.block_pack import latent_rows
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
-from ntc.codec.block_pack import latent_rows
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.model import block_parts
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
@@ -45,9 +47,9 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     path = tmp_path_factory.mktemp("good") / "good.ntc"
     sizes = ((8, 8), (12, 4), (5, 7))
     if request.param == "grid":
-        write_pack(path, random_pack(sizes, config=CodecConfig(hidden_width=4)))
+        write_pack(path, random_pack(sizes, config=GridConfig(hidden_width=4)))
     else:
-        config = BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
+        config = BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
         write_pack(path, random_block_pack(sizes, config=config))
     return path.read_bytes()
 
@@ -76,7 +78,7 @@ def assert_whole(pack: Pack) -> None:
     assert len(pack.textures) == len(pack.grouping.groups)
     for texture in pack.textures:
         cells = latent_cell_count(texture.width, texture.height, pack.config)
-        if isinstance(pack.config, CodecConfig):
+        if isinstance(pack.config, GridConfig):
             assert texture.latents.shape == (cells, pack.config.latent_channels)
         else:
             rows = latent_rows(texture, pack.config)
@@ -85,13 +87,13 @@ def assert_whole(pack: Pack) -> None:
         assert np.isfinite(texture.offset).all()
         assert 0 <= texture.group < len(pack.decoders)
         assert 1 <= texture.channels <= pack.config.output_channels
-    if isinstance(pack.config, BlockCodecConfig):
-        for tables in pack.block_decoders:
+    if isinstance(pack.config, BlockConfig):
+        for tables in block_parts(pack).decoders:
             depths = tables.depths(pack.config)
             assert depths.max() <= LARGEST_DEPTH
             assert (depths.sum(axis=2, dtype=np.int64).max(axis=1) <= pack.config.coefficient_bits).all()
     else:
-        for decoder in pack.grid_decoders:
+        for decoder in grid_parts(pack).decoders:
             assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes
             assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
     for index, texture in enumerate(pack.textures):

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lab.benchmarks.fuzzing.messages import FILLS, KINDS, MessageReader, mutate_messages, talks
-from ntc.codec.model import Decoder
+from ntc.codec.grid.model import GridDecoder
 from ntc.errors import InputError, WireError
 from ntc.training.progress import Ended, GroupOutcome
 from ntc.training.snapshot import GroupSnapshot
@@ -221,9 +221,9 @@ HOSTILE: dict[str, WorkerReport | bytes] = {
     "a PSNR that overflows": _with_texture(psnr_db=-1e308),
     "no adapter": _with_texture(adapter=None),
     "half an adapter": _with_texture(adapter=replace(_snapshot().textures[0].adapter, output_bias=None)),  # type: ignore[type-var]
-    "no decoder": _snapshot(decoder=Decoder((), ())),
+    "no decoder": _snapshot(decoder=GridDecoder((), ())),
     "a decoder with too few layers": _snapshot(
-        decoder=Decoder(_snapshot().decoder.weights[:2], _snapshot().decoder.biases)  # type: ignore[union-attr]
+        decoder=GridDecoder(_snapshot().decoder.weights[:2], _snapshot().decoder.biases)  # type: ignore[union-attr]
     ),
     "a snapshot of another codec": placed(IN_BLOCKS, snapshots(IN_BLOCKS))[0],
     "ended before all groups": _ended(),

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping
 from ntc.errors import WireError
-from ntc.training.config import TrainingConfig
 from ntc.training.progress import Ended
 from ntc.training.request import StepBudget
 from ntc.worker.pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed

@@ -10,8 +10,8 @@ import numpy as np
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scene_of, texture
@@ -53,12 +53,12 @@ SIDE: Final = 16
 TEXTURES: Final = 3
 
 
-def _grid(config: CodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+def _grid(config: GridConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
     made = random_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
     return replace(made, textures=tuple(replace(own, maps=config.maps) for own in made.textures))
 
 
-def _blocks(config: BlockCodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+def _blocks(config: BlockConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
     return random_block_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
 
 
@@ -69,20 +69,20 @@ def _hashes(maps: tuple[MapName, ...]) -> list[str]:
 
 def packs() -> dict[str, Pack]:
     """Packs of every kind of codec, with decoders of their own and with one for all."""
-    adapted = CodecConfig(hidden_width=64, adapters=True)
-    sets = BlockCodecConfig(
+    adapted = GridConfig(hidden_width=64, adapters=True)
+    sets = BlockConfig(
         block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
     )
     return {
-        "grid": _grid(CodecConfig()),
-        "grid-one-decoder": _grid(CodecConfig(), (0, 0, 0)),
-        "grid-one-mip": _grid(CodecConfig(latent_channels=8, latent_bits=4, levels=1, hidden_width=16)),
+        "grid": _grid(GridConfig()),
+        "grid-one-decoder": _grid(GridConfig(), (0, 0, 0)),
+        "grid-one-mip": _grid(GridConfig(latent_channels=8, latent_bits=4, levels=1, hidden_width=16)),
         "grid-adapters": _grid(adapted, (0, 0, 0)),
         "grid-adapter-output": _grid(replace(adapted, adapter_output=True), (0, 0, 0)),
-        "grid-sets": _grid(CodecConfig(output_channels=11, maps=MAPS)),
-        "block": _blocks(BlockCodecConfig()),
-        "block-one-decoder": _blocks(BlockCodecConfig(), (0, 0, 0)),
-        "block-4x4": _blocks(BlockCodecConfig(block_side=4, block_words=(2,), coefficients=24)),
+        "grid-sets": _grid(GridConfig(output_channels=11, maps=MAPS)),
+        "block": _blocks(BlockConfig()),
+        "block-one-decoder": _blocks(BlockConfig(), (0, 0, 0)),
+        "block-4x4": _blocks(BlockConfig(block_side=4, block_words=(2,), coefficients=24)),
         "block-sets": _blocks(sets),
         "block-sets-one-decoder": _blocks(sets, (0, 0, 0)),
     }

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
-from ntc.codec.torch_block import torch_codec
+from ntc.codec.registry import codec_of
 
 TORCH_TOLERANCE = 1e-4
 Wrap = tuple[WrapMode, WrapMode]
@@ -37,7 +37,7 @@ def assert_torch_agrees(
 ) -> None:
     """Both decode `uv` and `lod` to the same finite numbers in [0, 1]."""
     truth = decode_texels(pack, index, uv.astype(np.float64), lod.astype(np.float64), wrap)
-    fast = torch_codec(pack, "cpu").decode_texels(index, uv, lod, wrap)
+    fast = codec_of(pack.config).torch_twin(pack, "cpu").decode_texels(index, uv, lod, wrap)
     assert truth.shape == fast.shape == (len(uv), pack.textures[index].channels)
     assert np.isfinite(truth).all()
     assert truth.min(initial=0.0) >= 0.0

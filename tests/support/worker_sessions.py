@@ -6,15 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from ntc.pack.validate import check_pack
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyCodec, Grouping, Pack
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.model import Grouping, Pack
+from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.schema import metadata_json, parse_metadata
-from ntc.pack.validate import check_pack
-from ntc.training.config import TrainingConfig
 from ntc.training.progress import Ended, GroupOutcome, TrainingProgress
 from ntc.training.request import QualityBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
@@ -37,15 +38,15 @@ from ntc.worker.protocol import (
 from ntc.worker.shared_arrays import BLOCK_NAME, SharedBlock, without_arrays
 from viewer.training.run_log import Curves
 
-CODEC = CodecConfig(
+CODEC = GridConfig(
     hidden_width=4, latent_bits=4, positional_octaves=1, output_channels=3, adapters=True, adapter_output=True
 )
-BLOCK_CODEC = BlockCodecConfig(block_words=(4,), coefficients=8, modes=2)
+BLOCK_CODEC = BlockConfig(block_words=(4,), coefficients=8, modes=2)
 GIVEN_BLOCK, SNAPSHOT_BLOCK = "ntc-0-" + "0" * 16, "ntc-0-" + "1" * 16
 MOST_POLLS = 2000
 
 
-def small_request(codec: AnyCodec = CODEC) -> TrainingRequest:
+def small_request(codec: CodecSettings = CODEC) -> TrainingRequest:
     """Three tiny textures in two groups."""
     sizes = ((4, 4, 3), (3, 5, 1), (8, 4, 3))
     textures = tuple(
@@ -93,7 +94,7 @@ def stream(reports: list[WorkerReport]) -> bytes:
     return b"".join(framed(encode(report)) for report in reports)
 
 
-def starts(codec: AnyCodec = CODEC) -> list[StartTraining]:
+def starts(codec: CodecSettings = CODEC) -> list[StartTraining]:
     """Orders to train: from nothing, and going on from a pack."""
     plain = small_request(codec)
     pack = starting_pack(plain)

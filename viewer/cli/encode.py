@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.targets import BlockTarget, SizeTarget
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import CodecKind
+from ntc.codec.block.encoding.stages import BlockProgress, BlockWork
+from ntc.codec.block.encoding.to_target import encode_to_target
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.device import peak_memory_bytes
+from ntc.codec.grid.training.config import TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
 from ntc.codec.map_weights import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.maps import joint_maps
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.registry import CodecName, codec_of
+from ntc.codec.targets import SizeTarget, Target
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -25,15 +29,10 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
-from ntc.training.device import peak_memory_bytes
 from ntc.training.encode import train
-from ntc.training.encode_blocks import BlockProgress, BlockWork
-from ntc.training.encode_targets import encode_to_target
 from ntc.training.progress import TrainingProgress
 from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs
 from viewer.cli.encode_target import asked_target, given_targets, result_lines, worth_on_screen
-from viewer.cli.info import block_lines
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
@@ -98,7 +97,7 @@ def _maps(options: EncodeOptions) -> MapChoice:
     return "all" if _codec_kind(options) == "block" and options.grouping != UNIVERSAL else "base"
 
 
-def _codec_kind(options: EncodeOptions) -> CodecKind:
+def _codec_kind(options: EncodeOptions) -> CodecName:
     """The codec that is named, or the one that the other options stand for."""
     if options.codec is not None:
         return options.codec
@@ -275,7 +274,7 @@ def encode_in_blocks(
     options: EncodeOptions,
     textures: tuple[SourceTexture, ...],
     grouping: Grouping,
-    target: BlockTarget,
+    target: Target,
     console: Console,
 ) -> int:
     """Encode in codec `block`, and write the pack. Raises InputError for what cannot be reached."""
@@ -298,7 +297,7 @@ def encode_in_blocks(
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
     lines = [
         *psnr_table(pack).lines(),
-        *block_lines(pack.config),
+        *codec_of(pack.config).settings_lines(pack.config),
         *result_lines(target, pack, options.out),
         f"encoding: {seconds:.1f} s on cpu",
         f"wrote {options.out}",

@@ -7,14 +7,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.targets import BitsTarget
-from ntc.codec.config import CodecKind
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.registry import CodecName
+from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
 from ntc.library.index import is_library, read_index
 from ntc.library.reading import in_order, read_shards
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig
-from ntc.training.threads import usable_cores
+from ntc.threads import usable_cores
 from viewer.cli.encode_target import asked_target
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
@@ -62,7 +62,7 @@ def _check(options: EncodeOptions) -> None:
         )
 
 
-def _asked(options: EncodeOptions, codec: CodecKind, maps: MapChoice, training: TrainingConfig) -> Asked:
+def _asked(options: EncodeOptions, codec: CodecName, maps: MapChoice, training: TrainingConfig) -> Asked:
     target = BitsTarget(1.0) if codec == "grid" else asked_target(options)
     if not isinstance(target, BitsTarget):
         name = "quality" if options.quality is not None else "size"
@@ -119,7 +119,7 @@ class _ProgressReport:
             self._console.print(f"{progress.phase} {progress.share:4.0%}  {status}", highlight=False, markup=False)
 
 
-def encode_by_jobs(options: EncodeOptions, codec: CodecKind, maps: MapChoice, training: TrainingConfig) -> int:
+def encode_by_jobs(options: EncodeOptions, codec: CodecName, maps: MapChoice, training: TrainingConfig) -> int:
     """Encode the textures that `options` name. Raises InputError for bad input, KeyboardInterrupt after Ctrl-C.
 
     The exit status is 1 where textures are missing: they are named.

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.targets import PRESETS, BitsTarget, BlockTarget, QualityTarget, SizeTarget
+from ntc.codec.grid.training.config import DEFAULT_BITS
 from ntc.codec.model import Pack
+from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from ntc.training.config import DEFAULT_BITS
 from viewer.cli.options import EncodeOptions
 
 MOST_NAMES = 5
@@ -28,7 +28,7 @@ def given_targets(options: EncodeOptions) -> dict[str, str]:
     return found if options.preset is None else {**found, "preset": options.preset}
 
 
-def asked_target(options: EncodeOptions) -> BlockTarget:
+def asked_target(options: EncodeOptions) -> Target:
     """What to come to. Raises InputError for two at once, and for what can never be reached."""
     given = list(given_targets(options))
     if len(given) > 1:
@@ -53,7 +53,7 @@ def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -
     return tuple(worth.tolist())
 
 
-def result_lines(target: BlockTarget, pack: Pack, out: Path) -> list[str]:
+def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
     """What was asked, what came and what was not reached, of `pack` written to `out`."""
     came = bits_with_mips(pack)
     bits = f"bits: {came:.2f} per texel of all mips"

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.api.frozen import encode_with_decoders, measured_drift
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.universal import UNIVERSAL
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.frozen import encode_with_decoders, measured_drift
+from ntc.codec.block.model import BlockDecoder, block_parts
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.library.index import LibraryIndex, read_index
@@ -42,7 +42,7 @@ def _decoders(index: LibraryIndex, shards: list[Shard]) -> Iterator[tuple[Pack, 
     """(its pack, decoder) of up to MOST_DECODERS decoders. Raises InputError for codec `grid`."""
     step = max(1, len(shards) // MOST_DECODERS)
     packs = [read_pack(index.path(shard)) for shard in shards[::step]]
-    found = [(pack, decoder) for pack in packs for decoder in pack.block_decoders]
+    found = [(pack, decoder) for pack in packs for decoder in block_parts(pack).decoders]
     chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), MOST_DECODERS)).astype(int))
     yield from (found[place] for place in chosen)
 
@@ -60,7 +60,7 @@ def assign(folder: Path, source: Path) -> list[str]:
         if not pairs:
             raise InputError(f"{folder}: holds no decoder to encode with; encode a first set of textures into it")
         first = pairs[0][0]
-        config: BlockCodecConfig = first.block_config
+        config: BlockConfig = block_parts(first).config
         maps: MapChoice = "base" if config.maps == ("base",) else "all"
         textures = read_source(source, None, maps).textures
         missing = [each for each in textures if not writer.index.holds(shards[0].settings, each.pixel_hash)]

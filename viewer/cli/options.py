@@ -7,9 +7,11 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from ntc.codec.block.targets import PresetName
-from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
+from ntc.codec.grid.config import RecipeName
 from ntc.codec.map_weights import MapWeightsName
+from ntc.codec.registry import CodecName
+from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
 from viewer.state.overlay import BlockName, Overlay, ScaleName
@@ -244,7 +246,7 @@ class EncodeOptions:
     """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
-    codec: CodecKind | None = None
+    codec: CodecName | None = None
     """block: blocks of 8x8 texels under a transform, in closed form, in seconds. grid: latents and a network, trained. None: block
     for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training."""
     bits: float | None = None

@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.psnr import finite_or_none
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.block_compression import named_format
 from ntc.metrics.compressed_textures import CompressedTextures
-from ntc.metrics.metrics import finite_or_none
 from viewer.capture.aovs import material_aovs, write_aovs
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.map_errors import map_error_statistics, write_map_errors

@@ -8,19 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.block.rate import TextureSet, config_for_bits
-from ntc.codec.block.targets import BitsTarget
-from ntc.codec.block.universal import UNIVERSAL, universal_channels
-from ntc.codec.config import DEFAULT_CLUSTERS, CodecKind, GroupingConfig
+from ntc.codec.block.encoding.rate import TextureSet, config_for_bits
+from ntc.codec.block.universal import universal_channels
+from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig
+from ntc.codec.grid.training.config import TrainingConfig, recipe_codec
 from ntc.codec.maps import MapName, joint_maps
-from ntc.codec.model import AnyCodec, Grouping
+from ntc.codec.model import Grouping
+from ntc.codec.registry import CodecName
+from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import BitsTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.library.joining import settings_key
-from ntc.training.config import TrainingConfig, recipe_codec
 from viewer.encoding.sources import Reading, blank
 from viewer.encoding.work import EncodeJob, Looked
 
@@ -43,7 +45,7 @@ class Asked:
 
     reading: Reading
     grouping: GroupingConfig
-    codec: CodecKind
+    codec: CodecName
     target: BitsTarget
     """Of codec `block`."""
     levels: int | None
@@ -85,19 +87,19 @@ def _grouping(asked: Asked, textures: Sequence[Looked]) -> Grouping:
     return make_grouping(config, stand_ins, GroupingInputs(labels=labels, features=FeatureOptions(known=known)))
 
 
-def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> AnyCodec:
+def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
     if asked.codec == "grid":
         return recipe_codec(asked.training.recipe, kind.channels, asked.levels, kind.maps)
     known = TextureSet(sizes, groups, kind.channels, asked.levels, kind.maps)
     return config_for_bits(asked.target.bits, known, asked.target.block_side, asked.target.multiply_adds)
 
 
-def _library_codec(asked: Asked, kind: _Kind) -> AnyCodec:
+def _library_codec(asked: Asked, kind: _Kind) -> CodecSettings:
     alone = {UNIVERSAL: 0, "baseline": LIBRARY_GROUP}
     return _codec(asked, kind, [LIBRARY_TEXTURE] * LIBRARY_GROUP, alone.get(asked.grouping.name, 1))
 
 
-def _settings(asked: Asked, config: AnyCodec) -> str:
+def _settings(asked: Asked, config: CodecSettings) -> str:
     """Key of everything that decides about a texture's numbers besides its pixels and those of its group."""
     grouping = replace(asked.grouping, clusters=None)
     training = asdict(asked.training) if asked.codec == "grid" else {"seed": asked.training.seed}
@@ -124,7 +126,7 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     ]
     sizes = [(each.width, each.height) for each in textures]
     decoders = 0 if grouping.name == UNIVERSAL else sum(len({group for _, group in part}) for _, part in parts)
-    configs: dict[_Kind, AnyCodec] = {}
+    configs: dict[_Kind, CodecSettings] = {}
     for kind, _ in parts:
         if kind not in configs:
             configs[kind] = _codec(asked, kind, sizes, decoders) if asked.one_pack else _library_codec(asked, kind)

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, replace
 
-from ntc.codec.block.rate import config_for_bits, texture_set
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import GroupingConfig
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.config import UNIVERSAL, GroupingConfig
+from ntc.codec.grid.training.config import recipe_codec, recipe_config
 from ntc.codec.maps import BASE_ALONE
-from ntc.codec.model import AnyCodec, Pack
+from ntc.codec.model import Pack
+from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.training.config import recipe_codec, recipe_config
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import moved_texture, unchanged_groups
 from viewer.jobs.job import JobReport
@@ -124,7 +124,7 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
             )
         _check_clusters(settings, textures)
         grouping = process.find(textures, scene.path, report)
-    codec: AnyCodec
+    codec: CodecSettings
     if settings.codec_kind == "block":
         codec = config_for_bits(settings.bits, texture_set(textures, grouping.stored_decoders))
     else:

@@ -4,9 +4,11 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ntc.codec.config import CodecKind, GroupingName, RecipeName
+from ntc.codec.config import GroupingName
+from ntc.codec.grid.config import RecipeName
+from ntc.codec.grid.training.config import DEFAULT_BITS, recipe_codec_kind
+from ntc.codec.registry import CodecName
 from ntc.errors import InputError
-from ntc.training.config import DEFAULT_BITS, recipe_codec_kind
 from ntc.training.request import Budget, QualityBudget, StepBudget, TimeBudget
 
 BudgetUnit = Literal["steps", "s", "dB"]
@@ -59,13 +61,13 @@ class TrainingSettings:
     """Most texels of a texture along one side; smaller ones stay as they are."""
     recipe: RecipeName = "best"
     budget: Budget = DEFAULT_BUDGET
-    codec: CodecKind | None = None
+    codec: CodecName | None = None
     """Of a pack from nothing. None: what recipe and budget stand for."""
     bits: float = DEFAULT_BITS
     """Codec `block`: bits per texel to come nearest to, of a pack from nothing."""
 
     @property
-    def codec_kind(self) -> CodecKind:
+    def codec_kind(self) -> CodecName:
         """`codec`, else `block` for recipe `best` and `grid` for `paper` and for a budget of steps, which only training takes."""
         if self.codec is not None:
             return self.codec

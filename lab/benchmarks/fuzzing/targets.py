@@ -32,7 +32,7 @@ WATCHED = [
     "ntc.pack.file",
     "ntc.pack.schema",
     "ntc.codec.model",
-    "ntc.codec.quantize",
+    "ntc.codec.grid.quantize",
 ]
 WATCHED_SCRIPTS = [
     "viewer.commands",

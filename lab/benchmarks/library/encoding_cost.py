@@ -15,13 +15,13 @@ from typing import Annotated, TypeVar
 import torch
 import tyro
 
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks, fitted_groups
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import PsnrSummary
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.features import feature_matrix
 from ntc.io import write_text
-from ntc.metrics.metrics import PsnrSummary
-from ntc.training.encode_blocks import encode_blocks, fitted_groups
 from viewer.scene.images import read_image
 
 BITS = 2.0

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from lab.studies.materials.own_codec import LARGEST_BITS, grouped_by_maps
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_db
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.image_quality import flip
-from ntc.metrics.metrics import psnr_db
-from ntc.training.encode_blocks import encode_blocks
 from viewer.cli.sources import compress_scene
 from viewer.cli.table import Column, Table
 from viewer.gl.context import GraphicsContext, create_headless_context

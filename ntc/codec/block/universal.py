@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.config import UNIVERSAL
 from ntc.errors import InputError
 
-UNIVERSAL = "universal"
-"""The grouping whose packs hold no decoder."""
 VERSION = 1
 """Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
-UNIVERSAL_CONFIG = BlockCodecConfig(coefficients=192, modes=64)
+UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
 """What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
 MOST_CHANNELS = 4
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ntc.codec.block_pack import latent_rows
 from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block_pack import latent_rows
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.color import linear_to_srgb
 from ntc.codec.model import Pack
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
@@ -22,7 +22,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
-CONFIG = BlockCodecConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
+CONFIG = BlockConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
 GROUPINGS = {"two groups": (0, 1, 0), "one decoder": (0, 0, 0)}
 
 

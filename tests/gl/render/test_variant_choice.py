@@ -6,17 +6,18 @@ from pathlib import Path
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import GPU, SOFTWARE
+from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.cli.doctor import examine
 from viewer.gl.context import GraphicsContext
 from viewer.locations import variants_cache
-from viewer.render.resources.variant import GPU, NVIDIA, SOFTWARE, default_variant
+from viewer.render.resources.variant import NVIDIA, default_variant
 from viewer.render.variants.choice import VARIANT_VARIABLE, VariantChoice, codec_shape
 from viewer.render.variants.kept_times import LARGEST_FILE, keep_times, kept_times, read_times
 from viewer.render.variants.measurement import VariantMeasurement, VariantTimes
 
-SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
+SMALL = GridConfig(hidden_width=8, positional_octaves=1)
 TIMES = VariantTimes({"fp32": {GPU: 0.5, NVIDIA: 0.25}, "fp16": {GPU: 0.2}})
 
 
@@ -29,7 +30,7 @@ def test_each_class_of_device_has_its_default(graphics: GraphicsContext) -> None
     assert default_variant(graphics, SMALL) == SOFTWARE
     assert default_variant(on_gpu, SMALL) == GPU
     assert default_variant(nvidia, SMALL) == NVIDIA
-    assert default_variant(nvidia, CodecConfig(hidden_width=128)) == GPU
+    assert default_variant(nvidia, GridConfig(hidden_width=128)) == GPU
 
 
 @pytest.mark.computes

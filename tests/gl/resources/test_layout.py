@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyCodec
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import LEVEL_RECORD
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.settings import CodecSettings
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import (
-    LEVEL_RECORD,
     MATERIAL_RECORD,
     REQUEST_RECORD,
     codec_layout_glsl,
@@ -20,9 +20,9 @@ from viewer.render.resources.layout import (
     texture_record,
 )
 
-CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
-BLOCK = BlockCodecConfig()
-RECORDS: dict[str, tuple[np.dtype, AnyCodec]] = {
+CONFIGS = {channels: GridConfig(latent_channels=channels) for channels in (4, 12)}
+BLOCK = BlockConfig()
+RECORDS: dict[str, tuple[np.dtype, CodecSettings]] = {
     "MaterialRecord": (MATERIAL_RECORD, CONFIGS[4]),
     "LevelRecord": (LEVEL_RECORD, CONFIGS[4]),
     "RequestRecord": (REQUEST_RECORD, CONFIGS[4]),

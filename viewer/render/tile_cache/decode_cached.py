@@ -347,7 +347,7 @@ class DecodeCachedPass:
 
     def _work_groups(self, tiles: int) -> tuple[int, int]:
         """Those that decode `tiles` tiles: invocations decode four texels of a block, or pixels of any tile."""
-        if self._buffers.pack.config.kind == "block":
+        if self._buffers.decodes_quads:
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
         return self._context.memory.limits.rows_of_work_groups(groups)

@@ -6,7 +6,6 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from ntc.codec.config import CodecKind
 from viewer.training.run_log import Curves
 from viewer.ui.facts import UiFrame
 from viewer.ui.style.inks import ink
@@ -18,7 +17,7 @@ FIT = implot.AxisFlags_.auto_fit
 MOST_NAMED = 6
 """Groups up to which the plot names them."""
 WORST = "worst texture"
-PSNR_TITLES: dict[CodecKind | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
+PSNR_TITLES: dict[str | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
 """What figures under way are of, by codec (ntc.training.progress)."""
 
 
@@ -29,7 +28,7 @@ class TrainingCurves:
         self._texture: int | None = None
         """None: the one that is worst now."""
 
-    def draw(self, curves: Curves, names: Sequence[str], kind: CodecKind | None, ui: UiFrame) -> None:
+    def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
         """The plots, each as wide as the panel; `names` of all textures of the pack, `kind` its codec, None if not known."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")

@@ -5,7 +5,8 @@ from typing import get_args
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.config import GroupingName
+from ntc.codec.grid.config import RecipeName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr

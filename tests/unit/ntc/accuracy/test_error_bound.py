@@ -7,19 +7,22 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.accuracy.error_bound import pack_bounds, texture_bounds
-from ntc.accuracy.half_reference import decode_texels_in_half
-from ntc.accuracy.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
-from ntc.accuracy.rescale import Exponents, exponents, rescaled_pack, stored_pack
-from ntc.accuracy.running_error import running_bounds
-from ntc.codec.config import CodecConfig, Precision
+from ntc.codec.config import Precision
+from ntc.codec.grid.accuracy.error_bound import pack_bounds, texture_bounds
+from ntc.codec.grid.accuracy.half_reference import decode_texels_in_half
+from ntc.codec.grid.accuracy.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
+from ntc.codec.grid.accuracy.rescale import Exponents, exponents, rescaled_pack, stored_pack
+from ntc.codec.grid.accuracy.running_error import running_bounds
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridDecoder, grid_parts
+from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.latents import latent_levels
-from ntc.codec.model import Decoder, Pack
-from ntc.codec.reference import decode_texels, decoder_inputs, run_decoder
+from ntc.codec.model import Pack
+from ntc.codec.reference import decode_texels
 
 TEXELS = 100_000
-SMALL = CodecConfig(hidden_width=16)
-ADAPTED = CodecConfig(
+SMALL = GridConfig(hidden_width=16)
+ADAPTED = GridConfig(
     hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16
 )
 ALL: tuple[Precision, ...] = ("fp32", "fp16", "fp16-arithmetic", "fp16-accumulate")
@@ -29,12 +32,12 @@ Change = Callable[[np.ndarray], np.ndarray]
 def with_layers(pack: Pack, changes: tuple[Change, Change, Change], biases: bool = True) -> Pack:
     """`pack` with the weights of each layer changed, and its biases too."""
 
-    def changed(decoder: Decoder) -> Decoder:
+    def changed(decoder: GridDecoder) -> GridDecoder:
         weights = tuple(change(w).astype(np.float32) for change, w in zip(changes, decoder.weights, strict=True))
         own = tuple(change(b).astype(np.float32) for change, b in zip(changes, decoder.biases, strict=True))
-        return Decoder(weights, own if biases else decoder.biases)
+        return GridDecoder(weights, own if biases else decoder.biases)
 
-    return replace(pack, decoders=tuple(changed(decoder) for decoder in pack.grid_decoders))
+    return replace(pack, decoders=tuple(changed(decoder) for decoder in grid_parts(pack).decoders))
 
 
 def times(exponent: int) -> Change:
@@ -50,15 +53,15 @@ def overflowing(pack: Pack) -> Pack:
     first, second, third = times(15), times(2), times(-17)
     inner = with_layers(pack, (first, second, same), biases=False)
     by = (
-        [np.ldexp(d.biases[0], 15) for d in pack.grid_decoders],
-        [np.ldexp(d.biases[1], 17) for d in pack.grid_decoders],
+        [np.ldexp(d.biases[0], 15) for d in grid_parts(pack).decoders],
+        [np.ldexp(d.biases[1], 17) for d in grid_parts(pack).decoders],
     )
     decoders = tuple(
-        Decoder(
+        GridDecoder(
             (d.weights[0], d.weights[1], third(d.weights[2]).astype(np.float32)),
             (by[0][i].astype(np.float32), by[1][i].astype(np.float32), d.biases[2]),
         )
-        for i, d in enumerate(inner.grid_decoders)
+        for i, d in enumerate(grid_parts(inner).decoders)
     )
     return replace(inner, decoders=decoders)
 
@@ -88,7 +91,7 @@ def places(pack: Pack, texture: int, count: int, seed: int) -> tuple[np.ndarray,
 def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, halves: bool) -> np.ndarray:
     """The network in fp32, one product after the other, from float64 inputs rounded once."""
     encoded = pack.textures[texture]
-    decoder = pack.grid_decoders[encoded.group]
+    decoder = grid_parts(pack).decoders[encoded.group]
     values = decoder_inputs(pack, encoded, uv, lod, encoded.wrap).astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for layer, parameters in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
@@ -98,7 +101,7 @@ def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, hal
             sums = np.broadcast_to(bias, (len(values), len(bias))).astype(np.float32)
             for column in range(weight.shape[1]):
                 sums = sums + values[:, column, None] * weight[:, column]
-            values = np.maximum(sums, np.float32(pack.grid_config.leaky_slope) * sums) if layer < 2 else sums
+            values = np.maximum(sums, np.float32(grid_parts(pack).config.leaky_slope) * sums) if layer < 2 else sums
     return np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)[:, : encoded.channels]
 
 
@@ -115,7 +118,7 @@ def test_bounds_hold(case: str, precision: Precision) -> None:
         exact = decode_texels(pack, texture, uv, lod)
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             found = decode_texels_in_half(stored, texture, uv, lod, precision == "fp16-accumulate", rescale=False)
-        elif pack.grid_config.adapters:
+        elif grid_parts(pack).config.adapters:
             continue
         else:
             found = single_decode(stored, texture, uv, lod, halves=precision == "fp16")
@@ -149,15 +152,15 @@ def test_the_bound_of_activations_holds() -> None:
     activations = texture_bounds(pack, "fp32")[0].activations
     uv, lod = places(pack, 0, 2000, 0)
     values = decoder_inputs(pack, pack.textures[0], uv, lod, pack.textures[0].wrap)
-    decoder = pack.grid_decoders[0]
+    decoder = grid_parts(pack).decoders[0]
     for layer in range(3):
         sums = values @ decoder.weights[layer].T.astype(np.float64) + decoder.biases[layer]
         assert np.abs(sums).max() <= activations[layer]
-        values = np.where(sums > 0.0, sums, sums * pack.grid_config.leaky_slope)
+        values = np.where(sums > 0.0, sums, sums * grid_parts(pack).config.leaky_slope)
 
 
 @pytest.mark.parametrize("config", [SMALL, ADAPTED], ids=["plain", "adapted"])
-def test_rescaling_changes_no_exact_value(config: CodecConfig) -> None:
+def test_rescaling_changes_no_exact_value(config: GridConfig) -> None:
     pack = random_pack(((64, 64), (17, 33)), (0, 0), config)
     pack = with_layers(pack, (times(18), times(3), same))
     found = rescaled_pack(pack)
@@ -166,7 +169,7 @@ def test_rescaling_changes_no_exact_value(config: CodecConfig) -> None:
         uv, lod = places(pack, texture, 500, texture)
         inputs = decoder_inputs(pack, encoded, uv, lod, encoded.wrap)
         results = [
-            run_decoder(p.grid_decoders[0], inputs, config.leaky_slope, p.textures[texture].adapter)
+            run_decoder(grid_parts(p).decoders[0], inputs, config.leaky_slope, p.textures[texture].adapter)
             for p in (pack, found)
         ]
         assert np.array_equal(results[0], results[1]), "powers of two are exact"
@@ -198,7 +201,9 @@ def test_what_is_measured_must_leave_room_for_what_is_not(monkeypatch: pytest.Mo
     pack = CASES["adapted"]
     halves: tuple[Precision, ...] = ("fp16-accumulate", "fp32")
     for share, chosen in ((0.3, "fp16-accumulate"), (0.5, "fp32")):
-        monkeypatch.setattr("ntc.accuracy.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP)
+        monkeypatch.setattr(
+            "ntc.codec.grid.accuracy.precision_choice.measured_error", lambda *_, share=share: share * HALF_STEP
+        )
         assert chosen_precision(pack, halves).precision == chosen
 
 

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.api.frozen import encode_with_decoders, measured_drift
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.frozen import encode_with_decoders, measured_drift
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.model import block_parts
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.training.encode_blocks import encode_blocks
 
 
 def stripes(phase: int, horizontal: bool) -> SourceTexture:
@@ -26,16 +27,18 @@ def test_each_texture_takes_the_decoder_of_its_kind() -> None:
     config = config_for_bits(2.0, texture_set(old, 2, None))
     pack = encode_blocks(old, Grouping("clustered", (0, 0, 0, 0, 1, 1, 1, 1)), config)
     new = [stripes(7, False), stripes(8, True), stripes(9, False)]
-    found = encode_with_decoders(new, pack.block_decoders, config, "clustered")
+    found = encode_with_decoders(new, block_parts(pack).decoders, config, "clustered")
     assert found.grouping.groups == (0, 1, 0)
     assert found.config == config
-    for own, expected in zip(found.block_decoders, (pack.block_decoders[1], pack.block_decoders[0]), strict=True):
+    for own, expected in zip(
+        block_parts(found).decoders, (block_parts(pack).decoders[1], block_parts(pack).decoders[0]), strict=True
+    ):
         assert np.array_equal(own.basis, expected.basis)
         assert np.array_equal(own.scales, expected.scales)
     fresh = encode_blocks(new, Grouping("single", (0, 0, 0)), config)
-    wrong = encode_with_decoders(new[:1], pack.block_decoders[:1], config, "clustered")
+    wrong = encode_with_decoders(new[:1], block_parts(pack).decoders[:1], config, "clustered")
     assert (found.textures[0].psnr_db or 0.0) > (wrong.textures[0].psnr_db or 0.0) + 1.0
-    drift = measured_drift(new, pack.block_decoders, config, 16)
+    drift = measured_drift(new, block_parts(pack).decoders, config, 16)
     assert drift.textures == 3
     # Waves of other lengths than those that the old decoder was fitted to.
     assert 0.0 < drift.loss_db < 8.0

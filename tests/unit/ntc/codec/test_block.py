@@ -10,19 +10,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ntc.codec.block import reference
-from ntc.codec.block.blocks import blocks_of, image_of
 from ntc.codec.block.codes import packed_codes, unpacked_codes
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
-from ntc.codec.block.encoder import encode_group
+from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.encoding.blocks import blocks_of
+from ntc.codec.block.encoding.encoder import encode_group
+from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
-from ntc.codec.block.quantizer import TrellisQuantizer
+from ntc.codec.block.reference import image_of
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out_bits
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
 
-SMALL = BlockCodecConfig(coefficients=40, modes=4)
+SMALL = BlockConfig(coefficients=40, modes=4)
 
 
 def smooth_texture(
@@ -39,7 +40,7 @@ def smooth_texture(
     return SourceTexture(f"waves {seed}", pixels, hash_pixels(pixels), wrap=wrap)  # type: ignore[arg-type]
 
 
-def random_decoder(config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
+def random_decoder(config: BlockConfig, seed: int = 0) -> BlockDecoder:
     """Valid tables without meaning."""
     random = np.random.default_rng(seed)
     shape = (config.coefficients, config.block_texels, config.output_channels)
@@ -50,9 +51,9 @@ def random_decoder(config: BlockCodecConfig, seed: int = 0) -> BlockDecoder:
     )
 
 
-def fixed_size(words: int, **settings: int) -> BlockCodecConfig:
+def fixed_size(words: int, **settings: int) -> BlockConfig:
     """Codes of one size."""
-    return BlockCodecConfig(block_words=(words,), mean_words=words, **settings)  # type: ignore[arg-type]
+    return BlockConfig(block_words=(words,), mean_words=words, **settings)  # type: ignore[arg-type]
 
 
 def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
@@ -65,7 +66,7 @@ def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
 @settings(max_examples=40, deadline=None)
 def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, side: int, channels: int) -> None:
     image = np.random.default_rng(w * h).random((h, w, channels), np.float32)
-    config = BlockCodecConfig(block_side=side, output_channels=channels, coefficients=4)  # type: ignore[arg-type]
+    config = BlockConfig(block_side=side, output_channels=channels, coefficients=4)  # type: ignore[arg-type]
     level = latent_levels(w, h, config)[0]
     blocks = blocks_of(image, side, ("repeat", "mirror"))
     assert blocks.shape == (level.cells, side * side, channels)
@@ -73,7 +74,7 @@ def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, si
 
 
 def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
-    levels = latent_levels(100, 20, BlockCodecConfig())
+    levels = latent_levels(100, 20, BlockConfig())
     assert [(level.texel_width, level.texel_height) for level in levels] == [
         (100, 20),
         (50, 10),
@@ -84,13 +85,13 @@ def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
     assert [level.first_cell for level in levels] == list(
         itertools.accumulate([0, *(level.cells for level in levels[:-1])])
     )
-    assert latent_levels(1, 1, BlockCodecConfig())[-1].cells == 1
+    assert latent_levels(1, 1, BlockConfig())[-1].cells == 1
 
 
 @pytest.mark.parametrize("sizes", [(1,), (2,), (16,), (1, 2, 3), (2, 5, 9, 16)])
 @pytest.mark.parametrize("modes", [1, 2, 64])
 def test_codes_hold_modes_and_indices(sizes: tuple[int, ...], modes: int) -> None:
-    config = BlockCodecConfig(block_words=sizes, mean_words=sizes[0], modes=modes, coefficients=60)
+    config = BlockConfig(block_words=sizes, mean_words=sizes[0], modes=modes, coefficients=60)
     decoder, random = random_decoder(config), np.random.default_rng(sizes[0])
     chosen, size = random.integers(0, modes, 50), random.integers(0, len(sizes), 50)
     allocations = decoder.depths(config)
@@ -164,7 +165,7 @@ def test_the_quantizer_finds_the_best_path() -> None:
 
 
 def test_what_is_stored_decodes_to_what_the_quantizer_chose() -> None:
-    config = BlockCodecConfig(coefficients=60, modes=8)
+    config = BlockConfig(coefficients=60, modes=8)
     decoder, random = random_decoder(config), np.random.default_rng(2)
     modes = random.integers(0, config.modes, 200)
     sizes, allocations = random.integers(0, len(config.block_words), 200), decoder.depths(config)
@@ -195,7 +196,7 @@ def test_scales_are_stored_within_half_a_step() -> None:
 @pytest.mark.parametrize("size", [(64, 64), (40, 24), (7, 3), (1, 1)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], channels: int) -> None:
-    config = BlockCodecConfig(output_channels=channels, coefficients=24, modes=2)
+    config = BlockConfig(output_channels=channels, coefficients=24, modes=2)
     source = smooth_texture(*size, channels=channels)
     decoder, (texture,) = encode_group([source], config)
     levels = latent_levels(*size, config)
@@ -209,7 +210,7 @@ def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], ch
 def test_more_bits_give_a_nearer_picture_and_modes_help() -> None:
     sources = [smooth_texture(64, 64, seed=seed) for seed in range(3)]
 
-    def mean_psnr(config: BlockCodecConfig) -> float:
+    def mean_psnr(config: BlockConfig) -> float:
         decoder, textures = encode_group(sources, config)
         found = [reference.decode_image(texture, decoder, config) for texture in textures]
         return float(np.mean([psnr_db(d, s.pixels) for d, s in zip(found, sources, strict=True)]))
@@ -244,4 +245,4 @@ def test_a_constant_texture_is_exact_and_the_same_seed_gives_the_same_bytes() ->
 )
 def test_settings_out_of_range_are_named(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
-        BlockCodecConfig(**{field: value})  # type: ignore[arg-type]
+        BlockConfig(**{field: value})  # type: ignore[arg-type]

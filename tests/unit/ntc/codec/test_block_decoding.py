@@ -5,19 +5,21 @@ from itertools import product
 
 import numpy as np
 import pytest
+from ntc.codec.block_pack import block_texture
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block import reference
-from ntc.codec.block.blocks import image_of
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block_pack import block_texture
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import block_parts
+from ntc.codec.block.reference import image_of
+from ntc.codec.block.torch_twin import TorchBlock
 from ntc.codec.config import WrapMode
+from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, texel_centres
-from ntc.codec.torch_block import TorchBlockCodec, torch_codec
-from ntc.codec.torch_codec import TorchCodec
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from tests.support.parity import assert_torch_agrees
 
@@ -29,14 +31,14 @@ WRAPS = tuple(product(MODES, MODES))
 def four_textures(channels: int = 3, side: int = 8, levels: int | None = None) -> Pack:
     """A pack of all SIZES in two groups."""
     shape = {"block_side": side, "block_words": (1, 2, 4, 7)[: side // 2], "coefficients": 16, "modes": 8}
-    config = BlockCodecConfig(**shape, output_channels=channels, levels=levels)  # type: ignore[arg-type]
+    config = BlockConfig(**shape, output_channels=channels, levels=levels)  # type: ignore[arg-type]
     return random_block_pack(SIZES, (0, 1, 0, 1), config)
 
 
 def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     """[h, w, C] float64 of a level, not clamped."""
-    texture, config = pack.textures[index], pack.block_config
-    stored, decoder = block_texture(texture, config), pack.block_decoders[texture.group]
+    texture, config = pack.textures[index], block_parts(pack).config
+    stored, decoder = block_texture(texture, config), block_parts(pack).decoders[texture.group]
     geometry = latent_levels(texture.width, texture.height, config)[level]
     values = reference.block_values(stored, reference.texture_codes(stored, config, level), decoder, config)
     return image_of(values, geometry, config.block_side).astype(np.float64)
@@ -65,7 +67,7 @@ def test_hostile_numbers_decode_to_something_finite(wrap: tuple[WrapMode, WrapMo
 @pytest.mark.parametrize("side", [4, 8])
 def test_images_are_what_texel_centres_decode_to(channels: int, side: int) -> None:
     pack = four_textures(channels, side)
-    codec = TorchBlockCodec(pack, "cpu")
+    codec = TorchBlock(pack, "cpu")
     for index, size in enumerate(SIZES):
         for number, level in enumerate(latent_levels(*size, pack.config)):
             uv = texel_centres(level.texel_width, level.texel_height)
@@ -118,14 +120,14 @@ def test_further_channels_are_dropped_and_nothing_decodes_to_nothing() -> None:
     two = replace(pack, textures=tuple(replace(texture, channels=2) for texture in pack.textures))
     uv, lod = np.full((1, 2), 0.3), np.zeros(1)
     np.testing.assert_array_equal(decode_texels(two, 0, uv, lod), decode_texels(pack, 0, uv, lod)[:, :2])
-    assert decode_image(two, 0, 2).shape == TorchBlockCodec(two, "cpu").decode_image(0, 2).shape == (16, 16, 2)
+    assert decode_image(two, 0, 2).shape == TorchBlock(two, "cpu").decode_image(0, 2).shape == (16, 16, 2)
     assert_torch_agrees(pack, 0, np.zeros((0, 2), np.float32), np.zeros(0, np.float32), None)
 
 
 def test_each_codec_has_its_decoder() -> None:
-    assert isinstance(torch_codec(random_pack(), "cpu"), TorchCodec)
-    assert isinstance(torch_codec(four_textures(), "cpu"), TorchBlockCodec)
+    assert isinstance(codec_of(random_pack(), "cpu"), TorchGrid)
+    assert isinstance(codec_of(four_textures(), "cpu"), TorchBlock)
     with pytest.raises(InputError, match="codec block has no hidden layers"):
-        TorchCodec(four_textures(), "cpu")
+        TorchGrid(four_textures(), "cpu")
     with pytest.raises(InputError, match="codec grid has no basis"):
-        TorchBlockCodec(random_pack(), "cpu")
+        TorchBlock(random_pack(), "cpu")

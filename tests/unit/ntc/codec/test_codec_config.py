@@ -1,10 +1,10 @@
-"""Checks and derived sizes of CodecConfig."""
+"""Checks and derived sizes of GridConfig."""
 
 from typing import Any
 
 import pytest
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 
 
 @pytest.mark.parametrize(
@@ -20,22 +20,22 @@ from ntc.codec.config import CodecConfig
 )  # fmt: skip
 def test_bad_fields_are_named(field: str, value: Any) -> None:
     with pytest.raises(ValueError, match=f"codec.{field} = "):
-        CodecConfig(**{field: value})
+        GridConfig(**{field: value})
 
 
 def test_sizes_of_the_paper() -> None:
-    config = CodecConfig(levels=1)
+    config = GridConfig(levels=1)
     assert config.decoder_inputs == 16
     assert config.layer_shapes == ((64, 16), (64, 64), (3, 64))
     assert config.multiply_adds == 5312
 
 
 def test_several_levels_add_the_lod_input() -> None:
-    assert CodecConfig().decoder_inputs == 17
-    assert CodecConfig(levels=2, latent_channels=8, positional_octaves=2).decoder_inputs == 8 + 8 + 1
+    assert GridConfig().decoder_inputs == 17
+    assert GridConfig(levels=2, latent_channels=8, positional_octaves=2).decoder_inputs == 8 + 8 + 1
 
 
 def test_eight_channels_of_four_bits_take_the_room_of_four_of_eight() -> None:
-    narrow, wide = CodecConfig(), CodecConfig(latent_channels=8, latent_bits=4)
+    narrow, wide = GridConfig(), GridConfig(latent_channels=8, latent_bits=4)
     assert narrow.cell_bytes == wide.cell_bytes == 4
     assert (narrow.largest_stored, wide.largest_stored) == (255, 15)

@@ -5,31 +5,32 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from ntc.codec.block_pack import axes_matrix, axes_parts, block_texture
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block import reference
-from ntc.codec.block.blocks import prepare_texture
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.rate import config_for_bits, side_bits, texture_set
-from ntc.codec.block_pack import axes_matrix, axes_parts, block_texture
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import prepare_texture
+from ntc.codec.block.encoding.rate import config_for_bits, side_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.model import block_parts
+from ntc.codec.block.start import mean_colour_pack
+from ntc.codec.block.torch_twin import TorchBlock
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.map_weights import EQUAL_WEIGHTS, SEEN_WEIGHTS, MapWeights
 from ntc.codec.maps import BASE_ALONE, MAPS, MapName, channel_places, joint_maps, map_slices, plane_channels
 from ntc.codec.mips import mip_chain, resize_to
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, decode_texels
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.codec.torch_block import TorchBlockCodec
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from ntc.training.encode_blocks import encode_blocks
-from ntc.training.snapshot import mean_colour_pack
 from tests.support.parity import assert_torch_agrees
 
 WHOLE: tuple[MapName, ...] = ("base", "normal", "roughness", "metalness", "occlusion")
 KINDS: tuple[tuple[MapName, ...], ...] = (WHOLE, BASE_ALONE, ("normal", "occlusion"), MAPS)
-SETS = BlockCodecConfig(block_words=(2, 4, 7), coefficients=24, modes=8, output_channels=11, maps=MAPS)
+SETS = BlockConfig(block_words=(2, 4, 7), coefficients=24, modes=8, output_channels=11, maps=MAPS)
 
 
 def material(
@@ -63,7 +64,7 @@ def test_channels_of_a_set_have_places_among_those_of_the_codec() -> None:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", [BlockCodecConfig, CodecConfig])
+@pytest.mark.parametrize("kind", [BlockConfig, GridConfig])
 def test_codecs_name_maps_and_channels_that_do_not_fit(kind: type) -> None:
     kind(maps=MAPS, output_channels=12)
     for maps, channels, field in (
@@ -118,7 +119,7 @@ def test_axes_join_no_channels_of_different_planes() -> None:
 
 
 def test_what_is_worth_more_comes_nearer() -> None:
-    config = BlockCodecConfig(coefficients=96, modes=4, output_channels=8, maps=WHOLE)
+    config = BlockConfig(coefficients=96, modes=4, output_channels=8, maps=WHOLE)
     normal = map_slices(WHOLE, 8)["normal"]
 
     def errors(weights: MapWeights) -> NDArray[np.float64]:
@@ -145,7 +146,7 @@ def mixed_pack(side: int = 8) -> tuple[list[SourceTexture], Pack]:
 @pytest.mark.parametrize("side", [4, 8])
 def test_sets_of_every_kind_come_back_and_torch_agrees(side: int) -> None:
     sources, pack = mixed_pack(side)
-    codec = TorchBlockCodec(pack, "cpu")
+    codec = TorchBlock(pack, "cpu")
     for index, source in enumerate(sources):
         texture = pack.textures[index]
         assert (texture.maps, texture.channels) == (source.maps, source.channels)
@@ -170,8 +171,8 @@ def test_a_plane_is_decoded_by_its_own_axes_and_basis() -> None:
     pack = random_block_pack(config=SETS)
     texture = block_texture(pack.textures[0], SETS)
     stored = reference.texture_codes(texture, SETS, 0)
-    whole = reference.block_values(texture, stored, pack.block_decoders[0], SETS)
-    decoder, first = pack.block_decoders[0], 0
+    whole = reference.block_values(texture, stored, block_parts(pack).decoders[0], SETS)
+    decoder, first = block_parts(pack).decoders[0], 0
     coefficients = reference.decode_coefficients(stored, decoder, SETS) * decoder.basis_scale
     for channels in plane_channels(MAPS, 11).values():
         own, count = list(channels.values()), len(channels)
@@ -190,16 +191,16 @@ def test_bits_count_everything_that_sets_store() -> None:
         pack = encode_blocks(sources, Grouping("single", (0, 0)), config)
         assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
     plain = texture_set([material(BASE_ALONE)], 1)
-    assert side_bits(replace(plain, groups=0), BlockCodecConfig(block_words=(4,))) == 32 * (3 + 9)
+    assert side_bits(replace(plain, groups=0), BlockConfig(block_words=(4,))) == 32 * (3 + 9)
 
 
 def test_rows_of_the_basis_are_of_one_channel_and_stored_as_such() -> None:
     _, pack = mixed_pack()
-    decoder = pack.block_decoders[0]
+    decoder = block_parts(pack).decoders[0]
     assert (decoder.basis.any(axis=1).sum(axis=1) <= 1).all()
     rows = decoder.basis[np.arange(len(decoder.basis)), :, decoder.row_channels]
     assert rows.any(axis=1).all()
-    config = pack.block_config
+    config = block_parts(pack).config
     assert decoder.stored_bits(config) == config.coefficients * (8 * (64 + 1) + 32 + 8 * config.modes)
     assert config.multiply_adds == config.coefficients + config.axis_numbers
 
@@ -222,15 +223,15 @@ def test_until_it_is_encoded_a_set_has_the_mean_of_each_map() -> None:
 
 def test_sets_have_room_for_larger_codes_and_more_modes() -> None:
     assert replace(SETS, block_words=(16, 32), mean_words=32.0, modes=128).largest_words == 32
-    plain = BlockCodecConfig()
+    plain = BlockConfig()
     for field, value in (("block_words", (17,)), ("mean_words", 17.0), ("modes", 128)):
         with pytest.raises(ValueError, match=field):
             replace(plain, **{field: value})  # type: ignore[arg-type]
     source = material(WHOLE, (128, 128))
     pack = encode_blocks([source], Grouping("single", (0,)), config_for_bits(12.0, texture_set([source], 1)))
     assert bits_with_mips(pack) == pytest.approx(12.0, rel=0.02)
-    assert pack.block_config.block_words[-1] > 16
-    fast = TorchBlockCodec(pack, "cpu").decode_image(0)
+    assert block_parts(pack).config.block_words[-1] > 16
+    fast = TorchBlock(pack, "cpu").decode_image(0)
     assert np.abs(decode_image(pack, 0).astype(int) - fast).max() <= 1
     assert pack.textures[0].psnr_db is not None
     assert pack.textures[0].psnr_db > 40.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ntc.codec.reference import positional_encoding, triangle_wave
+from ntc.codec.grid.reference import positional_encoding, triangle_wave
 
 
 def test_wave_has_period_1_and_known_values() -> None:

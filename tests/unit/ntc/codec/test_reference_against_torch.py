@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import LOD_INPUT_SCALE, GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.reference import decoder_inputs, run_decoder
+from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from ntc.codec.reference import decode_image, decode_texels, decoder_inputs, run_decoder, texel_centres
-from ntc.codec.torch_codec import TorchCodec
+from ntc.codec.reference import decode_image, decode_texels, texel_centres
 from tests.support.parity import assert_torch_agrees
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
@@ -21,7 +24,7 @@ WRAPS = tuple(product(MODES, MODES))
 
 def four_textures(channels: int = 3, levels: int | None = None) -> Pack:
     """A pack of all SIZES in two groups."""
-    return random_pack(SIZES, (0, 1, 0, 1), CodecConfig(output_channels=channels, levels=levels))
+    return random_pack(SIZES, (0, 1, 0, 1), GridConfig(output_channels=channels, levels=levels))
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -39,7 +42,7 @@ def test_random_places(wrap: tuple[WrapMode, WrapMode], levels: int | None) -> N
 @pytest.mark.parametrize("levels", [None, 1])
 def test_every_level_at_texel_centres(channels: int, levels: int | None) -> None:
     pack = four_textures(channels, levels)
-    codec = TorchCodec(pack, "cpu")
+    codec = TorchGrid(pack, "cpu")
     for index, size in enumerate(SIZES):
         for number, level in enumerate(latent_levels(*size, pack.config)):
             uv = texel_centres(level.texel_width, level.texel_height).astype(np.float32)
@@ -95,7 +98,7 @@ def test_further_outputs_of_the_decoder_are_dropped() -> None:
     two = replace(pack, textures=tuple(replace(texture, channels=2) for texture in pack.textures))
     uv, lod = np.full((1, 2), 0.3), np.zeros(1)
     np.testing.assert_array_equal(decode_texels(two, 0, uv, lod), decode_texels(pack, 0, uv, lod)[:, :2])
-    assert TorchCodec(two, "cpu").decode_image(0, 2).shape == (16, 16, 2)
+    assert TorchGrid(two, "cpu").decode_image(0, 2).shape == (16, 16, 2)
 
 
 def test_mirror_and_clamp_are_what_their_names_say() -> None:
@@ -125,7 +128,7 @@ def test_inputs_are_latents_then_encoding_then_lod() -> None:
     turn = uv[0, 0] * 32 / 2.0
     assert inputs[4] == pytest.approx(4.0 * abs(turn - np.floor(turn) - 0.5) - 1.0)
     assert inputs[-1] == LOD_INPUT_SCALE
-    assert len(inputs) == pack.grid_config.decoder_inputs
+    assert len(inputs) == grid_parts(pack).config.decoder_inputs
 
 
 def test_inputs_are_continuous_in_lod() -> None:
@@ -138,7 +141,7 @@ def test_inputs_are_continuous_in_lod() -> None:
 
 def test_decoder_against_plain_sums() -> None:
     pack = four_textures()
-    decoder, values = pack.grid_decoders[1], np.linspace(-1.0, 1.0, pack.grid_config.decoder_inputs)
+    decoder, values = grid_parts(pack).decoders[1], np.linspace(-1.0, 1.0, grid_parts(pack).config.decoder_inputs)
     layer = list(values)
     for number, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
         sums = [
@@ -150,10 +153,10 @@ def test_decoder_against_plain_sums() -> None:
 
 
 def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> None:
-    pack = random_pack(((8, 8),), (0,), CodecConfig(hidden_width=8, adapters=True))
-    adapter, decoder = pack.textures[0].adapter, pack.grid_decoders[0]
+    pack = random_pack(((8, 8),), (0,), GridConfig(hidden_width=8, adapters=True))
+    adapter, decoder = pack.textures[0].adapter, grid_parts(pack).decoders[0]
     assert adapter is not None
-    values = layer = np.linspace(-1.0, 1.0, pack.grid_config.decoder_inputs)
+    values = layer = np.linspace(-1.0, 1.0, grid_parts(pack).config.decoder_inputs)
     for number, weight in enumerate(decoder.weights):
         layer = weight.astype(np.float64) @ layer
         if number < 2:
@@ -169,14 +172,14 @@ def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> No
 @pytest.mark.parametrize(
     "config",
     [
-        CodecConfig(latent_channels=12, hidden_width=16, positional_octaves=1, downscale=8),
-        CodecConfig(latent_channels=16, hidden_width=128, positional_octaves=8, downscale=1, leaky_slope=0.2),
-        CodecConfig(adapters=True),
-        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4),
+        GridConfig(latent_channels=12, hidden_width=16, positional_octaves=1, downscale=8),
+        GridConfig(latent_channels=16, hidden_width=128, positional_octaves=8, downscale=1, leaky_slope=0.2),
+        GridConfig(adapters=True),
+        GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+        GridConfig(latent_channels=12, latent_bits=4, output_channels=4),
     ],
 )
-def test_other_shapes_agree_too(config: CodecConfig) -> None:
+def test_other_shapes_agree_too(config: GridConfig) -> None:
     pack = random_pack(((40, 24),), (0,), config)
     random = np.random.default_rng(5)
     uv = random.uniform(-2.0, 2.0, (200, 2)).astype(np.float32)

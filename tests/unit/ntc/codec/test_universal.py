@@ -6,20 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ntc.pack.validate import check_block_decoder, check_pack
 
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.stages import encode_blocks
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_decoder
-from ntc.codec.config import CodecConfig, GroupingConfig
+from ntc.codec.checks import check_textures
+from ntc.codec.config import GroupingConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
-from ntc.metrics.metrics import psnr_db, psnr_table
+from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.validate import check_block_decoder, check_pack
-from ntc.training.encode_blocks import encode_blocks
-from ntc.training.request import check_textures
 from ntc.training.snapshot import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.unit.ntc.training.test_encode_blocks import waves
@@ -91,6 +93,6 @@ def test_only_codec_block_has_it_and_textures_stay_together() -> None:
     sources = [waves(16, 16), waves(16, 16, seed=1)]
     grouping = make_grouping(GroupingConfig("universal"), sources)
     with pytest.raises(InputError, match="use codec block"):
-        check_textures(sources, grouping, CodecConfig())
+        check_textures(sources, grouping, GridConfig())
     with pytest.raises(InputError, match="one decoder for all textures"):
         moved_texture(grouping, 0, 1)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_block_pack
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.map_quality import map_psnr_db, measured_texture, normal_angles
 from ntc.codec.maps import MapName
-from ntc.metrics.map_quality import map_psnr_db, measured_texture, normal_angles
 from ntc.metrics.metrics import psnr_table
 
 MAPS: tuple[MapName, ...] = ("base", "normal", "roughness")
@@ -33,7 +33,7 @@ def test_normals_that_are_too_long_have_an_angle() -> None:
 
 
 def test_each_map_has_its_own_psnr_and_the_table_shows_them() -> None:
-    config = BlockCodecConfig(coefficients=8, modes=2, output_channels=6, maps=MAPS)
+    config = BlockConfig(coefficients=8, modes=2, output_channels=6, maps=MAPS)
     pack = random_block_pack(((8, 8),), (0,), config)
     pixels = np.full((8, 8, 6), 100, np.uint8)
     decoded = pixels.copy()

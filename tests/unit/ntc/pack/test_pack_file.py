@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
+from ntc.codec.model import EncodedTexture, Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.schema import metadata_json, parse_metadata
@@ -28,9 +29,9 @@ def assert_equal(a: Pack, b: Pack) -> None:
     assert (a.config, a.grouping, a.training) == (b.config, b.grouping, b.training)
     assert len(a.textures) == len(b.textures)
     assert len(a.decoders) == len(b.decoders)
-    pairs: list[tuple[EncodedTexture | Decoder, EncodedTexture | Decoder]] = [
+    pairs: list[tuple[EncodedTexture | GridDecoder, EncodedTexture | GridDecoder]] = [
         *zip(a.textures, b.textures, strict=True),
-        *zip(a.grid_decoders, b.grid_decoders, strict=True),
+        *zip(grid_parts(a).decoders, grid_parts(b).decoders, strict=True),
     ]
     for one, other in pairs:
         for name in vars(one):
@@ -50,7 +51,7 @@ def assert_equal(a: Pack, b: Pack) -> None:
 def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
     """A good file of three textures and two decoders, taken apart."""
     path = tmp_path_factory.mktemp("good") / "good.ntc"
-    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=CodecConfig(hidden_width=8)))
+    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=GridConfig(hidden_width=8)))
     return PackBytes.of(path.read_bytes())
 
 
@@ -71,15 +72,15 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
 @pytest.mark.parametrize(
     "config",
     [
-        CodecConfig(),
-        CodecConfig(levels=1, output_channels=1),
-        CodecConfig(latent_channels=16, output_channels=4),
-        CodecConfig(adapters=True),
-        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
+        GridConfig(),
+        GridConfig(levels=1, output_channels=1),
+        GridConfig(latent_channels=16, output_channels=4),
+        GridConfig(adapters=True),
+        GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+        GridConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
     ],
 )
-def test_round_trip_is_exact(tmp_path: Path, config: CodecConfig) -> None:
+def test_round_trip_is_exact(tmp_path: Path, config: GridConfig) -> None:
     pack = random_pack(config=config, wrap=("mirror", "clamp"))
     first = replace(pack.textures[0], name='a "name"\n\t\\ \u00e9\u4e2d\U0001f600', category="wood", psnr_db=41.3)
     second = replace(pack.textures[1], channels=1, color_space="linear")
@@ -113,7 +114,7 @@ def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) 
 
 
 def test_a_pack_without_textures(tmp_path: Path) -> None:
-    pack = Pack(CodecConfig(), Grouping("baseline", ()), (), ())
+    pack = Pack(GridConfig(), Grouping("baseline", ()), (), ())
     write_pack(tmp_path / "empty.ntc", pack)
     assert_equal(read_pack(tmp_path / "empty.ntc"), pack)
 

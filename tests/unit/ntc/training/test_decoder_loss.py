@@ -6,12 +6,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from ntc.codec.config import CodecConfig
-from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.training.loss import squared_error
 from ntc.training import loss as decoder_loss
-from ntc.training.loss import squared_error
 
-CONFIG = CodecConfig(hidden_width=16, adapters=True, adapter_output=True)
+CONFIG = GridConfig(hidden_width=16, adapters=True, adapter_output=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,25 +6,27 @@ from typing import Literal
 import numpy as np
 import pytest
 import torch
+from ntc.codec.block_pack import block_texture
+from ntc.pack.validate import check_pack
 from safetensors import safe_open
 
-from ntc.accuracy.precision_choice import chosen_precision
-from ntc.accuracy.rescale import stored_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count
+from ntc.codec.block.encoding.stages import BlockProgress, encode_blocks
+from ntc.codec.block.model import block_parts
 from ntc.codec.block.storage import level_codes
-from ntc.codec.block_pack import block_texture
+from ntc.codec.grid.accuracy.precision_choice import chosen_precision
+from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.metrics.metrics import psnr_db, psnr_table
+from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
-from ntc.pack.validate import check_pack
-from ntc.training.encode_blocks import BlockProgress, encode_blocks
 
-SMALL = BlockCodecConfig(coefficients=24, modes=4, output_channels=4)
+SMALL = BlockConfig(coefficients=24, modes=4, output_channels=4)
 
 
 def waves(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:
@@ -66,7 +68,7 @@ def test_odd_textures_are_encoded() -> None:
     images["flat"] = np.full((24, 24, 3), 255, np.uint8)
     sources = [SourceTexture(name, pixels, hash_pixels(pixels)) for name, pixels in images.items()]
     for groups in ((0, 0, 0, 0), (0, 1, 2, 3)):
-        pack = encode_blocks(sources, Grouping("any", groups), BlockCodecConfig())
+        pack = encode_blocks(sources, Grouping("any", groups), BlockConfig())
         check_pack(pack)
         assert len(pack.decoders) == max(groups) + 1
         assert decode_image(pack, 0).shape == (1, 1, 3)
@@ -91,7 +93,8 @@ def test_the_number_of_threads_changes_no_byte() -> None:
         assert a.latents.tobytes() == b.latents.tobytes()
         assert (a.scale.tobytes(), a.offset.tobytes(), a.psnr_db) == (b.scale.tobytes(), b.offset.tobytes(), b.psnr_db)
     assert all(
-        x.scales.tobytes() == y.scales.tobytes() for x, y in zip(one.block_decoders, two.block_decoders, strict=True)
+        x.scales.tobytes() == y.scales.tobytes()
+        for x, y in zip(block_parts(one).decoders, block_parts(two).decoders, strict=True)
     )
 
 
@@ -111,11 +114,11 @@ def test_what_cannot_be_encoded_is_named() -> None:
     with pytest.raises(InputError, match="needs a group for each texture"):
         encode_blocks([waves(8, 8)], Grouping("single", (1,)), SMALL)
     with pytest.raises(InputError, match="has 4 channels"):
-        encode_blocks([waves(8, 8, 4)], Grouping("single", (0,)), BlockCodecConfig())
+        encode_blocks([waves(8, 8, 4)], Grouping("single", (0,)), BlockConfig())
 
 
 def test_a_block_pack_is_drawn_in_fp32_at_every_precision() -> None:
-    pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockCodecConfig(coefficients=16, modes=2))
+    pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockConfig(coefficients=16, modes=2))
     assert chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
     assert stored_pack(pack, "fp16-accumulate") is pack
 
@@ -160,13 +163,13 @@ def test_bits_out_of_reach() -> None:
 
 def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
     rough, smooth = noise(64, 64), waves(64, 64)
-    pack = encode_blocks([rough, smooth], Grouping("single", (0, 0)), BlockCodecConfig(coefficients=48, modes=4))
+    pack = encode_blocks([rough, smooth], Grouping("single", (0, 0)), BlockConfig(coefficients=48, modes=4))
     assert len(pack.textures[0].latents) > 1.3 * len(pack.textures[1].latents)
     # One texture, half of it smooth: the other half takes most of the words.
     pixels = np.concatenate([rough.pixels[:, :32], smooth.pixels[:, :32]], axis=1)
     mixed = SourceTexture("mixed", pixels, hash_pixels(pixels))
-    pack = encode_blocks([mixed], Grouping("single", (0,)), BlockCodecConfig(coefficients=48, modes=4, levels=1))
-    texture, config = pack.textures[0], pack.block_config
+    pack = encode_blocks([mixed], Grouping("single", (0,)), BlockConfig(coefficients=48, modes=4, levels=1))
+    texture, config = pack.textures[0], block_parts(pack).config
     level = latent_levels(64, 64, config)[0]
     sizes = level_codes(block_texture(texture, config).words, level, config).sizes.reshape(8, 8)
     assert sizes[:, :4].mean() > sizes[:, 4:].mean() + 1.0

@@ -6,20 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ntc.pack.validate import check_pack
 
 from ntc.codec.block.config import LARGEST_WORDS
-from ntc.codec.block.rate import TextureSet, config_for_bits, config_for_bytes
-from ntc.codec.block.sharing import RateCurve, Sharing, best_block_words, price_at_error, share_words
-from ntc.codec.block.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget
-from ntc.codec.block.universal import UNIVERSAL
+from ntc.codec.block.encoding.rate import TextureSet, config_for_bits, config_for_bytes
+from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_words, price_at_error, share_words
+from ntc.codec.block.encoding.stages import BlockProgress
+from ntc.codec.block.encoding.to_target import encode_to_target, file_header_bytes
+from ntc.codec.block.model import block_parts
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import write_pack
-from ntc.pack.validate import check_pack
-from ntc.training.encode_blocks import BlockProgress
-from ntc.training.encode_targets import encode_to_target, file_header_bytes
 
 PAIR = Grouping("single", (0, 0))
 
@@ -67,7 +68,7 @@ def test_a_quality_beyond_reach_gives_the_largest_codes() -> None:
     (found,) = decibels(pack)
     assert 20.0 < found < 50.0
     assert len(pack.textures[0].latents) >= 0.98 * 400 * LARGEST_WORDS
-    assert pack.block_config.block_words[-1] == LARGEST_WORDS
+    assert block_parts(pack).config.block_words[-1] == LARGEST_WORDS
 
 
 def test_stopped_while_correcting_the_pack_is_what_is_there(pair: tuple[SourceTexture, SourceTexture]) -> None:
@@ -106,7 +107,7 @@ def test_a_file_is_no_larger_than_asked_for(
 
 def test_more_megabytes_than_the_largest_codes_take_are_left(pair: tuple[SourceTexture, SourceTexture]) -> None:
     pack = encode_to_target(pair, PAIR, SizeTarget(100.0))
-    assert pack.block_config.mean_words == LARGEST_WORDS
+    assert block_parts(pack).config.mean_words == LARGEST_WORDS
     assert bits_with_mips(pack) > 7.9
 
 
@@ -122,7 +123,7 @@ def test_what_is_worth_more_gets_more_words(pair: tuple[SourceTexture, SourceTex
 def test_the_fast_preset_costs_little_to_decode(pair: tuple[SourceTexture, SourceTexture]) -> None:
     pack = encode_to_target(pair, PAIR, PRESETS["fast"])
     assert pack.config.multiply_adds <= 100
-    assert pack.block_config.block_side == 4
+    assert block_parts(pack).config.block_side == 4
     for channels in (1, 2, 3, 4):
         many = TextureSet([(1024, 1024)] * 8, 2, channels)
         assert config_for_bits(2.0, many, 4, multiply_adds=100).multiply_adds <= 100

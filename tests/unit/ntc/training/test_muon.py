@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from ntc.training.optimizers import Muon, orthogonalised
+from ntc.codec.grid.training.optimizers import Muon, orthogonalised
 
 
 @pytest.mark.parametrize("shape", [(3, 64, 17), (2, 64, 64), (4, 8, 20), (1, 1, 1)])

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from ntc.training.threads import PacedThreads, usable_cores, wait_passively
+from ntc.threads import PacedThreads, usable_cores, wait_passively
 
 ITEM_SECONDS = 0.01
 

@@ -11,23 +11,25 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
-from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.codec.config import ColorSpace, WrapMode
+from ntc.codec.device import choose_device
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
-from ntc.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
-from ntc.training.device import choose_device
 from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
-SMALL = CodecConfig(hidden_width=16)
+SMALL = GridConfig(hidden_width=16)
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 
 
@@ -57,7 +59,7 @@ def arrays(pack: Pack) -> list[NDArray[np.generic]]:
         found += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
             found += [part for part in vars(encoded.adapter).values() if part is not None]
-    for decoder in pack.grid_decoders:
+    for decoder in grid_parts(pack).decoders:
         found += [*decoder.weights, *decoder.biases]
     return found
 
@@ -67,7 +69,7 @@ def same(a: Pack, b: Pack) -> bool:
     return [array.tobytes() for array in arrays(a)] == [array.tobytes() for array in arrays(b)]
 
 
-def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
+def initial_decoders(config: GridConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
     """The decoders that a training with `seed` starts from."""
     stack = DecoderStack(config, count, torch.Generator().manual_seed(seed)).export()
     return [array for decoder in stack for array in (*decoder.weights, *decoder.biases)]
@@ -75,7 +77,7 @@ def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray
 
 def decoder_arrays(pack: Pack) -> list[NDArray[np.float32]]:
     """All decoder arrays of a pack."""
-    return [array for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases)]
+    return [array for decoder in grid_parts(pack).decoders for array in (*decoder.weights, *decoder.biases)]
 
 
 def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.float32]]) -> bool:
@@ -106,13 +108,13 @@ def smooth_texture(side: int) -> SourceTexture:
 def test_a_smooth_texture_is_learnt_well() -> None:
     source = smooth_texture(64)
     training = TrainingConfig(steps=900, texels_per_texture=512, decoder_rate=1e-2, device="cpu")
-    pack = train([source], own_decoders(1), CodecConfig(), training)
+    pack = train([source], own_decoders(1), GridConfig(), training)
     measured = pack.textures[0].psnr_db
     assert measured is not None
     assert measured > 35.0
     assert psnr_db(decode_image(pack, 0), source.pixels) == pytest.approx(measured, abs=0.1)
     # Every level is trained, not mip 0 alone.
-    for level, mip in enumerate(mip_chain(source.pixels, "srgb")[: len(latent_levels(64, 64, CodecConfig()))]):
+    for level, mip in enumerate(mip_chain(source.pixels, "srgb")[: len(latent_levels(64, 64, GridConfig()))]):
         assert psnr_db(decode_image(pack, 0, level), mip) > 30.0
 
 
@@ -191,7 +193,7 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
         replace(texture(*size, channels, seed), color_space="linear" if seed % 2 else "srgb")
         for seed, size in enumerate(sizes)
     ]
-    config = CodecConfig(hidden_width=16, output_channels=channels, levels=levels)
+    config = GridConfig(hidden_width=16, output_channels=channels, levels=levels)
     pack = train(textures, Grouping("single", (0,) * 4), config, SHORT)
     for index, (width, height) in enumerate(sizes):
         assert decode_image(pack, index).shape == (height, width, channels)
@@ -201,16 +203,16 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
 
 def test_textures_of_different_channels_share_a_decoder() -> None:
     textures = [texture(8, 8, channels, channels) for channels in (1, 2, 3, 4)]
-    pack = train(textures, Grouping("single", (0,) * 4), CodecConfig(hidden_width=16, output_channels=4), SHORT)
+    pack = train(textures, Grouping("single", (0,) * 4), GridConfig(hidden_width=16, output_channels=4), SHORT)
     assert [encoded.channels for encoded in pack.textures] == [1, 2, 3, 4]
     assert decode_image(pack, 1).shape == (8, 8, 2)
 
 
 def test_channels_that_no_texture_has_are_not_trained() -> None:
-    config = CodecConfig(hidden_width=16, output_channels=4)
+    config = GridConfig(hidden_width=16, output_channels=4)
     pack = train([texture(8, 8, 1)], own_decoders(1), config, SHORT)
     start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
-    last = pack.grid_decoders[0].weights[2]
+    last = grid_parts(pack).decoders[0].weights[2]
     assert not np.array_equal(last[0], start.weights[2][0])
     np.testing.assert_array_equal(last[1:], start.weights[2][1:])
 
@@ -231,7 +233,7 @@ def test_a_constant_texture_trains() -> None:
 def test_the_paper_recipe_runs() -> None:
     training = replace(recipe_config("paper"), epochs=1.0, texels_per_group=64, device="cpu")
     textures = [texture(16, 16), texture(8, 16, seed=1), texture(8, 8, seed=2)]
-    pack = train(textures, Grouping("clustered", (0, 1, 0)), CodecConfig(levels=1), training)
+    pack = train(textures, Grouping("clustered", (0, 1, 0)), GridConfig(levels=1), training)
     # Group 0 holds 256 + 64 texels at 2 x 32 a step, group 1 holds 128 at 64 a step.
     assert pack.training["steps"] == 5 + 2
     assert pack.training["recipe"] == "paper"
@@ -288,12 +290,12 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
         assert np.abs(encoded.adapter.scales - 1.0).max() > 1e-3
         assert np.abs(encoded.adapter.biases).max() > 1e-3
     # The biases of hidden layers are the adapters' now.
-    assert not pack.grid_decoders[0].biases[0].any()
-    assert not pack.grid_decoders[0].biases[1].any()
+    assert not grid_parts(pack).decoders[0].biases[0].any()
+    assert not grid_parts(pack).decoders[0].biases[1].any()
 
 
 def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
-    config = CodecConfig(hidden_width=4, adapters=True, adapter_output=True, weight_bits=16)
+    config = GridConfig(hidden_width=4, adapters=True, adapter_output=True, weight_bits=16)
     decoders, adapters = DecoderStack(config, 1, torch.Generator()), AdapterStack(config, 1)
     with torch.no_grad():
         for part in (*adapters.scales, *adapters.biases, *adapters.output, *decoders.weights):
@@ -316,7 +318,7 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
         assert encoded.adapter.output_weight.shape == (3, 16)
         weights.append(encoded.adapter.output_weight)
     assert not np.array_equal(weights[0], weights[1])
-    assert not pack.grid_decoders[0].weights[2].any()
+    assert not grid_parts(pack).decoders[0].weights[2].any()
     for index, source in enumerate(textures):
         assert pack.textures[index].psnr_db == pytest.approx(psnr_db(decode_image(pack, index), source.pixels), abs=0.1)
 

@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from ntc.codec.color import linear_to_srgb, srgb_to_linear
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.torch_inputs import codec_features
+from ntc.codec.grid.training.data import TrainingData
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.codec.torch_codec import codec_features
 from ntc.codec.torch_sampling import PyramidTable, weighted_rows
-from ntc.training.data import TrainingData
 
 
 def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:
@@ -31,7 +31,7 @@ class Drawn:
     targets: torch.Tensor
 
 
-def sampled(textures: list[SourceTexture], config: CodecConfig, count: int = 20_000) -> Drawn:
+def sampled(textures: list[SourceTexture], config: GridConfig, count: int = 20_000) -> Drawn:
     """Samples of these textures."""
     everything = torch.arange(len(textures))
     data = TrainingData(textures, config, torch.device("cpu"))
@@ -47,7 +47,7 @@ def at_centres(samples: Drawn, width: int, height: int, level: int) -> torch.Ten
 
 
 def test_levels_are_sampled_by_their_texels_but_not_too_rarely() -> None:
-    samples = sampled([texture(64, 64)], CodecConfig(downscale=1))
+    samples = sampled([texture(64, 64)], GridConfig(downscale=1))
     weights = np.array([1.0, 0.5, 0.25, 0.125, 0.0625])
     found = np.bincount(np.floor(samples.lod.numpy()).astype(int), minlength=5) / len(samples.lod)
     np.testing.assert_allclose(found, weights / weights.sum(), atol=0.01)
@@ -55,20 +55,20 @@ def test_levels_are_sampled_by_their_texels_but_not_too_rarely() -> None:
 
 
 def test_half_of_the_samples_lie_at_texel_centres() -> None:
-    samples = sampled([texture(64, 64)], CodecConfig())
+    samples = sampled([texture(64, 64)], GridConfig())
     centres = sum(int(at_centres(samples, 64, 64, level).sum()) for level in range(3))
     assert centres / len(samples.lod) == pytest.approx(0.5, abs=0.02)
 
 
 def test_one_level_means_texel_centres_of_mip_0() -> None:
-    samples = sampled([texture(12, 20)], CodecConfig(levels=1), 500)
+    samples = sampled([texture(12, 20)], GridConfig(levels=1), 500)
     assert at_centres(samples, 12, 20, 0).all()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_targets_at_texel_centres_are_the_mips(seed: int) -> None:
     source = texture(16, 24, 4, seed)
-    samples = sampled([source], CodecConfig(output_channels=4, downscale=1), 4000)
+    samples = sampled([source], GridConfig(output_channels=4, downscale=1), 4000)
     for level in range(3):
         mip = mip_chain(source.pixels, source.color_space)[level]
         chosen = at_centres(samples, 16, 24, level)
@@ -81,14 +81,14 @@ def test_targets_between_levels_are_blended_in_linear_light() -> None:
     pixels = np.zeros((2, 2, 3), np.uint8)
     pixels[0, 0] = 255
     source = SourceTexture("corner", pixels, hash_pixels(pixels), wrap=("clamp", "clamp"))
-    samples = sampled([source], CodecConfig(downscale=1, levels=2), 500)
+    samples = sampled([source], GridConfig(downscale=1, levels=2), 500)
     # The pyramid of so small a texture is one level, so lod stays 0 and only u and v blend.
     assert (samples.lod == 0.0).all()
     weight = np.clip(1.5 - 2.0 * samples.uv.numpy().astype(np.float64), 0.0, 1.0).prod(axis=1)
     np.testing.assert_allclose(srgb_to_linear(samples.targets[:, 0].numpy()), weight, atol=1e-4)
 
     source = texture(16, 16)
-    samples = sampled([source], CodecConfig(downscale=1), 2000)
+    samples = sampled([source], GridConfig(downscale=1), 2000)
     chain = mip_chain(source.pixels, "srgb")
     for sample in np.nonzero(samples.lod.numpy() % 1.0 > 0.1)[0][:200]:
         lod, uv = float(samples.lod[sample]), samples.uv[sample].numpy().astype(np.float64)
@@ -105,14 +105,12 @@ def test_targets_between_levels_are_blended_in_linear_light() -> None:
 
 
 def test_channels_that_a_texture_lacks_do_not_count() -> None:
-    data = TrainingData([texture(4, 4, 1), texture(4, 4, 4)], CodecConfig(output_channels=4), torch.device("cpu"))
+    data = TrainingData([texture(4, 4, 1), texture(4, 4, 4)], GridConfig(output_channels=4), torch.device("cpu"))
     assert data.channel_mask.tolist() == [[1, 0, 0, 0], [1, 1, 1, 1]]
 
 
-@pytest.mark.parametrize(
-    "config", [CodecConfig(), CodecConfig(levels=1), CodecConfig(downscale=3, positional_octaves=5)]
-)
-def test_samples_bring_what_the_codec_reads_there(config: CodecConfig) -> None:
+@pytest.mark.parametrize("config", [GridConfig(), GridConfig(levels=1), GridConfig(downscale=3, positional_octaves=5)])
+def test_samples_bring_what_the_codec_reads_there(config: GridConfig) -> None:
     textures = [texture(64, 64), texture(17, 33, seed=1), texture(1, 1, seed=2), texture(5, 200, seed=3)]
     chosen = torch.tensor([3, 1, 0, 2])
     cpu = torch.device("cpu")

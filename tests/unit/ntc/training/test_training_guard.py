@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.grid.training.loss import squared_error
 from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
 from ntc.training import batch as training_batch
-from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
-from ntc.training.loss import squared_error
 from ntc.training.progress import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
 pytestmark = pytest.mark.slow
 
 SHORT = TrainingConfig(steps=120, texels_per_texture=32, device="cpu")
-CONFIG = CodecConfig(hidden_width=16, adapters=True)
+CONFIG = GridConfig(hidden_width=16, adapters=True)
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1)]
 PAIR = Grouping("single", (0, 0))
 

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.training.config import TrainingConfig
 from ntc.training.encode import train
 from tests.unit.ntc.training.test_train import same, texture
 
 pytestmark = pytest.mark.slow
 
 SHORT = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
-FULL = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+FULL = GridConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1), texture(9, 5, seed=2)]
 GROUPS = Grouping("clustered", (0, 1, 0))
 
@@ -121,6 +121,6 @@ def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkey
     def changed(_path: Path) -> bytes:
         raise OSError(errno.EAGAIN, "it changed while it was read")
 
-    monkeypatch.setattr("ntc.training.checkpoint.read_file", changed)
+    monkeypatch.setattr("ntc.codec.grid.training.checkpoint.read_file", changed)
     with pytest.raises(InputError, match="it changed while it was read"):
         train(TEXTURES, GROUPS, FULL, SHORT, state=path)

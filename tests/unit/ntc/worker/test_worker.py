@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress

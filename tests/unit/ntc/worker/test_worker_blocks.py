@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
-from ntc.metrics.metrics import psnr_db
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
