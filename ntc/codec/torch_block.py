@@ -154,9 +154,8 @@ class TorchBlockCodec(TorchTexels):
 
 
 def torch_codec(
-    pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None, half: bool = False
+    pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None
 ) -> TorchCodec | TorchBlockCodec:
-    """What decodes `pack`, of whichever codec; `half` is for networks, which codec `block` has not."""
-    if isinstance(pack.config, CodecConfig):
-        return TorchCodec(pack, device, interruption, half)
-    return TorchBlockCodec(pack, device, interruption)
+    """What decodes `pack`, of whichever codec."""
+    kind = TorchCodec if isinstance(pack.config, CodecConfig) else TorchBlockCodec
+    return kind(pack, device, interruption)

@@ -1,4 +1,4 @@
-"""Decoding a pack with torch, in float32 or with the networks in halves (docs/codec.md)."""
+"""Decoding a pack with torch, float32 (docs/codec.md)."""
 
 from collections.abc import Callable
 
@@ -46,17 +46,9 @@ class TorchCodec(TorchTexels):
 
     texels_at_once = 1 << 17
 
-    def __init__(
-        self,
-        pack: Pack,
-        device: str | torch.device,
-        interruption: Callable[[], None] = lambda: None,
-        half: bool = False,
-    ) -> None:
-        """`interruption` is called before each piece of an image; what it raises ends the decode. With `half` the layers are
-        products of halves, for which GPUs have units of their own; sums are rounded to halves."""
+    def __init__(self, pack: Pack, device: str | torch.device, interruption: Callable[[], None] = lambda: None) -> None:
+        """`interruption` is called before each piece of an image; what it raises ends the decode."""
         super().__init__(pack, device, interruption)
-        self._half = half
         self._decoders = DecoderStack(pack.grid_config, len(pack.decoders), torch.Generator().manual_seed(0))
         self._decoders.load(pack.grid_decoders)
         if pack.grid_config.adapter_output:
@@ -111,8 +103,7 @@ class TorchCodec(TorchTexels):
             latents = offset + scale * (stored[index] * weights[..., None].float()).sum(1)
             waves = positional_encoding(texels, same, uv, lod, config.positional_octaves).float()
             inputs = torch.cat([latents, with_lod(waves, lod.float(), config)], dim=-1)
-            with torch.autocast(self._device.type, torch.float16, enabled=self._half):
-                colors: Tensor = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
+            colors: Tensor = self._decoders(inputs[None], group, self._adapters[texture_index])[0]
             return colors
 
         return decode
