@@ -34,7 +34,7 @@ def check_progress(progress: TrainingProgress, request: TrainingRequest) -> None
     _check_keys(progress.psnr_db, range(len(request.textures)), "texture")
     if not all(0.0 <= loss <= LARGEST_LOSS for loss in progress.losses.values()):
         raise ValueError("a loss is out of range")
-    for decibels in progress.psnr_db.values():
+    for _decibels in progress.psnr_db.values():
         pass
 
 

@@ -226,7 +226,10 @@ def test_candidates_take_turns() -> None:
         (["--hidden-width", "260"], "--hidden-width 260: must be a multiple of 4"),
         (["--pack", "nowhere.ntc"], "nowhere.ntc"),
         (["--decoder-variant", "rows=3"], "'rows=3' is none of"),
-        (["--decode-with", "torch-cpu", "--what", "scaling"], "--decode-with torch-cpu: only --what scene and all"),
+        (
+            ["--decoder-variant", "pixels=2", "--what", "scaling"],
+            "--decoder-variant pixels=2: only --what scene and all",
+        ),
         (["--views", "nowhere.json"], "nowhere.json"),
         (["--paths", "sideways"], "sideways"),
         (["nowhere.glb"], "nowhere.glb"),
@@ -255,10 +258,9 @@ def test_bad_input_is_one_line_and_writes_nothing(
 def test_how_the_packs_of_a_scene_are_decoded_is_chosen_and_recorded(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
     command = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "16x16"]
-    how = ["--decoder-variant", "pixels=2", "--decode-with", "torch-cpu", "--precisions", "fp32"]
+    how = ["--decoder-variant", "pixels=2", "--precisions", "fp32"]
     assert cli.main([*command, *how, "--paths", "binned", "cached"]) == 0
-    settings = recorded(out, "scene")["scene"]["settings"]
-    assert (settings["decoder_variant"], settings["decode_with"]) == ("pixels=2", "torch-cpu")
+    assert recorded(out, "scene")["scene"]["settings"]["decoder_variant"] == "pixels=2"
 
 
 def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(

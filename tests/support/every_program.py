@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, get_args
 
-import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_block_pack, random_pack
@@ -25,7 +24,6 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.precision import LEVELS
-from viewer.render.resources.texel_lists import SharedBuffer
 from viewer.render.variants.measurement import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.overlay import BLOCKS, Overlay
@@ -180,41 +178,17 @@ def _other_views(name: str) -> Iterator[ViewState]:
             yield replace(both, material_view="lit", lighting=lighting)
 
 
-class _NoListDecoder:
-    """Decodes nothing."""
-
-    def share(self, _buffer: moderngl.Buffer) -> SharedBuffer:
-        return self
-
-    def read(self, _rows: int) -> None:
-        """There is nothing."""
-
-    def write(self, _values: Any) -> None:
-        """Nothing is kept."""
-
-    def release(self) -> None:
-        """There is nothing to free."""
-
-    def decode(self, *_: object) -> None:
-        """Nothing is decoded."""
-
-    def replace(self, _pack: Pack) -> None:
-        """Nothing is kept."""
-
-
-def _assemble(
-    recorder: ProgramRecorder,
-    renderer: Renderer,
-    opened: dict[str, Pack],
-    paths: tuple[DecodePath, ...],
-    precisions: tuple[Precision, ...],
+def _assemble_drawing(
+    context: GraphicsContext, recorder: ProgramRecorder, scene: Scene, opened: dict[str, Pack]
 ) -> None:
-    """The programs that `renderer`, which is released, decodes packs with by some paths in some precisions."""
+    """The programs that decode packs in GLSL 4.10, where nothing computes."""
+    drawing = replace(context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16)
+    renderer = Renderer(replace(context, features=drawing), scene)
     renderer.set_packs(opened)
     for name in opened:
         recorder.codec = name
         for view in _decoding_views(name):
-            if view.slot_a.path in paths and view.slot_a.precision in precisions:
+            if view.slot_a.path in ("forward", "cached") and view.slot_a.precision in ("fp32", "fp16"):
                 renderer.render(view)
     renderer.release()
 
@@ -249,15 +223,8 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                         renderer.render(view)
                     renderer.render(ViewState(CAMERA, SIZE, Slot("grid", filter="stochastic")), whole=True)
                 renderer.release()
-            with_lists = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
-            _assemble(recorder, with_lists, opened, ("binned", "cached"), ("fp32",))
             for padded in (False, True):
                 cluster_programs(scene_programs(context), padded)
             pose_program(scene_programs(context))
-            # In GLSL 4.10, where nothing computes.
-            drawing = replace(
-                context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16
-            )
-            renderer = Renderer(replace(context, features=drawing), scene)
-            _assemble(recorder, renderer, opened, ("forward", "cached"), ("fp32", "fp16"))
+            _assemble_drawing(context, recorder, scene, opened)
     return tuple(recorder.found.values())

@@ -18,7 +18,6 @@ from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
-    DecodeWith,
     Lighting,
     MaterialView,
     PathChoice,
@@ -99,10 +98,6 @@ class DecoderOptions:
     decoder_variant: str = ""
     """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
     NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
-    decode_with: DecodeWith | None = None
-    """What decodes for paths cached and binned: glsl, the shaders; torch on the CUDA device that draws, which takes networks by
-    its matrix units but with fp32; or torch-cpu, the same arithmetic on the processor, to try it. None: glsl, in the window as
-    settings.json says."""
 
 
 @dataclass(frozen=True)

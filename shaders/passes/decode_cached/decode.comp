@@ -5,12 +5,15 @@ layout(local_size_x = BIN_GROUP) in;
 #include "common/work_groups.glsl"
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
-#include "passes/decode_cached/store.glsl"
 #include "generated/shared_decoder.glsl"
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
     TileRecord tiles[];
 };
+layout(std430, binding = BINDING_TILE_ENTRIES) writeonly buffer TileEntries {
+    uint tile_entries[];
+};
+layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
@@ -22,6 +25,12 @@ TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     number = min(number, texels - 1);
     place = place_on_page(number % PAGE_TEXELS);
     return tiles[first_tile + number / PAGE_TEXELS];
+}
+
+void store_texel(TileRecord tile, ivec2 place, vec4 value) {
+    ivec3 at = ivec3(page_corner(tile.page) + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS));
+    imageStore(atlas, at, stored_texel(tile, value));
+    if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
 }
 
 #if DECODES_QUADS
