@@ -17,6 +17,7 @@ import tyro
 
 from ntc.codec.block.encoding.rate import config_for_bits, texture_set
 from ntc.codec.block.encoding.stages import encode_blocks, fitted_groups
+from ntc.codec.block.model import block_parts
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import PsnrSummary
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -76,7 +77,7 @@ def main(options: Options) -> None:
         figures[name] = {
             "fit_seconds_a_group": fitting,
             "encode_seconds_a_megatexel": (whole - fitting) / texels * 1e6,
-            "code_bytes_a_texel": sum(texture.latents.nbytes for texture in pack.textures) / texels,
+            "code_bytes_a_texel": sum(texture.words.nbytes for texture in block_parts(pack).textures) / texels,
             "psnr_db": summary.of_mean_mse_db if summary else None,
         }
     text = json.dumps(figures, indent=2) + "\n"
