@@ -25,7 +25,7 @@ from ntc.pack.file import NUMPY_TYPES, read_pack, write_pack
 from ntc.training.snapshot import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs import assert_same, check_pack
-from tests.unit.ntc.training.test_encode_blocks import waves
+from tests.unit.ntc.codec.block.test_encode_blocks import waves
 
 
 def encoded(textures: list[SourceTexture], bits: float) -> Pack:

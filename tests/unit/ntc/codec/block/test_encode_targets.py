@@ -14,6 +14,7 @@ from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_word
 from ntc.codec.block.encoding.stages import BlockProgress
 from ntc.codec.block.encoding.to_target import encode_to_target, file_header_bytes
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.universal import universal_parameters
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget
@@ -200,7 +201,7 @@ def test_words_are_shared_by_worth() -> None:
 
 
 def test_the_decoder_that_ships_serves_a_quality_and_a_size(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    universal = Grouping(UNIVERSAL, (0, 0))
+    universal = Grouping(UNIVERSAL, (0, 0), universal_parameters())
     assert min(decibels(encode_to_target(pair, universal, QualityTarget(30.0), levels=1))) >= 30.0
     check_pack(encode_to_target(pair, universal, SizeTarget(0.02), levels=1))
     with pytest.raises(InputError, match="choose another grouping"):

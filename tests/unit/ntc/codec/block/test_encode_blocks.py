@@ -13,12 +13,11 @@ from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bi
 from ntc.codec.block.encoding.stages import BlockProgress, encode_blocks
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.storage import level_codes
-from ntc.codec.grid.accuracy.precision_choice import chosen_precision
-from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
+from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table
@@ -118,8 +117,9 @@ def test_what_cannot_be_encoded_is_named() -> None:
 
 def test_a_block_pack_is_drawn_in_fp32_at_every_precision() -> None:
     pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockConfig(coefficients=16, modes=2))
-    assert chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
-    assert stored_pack(pack, "fp16-accumulate") is pack
+    codec = codec_of(pack.config)
+    assert codec.chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
+    assert codec.stored_pack(pack, "fp16-accumulate") is pack
 
 
 def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> None:
