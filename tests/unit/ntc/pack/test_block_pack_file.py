@@ -19,7 +19,7 @@ from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.schema import parse_metadata
 from tests.support.pack_bytes import PackBytes
-from tests.support.packs import check_pack
+from tests.support.packs.checks import check_pack
 
 SMALL = BlockConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
 SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))

@@ -19,7 +19,7 @@ from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
-from tests.support.packs import assert_equal
+from tests.support.packs.checks import assert_equal
 
 Change = Callable[[PackBytes], None]
 

@@ -22,7 +22,7 @@ from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
-from tests.support.packs import check_pack
+from tests.support.packs.checks import check_pack
 
 SMALL = BlockConfig(coefficients=24, modes=4, output_channels=4)
 

@@ -22,7 +22,7 @@ from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import write_pack
-from tests.support.packs import check_pack
+from tests.support.packs.checks import check_pack
 
 PAIR = Grouping("single", (0, 0))
 

@@ -27,7 +27,7 @@ from ntc.codec.reference import decode_image, decode_texels
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from tests.support.parity import assert_torch_agrees
+from tests.support.packs.parity import assert_torch_agrees
 
 WHOLE: tuple[MapName, ...] = ("base", "normal", "roughness", "metalness", "occlusion")
 KINDS: tuple[tuple[MapName, ...], ...] = (WHOLE, BASE_ALONE, ("normal", "occlusion"), MAPS)

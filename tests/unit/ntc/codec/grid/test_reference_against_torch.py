@@ -15,7 +15,7 @@ from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, texel_centres
-from tests.support.parity import assert_torch_agrees
+from tests.support.packs.parity import assert_torch_agrees
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
