@@ -14,11 +14,11 @@ from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import Precision
-from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.grid.accuracy.running_error import running_bounds
 from ntc.codec.model import Pack
 from ntc.codec.psnr import finite_or_none
 from ntc.codec.reference import decode_texels
+from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
@@ -90,7 +90,7 @@ def _row(case: str, path: str, precision: Precision, found: NDArray[np.float32],
 
 
 def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0) -> _Expected:
-    stored = stored_pack(case.pack, precision) if case.rescale else case.pack
+    stored = codec_of(case.pack.config).stored_pack(case.pack, precision) if case.rescale else case.pack
     exact, bound = [], []
     for part in case.requests:
         values = decode_texels(case.pack, part.texture, part.uv, part.lod)
