@@ -26,7 +26,7 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
     if not textures:
         raise InputError("there is no texture to train")
     check_grouping(grouping, len(textures))
-    if grouping.name == UNIVERSAL and not codec_of(codec).ships_decoder:
+    if grouping.name == UNIVERSAL and not codec_of(codec).shipped:
         raise InputError(
             f"grouping {UNIVERSAL}: no decoder of codec {codec.kind} ships with the program; use codec block"
         )
