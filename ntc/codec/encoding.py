@@ -118,7 +118,8 @@ class Figures:
     """By group: mean square error, values in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
     """By texture, of those begun."""
-    work: str = "training"
+    work: str = "step"
+    """What is counted: steps, or textures with what is done to them."""
     freezing_scale: float = 1.0
     """Of the decoder's updates: 1 free, 0 frozen."""
     seconds_left: float | None = None

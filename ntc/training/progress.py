@@ -30,8 +30,8 @@ class TrainingProgress:
     freezing_scale: float
     """Of the decoder's updates: 1 free, 0 frozen."""
     ktexels_per_second: float
-    work: str = "training"
-    """What is done to steps or textures."""
+    work: str = "step"
+    """What `step` counts: steps, or textures with what is done to them."""
     note: str = ""
     """A line for a log, or nothing."""
 

@@ -145,10 +145,9 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
 class _ProgressReport:
     """Progress with ETA: a live bar on a terminal, else about twenty lines in all."""
 
-    def __init__(self, console: Console, trains: bool) -> None:
-        self._console, self._trains = console, trains
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._last_line = -1
-        self._work = ""
         self._bar = Progress(
             TextColumn("encoding"),
             BarColumn(),
@@ -168,14 +167,12 @@ class _ProgressReport:
         self._bar.stop()
 
     def __call__(self, progress: TrainingProgress) -> None:
-        quality, left = f"PSNR {progress.mean_psnr_db:.2f} dB", f"{progress.seconds_left:.0f} s left"
-        if self._trains:
-            rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s"
-            status = f"step {progress.step}/{progress.steps}  {quality}  {rate}  {left}"
-        else:
-            status = f"{progress.work} texture {progress.step}/{progress.steps}  {quality}  {left}"
-        if progress.work != self._work:
-            self._work, self._last_line = progress.work, -1
+        parts = [f"{progress.work} {progress.step}/{progress.steps}"]
+        if progress.psnr_db:
+            parts.append(f"PSNR {progress.mean_psnr_db:.2f} dB")
+        status = "  ".join(
+            [*parts, f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"]
+        )
         if progress.note:
             self._console.print(progress.note, highlight=False)
         if self._console.is_terminal or not progress.note:
@@ -228,7 +225,7 @@ def _encode(
     )
     # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
-    with _ProgressReport(console, codec.trains) as report:
+    with _ProgressReport(console) as report:
         began = time.monotonic()
         with deferred_interrupt() as interrupted:
             try:

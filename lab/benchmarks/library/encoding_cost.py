@@ -15,13 +15,16 @@ from typing import Annotated, TypeVar
 import torch
 import tyro
 
-from ntc.codec.block.encoding.rate import config_for_bits, texture_set
-from ntc.codec.block.encoding.stages import encode_blocks, fitted_groups
+from ntc.codec.block.encoding.groups import fitted_groups
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import PsnrSummary
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.features import feature_matrix
 from ntc.io import write_text
+from ntc.training.encode import encode_textures
 from viewer.scene.images import read_image
 
 BITS = 2.0
@@ -71,7 +74,7 @@ def main(options: Options) -> None:
         grouping = Grouping(name, (0,) * len(textures))
         config = config_for_bits(BITS, texture_set(textures, decoders, None))
         _, fitting = _timed(partial(fitted_groups, textures, grouping, config, 0))
-        pack, whole = _timed(partial(encode_blocks, textures, grouping, config, threads=1))
+        pack, whole = _timed(partial(encode_textures, textures, grouping, config, BlockOptions(threads=1)))
         summary = PsnrSummary.of([texture.psnr_db or 0.0 for texture in pack.textures])
         figures[name] = {
             "fit_seconds_a_group": fitting,

@@ -4,7 +4,6 @@ import time
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.codec.registry import codec_named
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE
 from viewer.training.active_run import ActiveRun
@@ -126,8 +125,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
     state, progress = STATES[run.state], run.progress
     if progress is None:
         return f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-    unit = "step" if run.codec_kind is None or codec_named(run.codec_kind).trains else "texture"
-    return f"{unit} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
+    return f"{progress.work} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
 
 
 def _log(ui: UiFrame) -> None:

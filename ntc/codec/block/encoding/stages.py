@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_groups, shared_words
+from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.rate import block_count
 from ntc.codec.block.encoding.sharing import Sharing
@@ -25,6 +25,8 @@ from ntc.codec.psnr import mse_of_psnr
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads
 
+FITTING_BLOCKS = 2000
+"""Blocks at most that take about as long to encode as the tables of a group take to fit."""
 HIGHEST_PSNR_DB = 120.0
 """What is reported of textures that are exact: curves have no room for infinity."""
 
@@ -41,9 +43,10 @@ class BlockEncoder(Encoder):
         self._fitted: dict[int, FittedGroup] = {}
         self._found: dict[int, BlockTexture] = {}
         self._quantizer = TrellisQuantizer()
-        self._work, self._step, self._steps = "encoding", 0, 0
+        self._work, self._step, self._steps = "", 0, 0
         self._blocks_done: list[int] = []
         self._blocks = 1
+        """Of all work, fitting included."""
         self._ended: set[int] = set()
 
     def pieces(self) -> Generator[Piece]:
@@ -51,11 +54,12 @@ class BlockEncoder(Encoder):
         if self._options.quality_db is not None:
             yield from self._correct(self._options.quality_db)
             return
-        self._begin("encoding", [index for group in self._task.groups for index in self._task.grouping.members(group)])
-        yield Piece()
+        members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
+        self._expect(members, fits=0 if self._given is not None else 1)
         with PacedThreads(self._options.threads) as paced:
             for fitted, words in self._plans():
                 self._fitted[fitted.group] = fitted
+                self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
                 encode = partial(self._encoded, fitted)
                 parts = list(zip(fitted.members, words, strict=True))
                 sizes = self._pixels(fitted.members)
@@ -75,8 +79,13 @@ class BlockEncoder(Encoder):
             yield own, shared_words([own], self._config, self._sharing)[0]
 
     def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
-        task = self._task
-        return fitted_groups(task.textures, task.grouping, groups, config, self._options.seed, task.interruption)
+        task, fitted = self._task, list[FittedGroup]()
+        for number, group in enumerate(groups):
+            self._work, self._step, self._steps = "fitting group", number, len(groups)
+            task.interruption()
+            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed))
+            self._blocks_done.append(self._fitting_blocks(group))
+        return fitted
 
     def _texels_of(self, group: int) -> int:
         sizes = [self._task.textures[index].size for index in self._task.grouping.members(group)]
@@ -92,12 +101,18 @@ class BlockEncoder(Encoder):
         self._blocks_done.append(blocks)
         self._task.interruption()
 
-    def _begin(self, work: str, members: Sequence[int]) -> None:
-        """Begin a stage that goes through these textures."""
-        self._work, self._step, self._steps = work, 0, len(members)
+    def _blocks_of(self, members: Sequence[int]) -> int:
+        return block_count([self._task.textures[index].size for index in members], self._config)
+
+    def _fitting_blocks(self, group: int) -> int:
+        """What fitting a group counts as."""
+        return min(FITTING_BLOCKS, self._blocks_of(self._task.grouping.members(group)))
+
+    def _expect(self, members: Sequence[int], fits: int) -> None:
+        """Count work from now on: these textures to encode, and each group's tables to fit so many times."""
         self._blocks_done.clear()
-        sizes = [self._task.textures[index].size for index in members]
-        self._blocks = max(1, block_count(sizes, self._config)) if sizes else 1
+        fitting = sum(map(self._fitting_blocks, self._task.groups)) if fits else 0
+        self._blocks = max(1, self._blocks_of(members) + fits * fitting)
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
         """The piece of a texture that is finished."""
@@ -114,7 +129,10 @@ class BlockEncoder(Encoder):
         """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
         the correction is interrupted."""
         task = self._task
+        self._expect(range(len(task.textures)), fits=2)
+        self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
         self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
+        self._blocks_done.append(sum(map(self._fitting_blocks, task.groups)))
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         members = {
@@ -128,9 +146,11 @@ class BlockEncoder(Encoder):
             return members[index].correct(tries[index]) if index in tries else members[index].encode(target_db)
 
         with PacedThreads(self._options.threads) as paced:
-            for work in ("encoding", "correcting"):
+            for work in ("encoding texture", "correcting texture"):
                 due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
-                self._begin(work, due)
+                if tries:
+                    self._expect(due, fits=0)
+                self._work, self._step, self._steps = work, 0, len(due)
                 try:
                     for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
                         tries[index] = found
