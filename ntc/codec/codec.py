@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,28 @@ from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
-
 TensorShape = tuple[str, tuple[int | None, ...]]
 """(type as safetensors names it, shape); None: any number."""
 Tensors = Mapping[str, NDArray[Any]]
+
+
+class TorchTwin(Protocol):
+    """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
+
+    def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
+        """[N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its device."""
+
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
 
 
 @dataclass(frozen=True)
@@ -163,9 +177,9 @@ class Codec(ABC):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         """What decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises ends the
         decode."""
 
@@ -236,7 +250,7 @@ class Codec(ABC):
         """
         del textures, decoders
         kind = packs[0].config.kind
-        raise InputError(f"{packs[0].name}: codec {kind} has no basis; use a pack of codec block here")
+        raise InputError(f"{packs[0].name}: codec {kind} encodes with decoders of its own alone; use another codec")
 
     # What people read.
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -14,9 +14,6 @@ from ntc.codec.settings import CodecSettings
 from ntc.codec.targets import Target
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 RecipeName = Literal["paper", "best"]
 DeviceName = Literal["auto", "cpu", "cuda"]
@@ -167,11 +164,11 @@ class Encoder(ABC):
 
     # Keeping an encoding that was stopped; only codecs that train for long do that.
 
-    def state(self) -> "dict[str, Tensor]":
-        """Everything that the next piece depends on. Raises InputError where the codec keeps none."""
+    def state(self) -> dict[str, Any]:
+        """Everything that the next piece depends on: tensors of torch by name. Raises InputError where the codec keeps none."""
         raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")
 
-    def load(self, state: "Mapping[str, Tensor]") -> None:
+    def load(self, state: Mapping[str, Any]) -> None:
         """Continue from `state`. Raises KeyError, ValueError, TypeError or RuntimeError for one of another encoding."""
         del state
         raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")

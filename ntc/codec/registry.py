@@ -29,9 +29,9 @@ def chosen_codec(choices: EncodingChoices) -> str:
     return next((name for name in names if not codec_named(name).refusals(choices)), names[-1])
 
 
-def shipped_parameters() -> dict[str, int]:
-    """What a grouping `universal` records of the decoder that ships with the program."""
-    return dict(next(codec.shipped for codec in map(codec_named, MODULES) if codec.shipped))
+def shipping_codec() -> str:
+    """The codec of which a decoder ships with the program (grouping `universal`)."""
+    return next(name for name in MODULES if codec_named(name).shipped)
 
 
 def codec_of(settings: CodecSettings) -> Codec:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig, GroupingName
 from ntc.codec.model import Grouping
-from ntc.codec.registry import shipped_parameters
+from ntc.codec.registry import codec_named, shipping_codec
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
@@ -68,7 +68,7 @@ def make_grouping(
     if config.name == "single":
         return Grouping("single", (0,) * len(textures))
     if config.name == UNIVERSAL:
-        return Grouping(UNIVERSAL, (0,) * len(textures), shipped_parameters())
+        return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
     if config.name == "category":
         from ntc.grouping.category import category_grouping
 

@@ -202,10 +202,10 @@ def encode(options: EncodeOptions) -> int:
         views = inputs.views or _views(source, options)
         choices = replace(choices, target=replace(choices.target, worth=worth_on_screen(views, texels)))
     # Options that no codec but a later one has, with none named: the user may not know that it is another one.
-    if options.codec is None and name != chosen_codec(EncodingChoices()) and choices.recipe == EncodingChoices().recipe:
-        asked = codec_named(chosen_codec(EncodingChoices())).refusals(choices)
-        given = ", ".join(refusal.split()[0] for refusal in asked)
-        console.print(f"note: {given}: trains codec {name}; without, codec block encodes in seconds", highlight=False)
+    usual = chosen_codec(EncodingChoices())
+    if options.codec is None and name != usual and choices.recipe == EncodingChoices().recipe:
+        given = ", ".join(refusal.split()[0] for refusal in codec_named(usual).refusals(choices))
+        console.print(f"note: {given}: trains codec {name}; without, codec {usual} encodes in seconds", highlight=False)
     return _encode(options, name, choices, source.textures, grouping, console)
 
 

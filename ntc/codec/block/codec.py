@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import VERSION
-from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask
 from ntc.codec.gpu import GpuTables
@@ -25,11 +25,6 @@ from ntc.codec.settings import CodecSettings
 from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
 from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class BlockCodec(Codec):
@@ -93,9 +88,9 @@ class BlockCodec(Codec):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.block.torch_twin import TorchBlock
 
         return TorchBlock(pack, device, interruption)

@@ -2,12 +2,21 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.codec import SAMPLED_TEXELS, CertifiedError, ChosenPrecision, Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.codec import (
+    SAMPLED_TEXELS,
+    CertifiedError,
+    ChosenPrecision,
+    Codec,
+    Tensors,
+    TensorShape,
+    TextureBytes,
+    TorchTwin,
+)
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask
 from ntc.codec.gpu import GpuTables
@@ -26,11 +35,6 @@ from ntc.codec.settings import CodecSettings
 from ntc.codec.targets import given_target
 from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class GridCodec(Codec):
@@ -89,9 +93,9 @@ class GridCodec(Codec):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.grid.torch_twin import TorchGrid
 
         return TorchGrid(pack, device, interruption)
