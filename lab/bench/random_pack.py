@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import WrapMode
 from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import Adapter, GridDecoder
+from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import MapName, map_slices, plane_channels
-from ntc.codec.model import EncodedTexture, Grouping, Pack
+from ntc.codec.model import Grouping, Pack
 
 
 def _random_adapter(config: GridConfig, random: np.random.Generator) -> Adapter:
@@ -43,7 +43,7 @@ def random_pack(
     config = config or GridConfig()
     random = np.random.default_rng(seed)
     textures = tuple(
-        EncodedTexture(
+        GridTexture(
             name=f"texture {index}",
             pixel_hash=hashes[index] if hashes else f"{index:032x}",
             width=width,
@@ -112,10 +112,12 @@ def _random_words(width: int, height: int, config: BlockConfig, random: np.rando
 
 
 def _random_axes(config: BlockConfig, random: np.random.Generator) -> NDArray[np.float32]:
-    """Orthogonal axes of each plane, as packs hold them."""
-    sides = [len(channels) for channels in plane_channels(config.maps, config.output_channels).values()]
-    parts = [np.linalg.qr(random.normal(size=(side, side)))[0] * 0.4 for side in sides]
-    return np.concatenate([part.astype(np.float32).reshape(-1) for part in parts])
+    """Orthogonal axes of each plane."""
+    axes = np.zeros((config.output_channels, config.output_channels), np.float32)
+    for channels in plane_channels(config.maps, config.output_channels).values():
+        own = list(channels.values())
+        axes[np.ix_(own, own)] = np.linalg.qr(random.normal(size=(len(own), len(own))))[0] * 0.4
+    return axes
 
 
 def random_block_pack(
@@ -137,7 +139,7 @@ def random_block_pack(
     counts = {name: place.stop - place.start for name, place in map_slices(config.maps, channels).items()}
     kinds = maps or [config.maps] * len(sizes)
     textures = tuple(
-        EncodedTexture(
+        BlockTexture(
             name=f"texture {index}",
             pixel_hash=hashes[index] if hashes else f"{index:032x}",
             width=width,
@@ -147,9 +149,9 @@ def random_block_pack(
             wrap=wrap,
             category=None,
             group=groups[index],
-            latents=_random_words(width, height, config, random).view(np.uint8).reshape(-1, 4),
-            scale=_random_axes(config, random),
-            offset=random.uniform(0.3, 0.7, channels).astype(np.float32),
+            words=_random_words(width, height, config, random),
+            axes=_random_axes(config, random),
+            mean=random.uniform(0.3, 0.7, channels).astype(np.float32),
             maps=kinds[index],
         )
         for index, (width, height) in enumerate(sizes)

@@ -117,12 +117,12 @@ def reordered(pack: Pack, seed: int = 0) -> Pack:
     return replace(
         pack,
         decoders=tuple(of(decoder, *order) for decoder, order in zip(grid_parts(pack).decoders, orders, strict=True)),
-        textures=tuple(replace(t, adapter=adapted(t.adapter, orders[t.group])) for t in pack.textures),
+        textures=tuple(replace(t, adapter=adapted(t.adapter, orders[t.group])) for t in grid_parts(pack).textures),
     )
 
 
 def _with_latents(pack: Pack, fill: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]) -> Pack:
-    return replace(pack, textures=tuple(replace(t, latents=fill(t.latents)) for t in pack.textures))
+    return replace(pack, textures=tuple(replace(t, latents=fill(t.latents)) for t in grid_parts(pack).textures))
 
 
 def wrapped_pack(pack: Pack) -> Pack:

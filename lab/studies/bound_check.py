@@ -60,8 +60,9 @@ def run_decoder_in_single(
 
 
 def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision: Precision) -> Single:
-    encoded, slope = stored.textures[texture], grid_parts(stored).config.leaky_slope
-    decoder, single = grid_parts(stored).decoders[encoded.group], inputs.astype(np.float32)
+    own = grid_parts(stored)
+    encoded, slope = own.textures[texture], own.config.leaky_slope
+    decoder, single = own.decoders[encoded.group], inputs.astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             accumulate = precision == "fp16-accumulate"
@@ -74,11 +75,11 @@ def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision:
 def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed: int = 0) -> BoundCheck:
     """Compare at about `texels` random texels, shared by the textures of `pack`."""
     random = np.random.default_rng(seed)
-    stored = stored_pack(pack, precision)
+    stored, own = stored_pack(pack, precision), grid_parts(pack)
     wholes = [bound.error for bound in texture_bounds(pack, precision)]
     done = beyond = 0
     largest = largest_bound = share = 0.0
-    for index, texture in enumerate(pack.textures):
+    for index, texture in enumerate(own.textures):
         levels = len(latent_levels(texture.width, texture.height, pack.config))
         left = max(1, texels // len(pack.textures))
         while left > 0:
@@ -86,11 +87,8 @@ def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed:
             uv = random.uniform(-2.0, 2.0, (count, 2)).astype(np.float32).astype(np.float64)
             lod = random.uniform(-0.5, levels - 0.5, count).astype(np.float32).astype(np.float64)
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
-            slope = grid_parts(pack).config.leaky_slope
-            exact = run_decoder(grid_parts(pack).decoders[texture.group], inputs, slope, texture.adapter)[
-                :, : texture.channels
-            ]
-            error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact, 0.0, 1.0))
+            exact = run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
+            error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact[:, : texture.channels], 0.0, 1.0))
             bound = running_bounds(stored, index, uv, lod, precision)
             beyond += int((error > bound).sum()) + int((bound > wholes[index] * (1.0 + 1e-6)).sum())
             largest, largest_bound = max(largest, float(error.max())), max(largest_bound, float(bound.max()))

@@ -32,7 +32,10 @@ WATCHED = [
     "ntc.pack.file",
     "ntc.pack.schema",
     "ntc.codec.model",
+    "ntc.codec.block.storage",
+    "ntc.codec.block.tensors",
     "ntc.codec.grid.quantize",
+    "ntc.codec.grid.tensors",
 ]
 WATCHED_SCRIPTS = [
     "viewer.commands",
@@ -41,14 +44,7 @@ WATCHED_SCRIPTS = [
     "viewer.state.session",
 ]
 WATCHED_MESSAGES = [
-    *(
-        "ntc.worker.client",
-        "ntc.worker.protocol",
-        "ntc.worker.pipe",
-        "ntc.worker.process",
-        "ntc.worker.report_checks",
-        "ntc.pack.validate",
-    ),
+    *("ntc.worker.client", "ntc.worker.protocol", "ntc.worker.pipe", "ntc.worker.process", "ntc.worker.report_checks"),
     *("ntc.worker.shared_arrays", "ntc.training.snapshot", "ntc.training.request"),
 ]
 

@@ -10,6 +10,7 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import DecodingBinding, DecodingImage, DecodingUniform
 from ntc.codec.gpu_variant import SOFTWARE
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
@@ -189,10 +190,11 @@ def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
 
 def test_bindings_come_from_the_layout() -> None:
     known = (
-        {f"BINDING_{b.name}" for b in (*StorageBinding, *BinBinding, *TileBinding, *ClusterBinding, *PoseBinding)}
+        {f"BINDING_{b.name}" for b in (*DecodingBinding, *StorageBinding, *BinBinding, *TileBinding)}
+        | {f"BINDING_{b.name}" for b in (*ClusterBinding, *PoseBinding)}
         | {f"UNIT_{u.name}" for u in TextureUnit}
-        | {f"IMAGE_{i.name}" for i in ImageUnit}
-        | {f"UNIFORM_{u.name}" for u in UniformBinding}
+        | {f"IMAGE_{i.name}" for i in (*DecodingImage, *ImageUnit)}
+        | {f"UNIFORM_{u.name}" for u in (*DecodingUniform, *UniformBinding)}
     )
     used = set()
     for name in ALL_GLSL:
@@ -203,11 +205,12 @@ def test_bindings_come_from_the_layout() -> None:
 @pytest.mark.computes
 def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: ProgramFactory) -> None:
     decode = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0})
+    bindings: dict[str, int] = {own.name: own for own in (*DecodingBinding, *StorageBinding)}
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
         member = decode[block]
         assert isinstance(member, moderngl.StorageBlock)
-        assert member.binding == StorageBinding[binding]
+        assert member.binding == bindings[binding]
     defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
     composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
     for name, unit in (("picture_a", TextureUnit.PICTURE_A), ("picture_b", TextureUnit.PICTURE_B)):

@@ -16,7 +16,7 @@ from ntc.codec.block.trellis import BRANCHES, level_table
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from tests.support.parity import largest_difference
+from tests.support.packs.parity import largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 

@@ -12,7 +12,6 @@ from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import GROUPS_ACROSS
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
@@ -121,12 +120,11 @@ def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsC
     size, pack = (96, 61), square_pack(2, 2, 16, SMALL)
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
     visibility.write(same_texture(interleaved_words(size, 2)))
-    layout = scene_includes()
-    narrow = layout.replace(f"#define GROUPS_ACROSS {GROUPS_ACROSS}\n", "#define GROUPS_ACROSS 5\n")
+    layout, narrow = scene_includes(), scene_includes(5)
     assert narrow != layout
     material, pictures = white_material(graphics), []
-    for text in (layout, narrow):
-        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": text}))
+    for generated in (layout, narrow):
+        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), generated))
         buffers, ranges = PackBuffers(graphics, pack, range(2), "fp32"), DecoderRanges(graphics, pack, "fp32")
         programs = codec_programs(factory, pack, buffers.variant)
         binned, target = (

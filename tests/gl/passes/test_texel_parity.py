@@ -12,7 +12,7 @@ from ntc.codec.config import WrapMode
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from tests.support.parity import in_float32, largest_difference
+from tests.support.packs.parity import in_float32, largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 

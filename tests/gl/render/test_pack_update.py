@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.gpu import decoder_tables
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.codec.settings import CodecSettings
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import UPDATE_BYTES, Renderer
-from viewer.render.resources.layout import texture_record
 from viewer.scene.model import Camera
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
@@ -43,6 +42,7 @@ def pack_of(seed: int, config: CodecSettings | None = None, groups: tuple[int, .
     hashes = [texture.pixel_hash for texture in objects().textures]
     if isinstance(config, BlockConfig):
         return random_block_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
+    assert config is None or isinstance(config, GridConfig)
     return random_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
 
 
@@ -76,9 +76,9 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     """Bytes on the GPU of the changed group's latents, and of its decoder, adapters and records."""
     memory = renderer.memory(slot)
     assert memory is not None
-    layout = decoder_tables(pack, slot.precision)
-    weights = (layout.blocks + len(MEMBERS) * layout.adapter_blocks) * layout.block_bytes
-    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
+    tables = codec_of(pack.config).gpu_tables(pack.config, slot.precision)
+    weights = (tables.decoder_blocks + len(MEMBERS) * tables.adapter_blocks) * tables.block_bytes
+    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * tables.texture_record.itemsize
 
 
 @pytest.mark.once

@@ -46,7 +46,9 @@ def test_summary_with_a_perfect_texture_stays_printable() -> None:
 
 def test_table_lists_the_worst_texture_first_and_counts_every_byte() -> None:
     pack = random_pack(sizes=((16, 16), (8, 8), (4, 4)), groups=(0, 1, 0))
-    textures = tuple(replace(t, psnr_db=value) for t, value in zip(pack.textures, (40.0, 20.0, None), strict=True))
+    textures = tuple(
+        replace(t, psnr_db=value) for t, value in zip(grid_parts(pack).textures, (40.0, 20.0, None), strict=True)
+    )
     table = psnr_table(replace(pack, textures=textures))
     assert [line.split()[1] for line in table.lines()[1:4]] == ["1", "0", "2"]
     arrays = [a for t in textures for a in (t.latents, t.scale, t.offset)]

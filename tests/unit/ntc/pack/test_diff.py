@@ -30,7 +30,7 @@ def test_a_snapshot_changes_its_group_alone() -> None:
 
 def test_latents_and_adapters_count_as_much_as_decoders() -> None:
     before = random_pack(((16, 16), (16, 16), (8, 8)), (0, 1, 1))
-    first = before.textures[0]
+    first = grid_parts(before).textures[0]
     other = replace(first, latents=first.latents ^ np.uint8(1))
     assert changed_groups(before, replace(before, textures=(other, *before.textures[1:]))) == {0}
     equal = replace(first, latents=first.latents.copy())

@@ -55,7 +55,7 @@ def own_decoders(count: int) -> Grouping:
 def arrays(pack: Pack) -> list[NDArray[np.generic]]:
     """All arrays of a pack in a fixed order."""
     found: list[NDArray[np.generic]] = []
-    for encoded in pack.textures:
+    for encoded in grid_parts(pack).textures:
         found += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
             found += [part for part in vars(encoded.adapter).values() if part is not None]
@@ -282,7 +282,7 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True)
     pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
-    for encoded in pack.textures:
+    for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
         for values in (encoded.adapter.scales, encoded.adapter.biases):
             assert values.shape == (2, 16)
@@ -312,7 +312,7 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
     config = replace(SMALL, adapters=True, adapter_output=True)
     pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
     weights = []
-    for encoded in pack.textures:
+    for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
         assert encoded.adapter.output_weight is not None
         assert encoded.adapter.output_weight.shape == (3, 16)
@@ -326,8 +326,9 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
 def test_four_bit_latents_stay_below_sixteen() -> None:
     config = replace(SMALL, latent_channels=8, latent_bits=4)
     pack = train([texture(32, 32)], own_decoders(1), config, SHORT)
-    assert pack.textures[0].latents.max() == 15
-    assert pack.textures[0].latents.shape[1] == 8
+    latents = grid_parts(pack).textures[0].latents
+    assert latents.max() == 15
+    assert latents.shape[1] == 8
 
 
 def test_equal_trainings_write_equal_files(tmp_path: Path) -> None:

@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training import batch as training_batch
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.grid.training.loss import squared_error
 from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
-from ntc.training import batch as training_batch
 from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture

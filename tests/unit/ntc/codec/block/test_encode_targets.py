@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ntc.pack.validate import check_pack
+from numpy.typing import NDArray
 
 from ntc.codec.block.config import LARGEST_WORDS
 from ntc.codec.block.encoding.rate import TextureSet, config_for_bits, config_for_bytes
@@ -14,6 +14,7 @@ from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_word
 from ntc.codec.block.encoding.stages import BlockProgress
 from ntc.codec.block.encoding.to_target import encode_to_target, file_header_bytes
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.universal import universal_parameters
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget
@@ -21,6 +22,7 @@ from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import write_pack
+from tests.support.packs.checks import check_pack
 
 PAIR = Grouping("single", (0, 0))
 
@@ -45,6 +47,11 @@ def decibels(pack: Pack) -> list[float]:
     return [texture.psnr_db or 0.0 for texture in pack.textures]
 
 
+def words(pack: Pack) -> list[NDArray[np.uint32]]:
+    """Codes of each texture."""
+    return [texture.words for texture in block_parts(pack).textures]
+
+
 @pytest.mark.parametrize("asked", [30.0, 36.0])
 def test_each_texture_has_the_quality_asked_for_and_hardly_more(
     pair: tuple[SourceTexture, SourceTexture], asked: float
@@ -55,9 +62,10 @@ def test_each_texture_has_the_quality_asked_for_and_hardly_more(
     assert asked <= rough <= asked + 0.15
     # The least words of all may give more.
     assert smooth >= asked
-    assert len(pack.textures[0].latents) < len(pack.textures[1].latents)
-    again = encode_to_target(pair, PAIR, QualityTarget(asked))
-    assert all((a.latents == b.latents).all() for a, b in zip(pack.textures, again.textures, strict=True))
+    found = words(pack)
+    assert len(found[0]) < len(found[1])
+    again = words(encode_to_target(pair, PAIR, QualityTarget(asked)))
+    assert all((a == b).all() for a, b in zip(found, again, strict=True))
 
 
 def test_a_quality_beyond_reach_gives_the_largest_codes() -> None:
@@ -67,7 +75,7 @@ def test_a_quality_beyond_reach_gives_the_largest_codes() -> None:
     pack = encode_to_target([source], Grouping("single", (0,)), QualityTarget(50.0), levels=1)
     (found,) = decibels(pack)
     assert 20.0 < found < 50.0
-    assert len(pack.textures[0].latents) >= 0.98 * 400 * LARGEST_WORDS
+    assert len(words(pack)[0]) >= 0.98 * 400 * LARGEST_WORDS
     assert block_parts(pack).config.block_words[-1] == LARGEST_WORDS
 
 
@@ -99,7 +107,7 @@ def test_a_file_is_no_larger_than_asked_for(
     pack = encode_to_target(sources, PAIR, SizeTarget(megabytes))
     write_pack(tmp_path / "a.ntc", pack)
     size = (tmp_path / "a.ntc").stat().st_size
-    tensors = sum(texture.latents.nbytes for texture in pack.textures)
+    tensors = sum(own.nbytes for own in words(pack))
     assert size - tensors > 0
     assert size <= 1e6 * megabytes
     assert size >= 0.95 * 1e6 * megabytes - file_header_bytes(sources, PAIR)
@@ -113,7 +121,7 @@ def test_more_megabytes_than_the_largest_codes_take_are_left(pair: tuple[SourceT
 
 def test_what_is_worth_more_gets_more_words(pair: tuple[SourceTexture, SourceTexture]) -> None:
     plain, more = (
-        [len(texture.latents) for texture in encode_to_target(pair, PAIR, SizeTarget(0.025, worth)).textures]
+        [len(own) for own in words(encode_to_target(pair, PAIR, SizeTarget(0.025, worth)))]
         for worth in (None, (20.0, 1.0))
     )
     assert more[0] > 1.1 * plain[0]
@@ -193,7 +201,7 @@ def test_words_are_shared_by_worth() -> None:
 
 
 def test_the_decoder_that_ships_serves_a_quality_and_a_size(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    universal = Grouping(UNIVERSAL, (0, 0))
+    universal = Grouping(UNIVERSAL, (0, 0), universal_parameters())
     assert min(decibels(encode_to_target(pair, universal, QualityTarget(30.0), levels=1))) >= 30.0
     check_pack(encode_to_target(pair, universal, SizeTarget(0.02), levels=1))
     with pytest.raises(InputError, match="choose another grouping"):

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.training import loss as decoder_loss
 from ntc.codec.grid.training.loss import squared_error
-from ntc.training import loss as decoder_loss
 
 CONFIG = GridConfig(hidden_width=16, adapters=True, adapter_output=True)
 

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from ntc.codec.block_pack import axes_matrix, axes_parts, block_texture
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
@@ -16,7 +15,9 @@ from ntc.codec.block.encoding.rate import config_for_bits, side_bits, texture_se
 from ntc.codec.block.encoding.stages import encode_blocks
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.start import mean_colour_pack
+from ntc.codec.block.tensors import read_texture, texture_tensors
 from ntc.codec.block.torch_twin import TorchBlock
+from ntc.codec.codec import texture_fields
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.map_weights import EQUAL_WEIGHTS, SEEN_WEIGHTS, MapWeights
 from ntc.codec.maps import BASE_ALONE, MAPS, MapName, channel_places, joint_maps, map_slices, plane_channels
@@ -26,7 +27,7 @@ from ntc.codec.reference import decode_image, decode_texels
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from tests.support.parity import assert_torch_agrees
+from tests.support.packs.parity import assert_torch_agrees
 
 WHOLE: tuple[MapName, ...] = ("base", "normal", "roughness", "metalness", "occlusion")
 KINDS: tuple[tuple[MapName, ...], ...] = (WHOLE, BASE_ALONE, ("normal", "occlusion"), MAPS)
@@ -105,16 +106,21 @@ def test_normals_are_filtered_as_vectors_and_stay_unit_vectors() -> None:
 
 
 def test_axes_join_no_channels_of_different_planes() -> None:
-    axes = prepare_texture(material(MAPS), SETS).axes
+    source = material(MAPS)
+    axes = prepare_texture(source, SETS).axes
     planes = [list(channels.values()) for channels in plane_channels(MAPS, 11).values()]
     inside = np.zeros((11, 11), bool)
     for channels in planes:
         inside[np.ix_(channels, channels)] = True
     assert not axes.axes[~inside].any()
     np.testing.assert_allclose(axes.axes @ axes.inverse.T, np.eye(11), atol=1e-5)
-    parts = axes_parts(axes.axes, SETS)
+    pack = mean_colour_pack([source], Grouping("single", (0,)), SETS)
+    texture = replace(block_parts(pack).textures[0], axes=axes.axes)
+    tensors = texture_tensors(texture, SETS)
+    parts = tensors["latents.{}.axes"]
     assert parts.shape == (SETS.axis_numbers,) == (3 * 3 + 4 * 4 + 4 * 4,)
-    np.testing.assert_array_equal(axes_matrix(parts, SETS), axes.axes)
+    read = read_texture(tensors, texture_fields(source, 0), SETS)
+    np.testing.assert_array_equal(read.axes, axes.axes)
     np.testing.assert_array_equal(parts[:9].reshape(3, 3), axes.axes[:3, :3])
 
 
@@ -169,17 +175,16 @@ def test_random_packs_of_sets_agree() -> None:
 
 def test_a_plane_is_decoded_by_its_own_axes_and_basis() -> None:
     pack = random_block_pack(config=SETS)
-    texture = block_texture(pack.textures[0], SETS)
+    texture = block_parts(pack).textures[0]
     stored = reference.texture_codes(texture, SETS, 0)
     whole = reference.block_values(texture, stored, block_parts(pack).decoders[0], SETS)
-    decoder, first = block_parts(pack).decoders[0], 0
+    decoder = block_parts(pack).decoders[0]
     coefficients = reference.decode_coefficients(stored, decoder, SETS) * decoder.basis_scale
     for channels in plane_channels(MAPS, 11).values():
-        own, count = list(channels.values()), len(channels)
-        matrix = pack.textures[0].scale[first : first + count * count].reshape(count, count)
-        first += count * count
+        own = list(channels.values())
+        matrix = texture.axes[np.ix_(own, own)]
         values = np.einsum("nk,ktc->ntc", coefficients, decoder.basis[..., own].astype(np.float64)) @ matrix.T
-        np.testing.assert_allclose(pack.textures[0].offset[own] + values, whole[..., own], atol=1e-9)
+        np.testing.assert_allclose(texture.mean[own] + values, whole[..., own], atol=1e-9)
 
 
 def test_bits_count_everything_that_sets_store() -> None:

@@ -6,8 +6,6 @@ from typing import Literal
 import numpy as np
 import pytest
 import torch
-from ntc.codec.block_pack import block_texture
-from ntc.pack.validate import check_pack
 from safetensors import safe_open
 
 from ntc.codec.block.config import BlockConfig
@@ -15,16 +13,16 @@ from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bi
 from ntc.codec.block.encoding.stages import BlockProgress, encode_blocks
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.storage import level_codes
-from ntc.codec.grid.accuracy.precision_choice import chosen_precision
-from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
+from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
+from tests.support.packs.checks import check_pack
 
 SMALL = BlockConfig(coefficients=24, modes=4, output_channels=4)
 
@@ -89,9 +87,9 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     sources = [waves(40 + 8 * seed, 40, seed=seed) for seed in range(12)]
     grouping = Grouping("any", (0,) * 9 + (1,) * 3)
     one, two = (encode_blocks(sources, grouping, SMALL, threads=count) for count in (1, 2))
-    for a, b in zip(one.textures, two.textures, strict=True):
-        assert a.latents.tobytes() == b.latents.tobytes()
-        assert (a.scale.tobytes(), a.offset.tobytes(), a.psnr_db) == (b.scale.tobytes(), b.offset.tobytes(), b.psnr_db)
+    for a, b in zip(block_parts(one).textures, block_parts(two).textures, strict=True):
+        assert a.words.tobytes() == b.words.tobytes()
+        assert (a.axes.tobytes(), a.mean.tobytes(), a.psnr_db) == (b.axes.tobytes(), b.mean.tobytes(), b.psnr_db)
     assert all(
         x.scales.tobytes() == y.scales.tobytes()
         for x, y in zip(block_parts(one).decoders, block_parts(two).decoders, strict=True)
@@ -119,8 +117,9 @@ def test_what_cannot_be_encoded_is_named() -> None:
 
 def test_a_block_pack_is_drawn_in_fp32_at_every_precision() -> None:
     pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockConfig(coefficients=16, modes=2))
-    assert chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
-    assert stored_pack(pack, "fp16-accumulate") is pack
+    codec = codec_of(pack.config)
+    assert codec.chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
+    assert codec.stored_pack(pack, "fp16-accumulate") is pack
 
 
 def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> None:
@@ -164,14 +163,15 @@ def test_bits_out_of_reach() -> None:
 def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
     rough, smooth = noise(64, 64), waves(64, 64)
     pack = encode_blocks([rough, smooth], Grouping("single", (0, 0)), BlockConfig(coefficients=48, modes=4))
-    assert len(pack.textures[0].latents) > 1.3 * len(pack.textures[1].latents)
+    first, second = block_parts(pack).textures
+    assert len(first.words) > 1.3 * len(second.words)
     # One texture, half of it smooth: the other half takes most of the words.
     pixels = np.concatenate([rough.pixels[:, :32], smooth.pixels[:, :32]], axis=1)
     mixed = SourceTexture("mixed", pixels, hash_pixels(pixels))
     pack = encode_blocks([mixed], Grouping("single", (0,)), BlockConfig(coefficients=48, modes=4, levels=1))
-    texture, config = pack.textures[0], block_parts(pack).config
+    texture, config = block_parts(pack).textures[0], block_parts(pack).config
     level = latent_levels(64, 64, config)[0]
-    sizes = level_codes(block_texture(texture, config).words, level, config).sizes.reshape(8, 8)
+    sizes = level_codes(texture.words, level, config).sizes.reshape(8, 8)
     assert sizes[:, :4].mean() > sizes[:, 4:].mean() + 1.0
     mean = np.array(config.block_words)[sizes].mean()
     assert config.mean_words - 0.1 < mean <= config.mean_words

@@ -19,6 +19,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stor
 from ntc.codec.block.reference import image_of
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out_bits
+from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -112,7 +113,9 @@ def test_any_words_decode_to_finite_values() -> None:
     random = np.random.default_rng(1)
     words = random.integers(0, 1 << 32, (500, SMALL.block_words[-1]), dtype=np.uint32)
     stored = BlockCodes(words, random.integers(0, len(SMALL.block_words), 500))
-    texture = BlockTexture(8, 8, words[0], np.full(3, 0.5, np.float32), np.eye(3, dtype=np.float32))
+    known = texture_fields(smooth_texture(8, 8), 0)
+    mean, axes = np.full(3, 0.5, np.float32), np.eye(3, dtype=np.float32)
+    texture = BlockTexture(**known, words=words[0], mean=mean, axes=axes)
     assert np.isfinite(reference.block_values(texture, stored, decoder, SMALL)).all()
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ntc.pack.validate import check_block_decoder, check_pack
 
 from ntc.codec.block.encoding.rate import config_for_bits, texture_set
 from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_decoder
 from ntc.codec.checks import check_textures
 from ntc.codec.config import GroupingConfig
@@ -21,10 +21,11 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
 from ntc.metrics.metrics import psnr_table
-from ntc.pack.file import read_pack, write_pack
+from ntc.pack.file import NUMPY_TYPES, read_pack, write_pack
 from ntc.training.snapshot import moved_texture
 from tests.support.pack_bytes import PackBytes
-from tests.unit.ntc.training.test_encode_blocks import waves
+from tests.support.packs.checks import assert_same, check_pack
+from tests.unit.ntc.codec.block.test_encode_blocks import waves
 
 
 def encoded(textures: list[SourceTexture], bits: float) -> Pack:
@@ -35,7 +36,13 @@ def encoded(textures: list[SourceTexture], bits: float) -> Pack:
 
 @pytest.mark.parametrize("channels", [3, 4])
 def test_the_shipped_tables_fit_their_settings_and_are_small(channels: int) -> None:
-    check_block_decoder(universal_decoder(channels), replace(UNIVERSAL_CONFIG, output_channels=channels))
+    config = replace(UNIVERSAL_CONFIG, output_channels=channels)
+    decoder = universal_decoder(channels)
+    tensors = decoder_tensors(decoder, config)
+    expected = {name: (NUMPY_TYPES[kind], shape) for name, (kind, shape) in decoder_shapes(config).items()}
+    assert {name: (array.dtype, array.shape) for name, array in tensors.items()} == expected
+    assert all(np.isfinite(array).all() for array in tensors.values())
+    assert_same(decoder, read_decoder(tensors, config))
     assert tables_path(VERSION, channels).stat().st_size < 100_000
 
 

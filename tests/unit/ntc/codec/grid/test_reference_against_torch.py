@@ -15,7 +15,7 @@ from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, texel_centres
-from tests.support.parity import assert_torch_agrees
+from tests.support.packs.parity import assert_torch_agrees
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
@@ -118,7 +118,7 @@ def test_mirror_and_clamp_are_what_their_names_say() -> None:
 
 def test_inputs_are_latents_then_encoding_then_lod() -> None:
     pack = four_textures()
-    texture = pack.textures[0]
+    texture = grid_parts(pack).textures[0]
     levels = latent_levels(64, 64, pack.config)
     # The centre of cell (5, 2) of level 1, 8 x 8 cells: no blending with neighbours.
     uv = np.array([[5.5 / 8.0, 2.5 / 8.0]])
@@ -135,7 +135,7 @@ def test_inputs_are_continuous_in_lod() -> None:
     pack = four_textures()
     uv = np.full((2, 2), 0.37)
     for lod in (1.0, 2.0):
-        near = decoder_inputs(pack, pack.textures[0], uv, np.array([lod - 1e-9, lod]), ("repeat", "repeat"))
+        near = decoder_inputs(pack, grid_parts(pack).textures[0], uv, np.array([lod - 1e-9, lod]), ("repeat", "repeat"))
         np.testing.assert_allclose(near[0], near[1], atol=1e-6)
 
 
@@ -154,7 +154,7 @@ def test_decoder_against_plain_sums() -> None:
 
 def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> None:
     pack = random_pack(((8, 8),), (0,), GridConfig(hidden_width=8, adapters=True))
-    adapter, decoder = pack.textures[0].adapter, grid_parts(pack).decoders[0]
+    adapter, decoder = grid_parts(pack).textures[0].adapter, grid_parts(pack).decoders[0]
     assert adapter is not None
     values = layer = np.linspace(-1.0, 1.0, grid_parts(pack).config.decoder_inputs)
     for number, weight in enumerate(decoder.weights):

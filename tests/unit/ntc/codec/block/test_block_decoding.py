@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from ntc.codec.block_pack import block_texture
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
@@ -21,7 +20,7 @@ from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, texel_centres
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from tests.support.parity import assert_torch_agrees
+from tests.support.packs.parity import assert_torch_agrees
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3))
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
@@ -37,10 +36,11 @@ def four_textures(channels: int = 3, side: int = 8, levels: int | None = None) -
 
 def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     """[h, w, C] float64 of a level, not clamped."""
-    texture, config = pack.textures[index], block_parts(pack).config
-    stored, decoder = block_texture(texture, config), block_parts(pack).decoders[texture.group]
+    own = block_parts(pack)
+    texture, config = own.textures[index], own.config
+    decoder = own.decoders[texture.group]
     geometry = latent_levels(texture.width, texture.height, config)[level]
-    values = reference.block_values(stored, reference.texture_codes(stored, config, level), decoder, config)
+    values = reference.block_values(texture, reference.texture_codes(texture, config, level), decoder, config)
     return image_of(values, geometry, config.block_side).astype(np.float64)
 
 
@@ -125,8 +125,8 @@ def test_further_channels_are_dropped_and_nothing_decodes_to_nothing() -> None:
 
 
 def test_each_codec_has_its_decoder() -> None:
-    assert isinstance(codec_of(random_pack(), "cpu"), TorchGrid)
-    assert isinstance(codec_of(four_textures(), "cpu"), TorchBlock)
+    for pack, kind in ((random_pack(), TorchGrid), (four_textures(), TorchBlock)):
+        assert isinstance(codec_of(pack.config).torch_twin(pack, "cpu"), kind)
     with pytest.raises(InputError, match="codec block has no hidden layers"):
         TorchGrid(four_textures(), "cpu")
     with pytest.raises(InputError, match="codec grid has no basis"):

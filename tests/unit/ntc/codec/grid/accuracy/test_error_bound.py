@@ -90,7 +90,7 @@ def places(pack: Pack, texture: int, count: int, seed: int) -> tuple[np.ndarray,
 
 def single_decode(pack: Pack, texture: int, uv: np.ndarray, lod: np.ndarray, halves: bool) -> np.ndarray:
     """The network in fp32, one product after the other, from float64 inputs rounded once."""
-    encoded = pack.textures[texture]
+    encoded = grid_parts(pack).textures[texture]
     decoder = grid_parts(pack).decoders[encoded.group]
     values = decoder_inputs(pack, encoded, uv, lod, encoded.wrap).astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -151,8 +151,8 @@ def test_the_bound_of_activations_holds() -> None:
     pack = CASES["overflowing"]
     activations = texture_bounds(pack, "fp32")[0].activations
     uv, lod = places(pack, 0, 2000, 0)
-    values = decoder_inputs(pack, pack.textures[0], uv, lod, pack.textures[0].wrap)
-    decoder = grid_parts(pack).decoders[0]
+    texture, decoder = grid_parts(pack).textures[0], grid_parts(pack).decoders[0]
+    values = decoder_inputs(pack, texture, uv, lod, texture.wrap)
     for layer in range(3):
         sums = values @ decoder.weights[layer].T.astype(np.float64) + decoder.biases[layer]
         assert np.abs(sums).max() <= activations[layer]
@@ -165,12 +165,12 @@ def test_rescaling_changes_no_exact_value(config: GridConfig) -> None:
     pack = with_layers(pack, (times(18), times(3), same))
     found = rescaled_pack(pack)
     assert found is not pack
-    for texture, encoded in enumerate(pack.textures):
+    for texture, encoded in enumerate(grid_parts(pack).textures):
         uv, lod = places(pack, texture, 500, texture)
         inputs = decoder_inputs(pack, encoded, uv, lod, encoded.wrap)
         results = [
-            run_decoder(grid_parts(p).decoders[0], inputs, config.leaky_slope, p.textures[texture].adapter)
-            for p in (pack, found)
+            run_decoder(own.decoders[0], inputs, config.leaky_slope, own.textures[texture].adapter)
+            for own in map(grid_parts, (pack, found))
         ]
         assert np.array_equal(results[0], results[1]), "powers of two are exact"
     assert max(texture_bounds(found, "fp16-accumulate", rescale=False)[0].activations[:2]) < 65504.0
