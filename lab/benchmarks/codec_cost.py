@@ -15,7 +15,7 @@ from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
@@ -39,7 +39,7 @@ def packs_of(scene: Scene, decoders: int) -> dict[str, Pack]:
     textures = source_textures(scene, TEXTURE_SIZE)
     grouping = Grouping("in turn", tuple(index % decoders for index in range(len(textures))))
     training = TrainingConfig(steps=1, texels_per_texture=1, device="cpu")
-    return {name: train(textures, grouping, codec, training) for name, codec in CODECS.items()}
+    return {name: encode_textures(textures, grouping, codec, training) for name, codec in CODECS.items()}
 
 
 def measure(

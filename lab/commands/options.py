@@ -8,7 +8,7 @@ import tyro
 
 from lab.studies.settings import BlockSide, ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
-from ntc.codec.grid.config import RecipeName
+from ntc.codec.encoding import RecipeName
 from ntc.codec.registry import CodecName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat

@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 
 from lab.studies.runs import Report, RunResult
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count, texture_set
+from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
 from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, Sharing
-from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import finite_or_none
+from ntc.codec.texture_set import TextureSet, texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.metrics import bits_with_mips
+from ntc.training.encode import encode_textures
 
 
 @dataclass(frozen=True)
@@ -61,13 +63,9 @@ def measured_variant(
 ) -> RunResult:
     """Encode in the settings of `variant`. Bits are those of all mips."""
     began = time.process_time()
-    pack = encode_blocks(
-        textures,
-        grouping,
-        variant.config,
-        seed,
-        report=lambda progress: report(progress.done, progress.textures),
-        sharing=variant.sharing,
+    options = BlockOptions(seed, worth=variant.sharing.worth, balance=variant.sharing.balance)
+    pack = encode_textures(
+        textures, grouping, variant.config, options, lambda progress: report(progress.step, progress.steps)
     )
     return RunResult(
         name=name,

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
 from lab.studies.settings import BlockSide
-from ntc.codec.block.encoding.rate import config_for_bits, texture_set
-from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import codec_of
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
+from ntc.training.encode import encode_textures
 
 
 def measured_pack(
@@ -33,5 +35,5 @@ def measured_block_codec(
     """
     config = config_for_bits(bits, texture_set(textures, grouping.stored_decoders), side)
     began = time.process_time()
-    pack = encode_blocks(textures, grouping, config)
+    pack = encode_textures(textures, grouping, config, BlockOptions())
     return measured_pack(pack, textures, time.process_time() - began, flip_every)

@@ -21,7 +21,7 @@ from ntc.metrics.block_compression import BlockFormat, compress
 from ntc.metrics.image_quality import flip, level_psnr, ssim
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 
 LARGEST_FILE = 1 << 26
@@ -161,7 +161,7 @@ def finished_run(
 
     state = path.with_suffix(".state")
     began = time.monotonic()
-    pack = train(sources, run.grouping, run.codec, run.training, listen, state=state)
+    pack = encode_textures(sources, run.grouping, run.codec, run.training, listen, state=state)
     seconds = time.monotonic() - began
     steps = int(pack.training["steps"])
     result = RunResult(

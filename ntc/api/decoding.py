@@ -90,7 +90,7 @@ def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu
     mip = latent_levels(own.width, own.height, pack.config)[level]
     at = torch.from_numpy(texel_centres(mip.texel_width, mip.texel_height)).to(device)
     lod = torch.full((len(at),), float(level), device=device)
-    texels = codec_of(pack.config).torch_twin(pack, device).texels(texture, at, lod, own.wrap)
+    texels: torch.Tensor = codec_of(pack.config).torch_twin(pack, device).texels(texture, at, lod, own.wrap)
     return texels.reshape(mip.texel_height, mip.texel_width, own.channels)
 
 

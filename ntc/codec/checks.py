@@ -7,7 +7,7 @@ import numpy as np
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.maps import BASE_ALONE, channel_places, maps_fit
 from ntc.codec.model import Grouping
-from ntc.codec.registry import codec_of
+from ntc.codec.registry import codec_of, shipping_codec
 from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -26,9 +26,9 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
     if not textures:
         raise InputError("there is no texture to train")
     check_grouping(grouping, len(textures))
-    if grouping.name == UNIVERSAL and not codec_of(codec).ships_decoder:
+    if grouping.name == UNIVERSAL and not codec_of(codec).shipped:
         raise InputError(
-            f"grouping {UNIVERSAL}: no decoder of codec {codec.kind} ships with the program; use codec block"
+            f"grouping {UNIVERSAL}: no decoder of codec {codec.kind} ships with the program; use codec {shipping_codec()}"
         )
     for texture in textures:
         if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:

@@ -3,25 +3,43 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import UNIVERSAL, Precision, WrapMode
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.settings import CodecSettings
+from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
+from ntc.errors import InputError
 
 TensorShape = tuple[str, tuple[int | None, ...]]
 """(type as safetensors names it, shape); None: any number."""
 Tensors = Mapping[str, NDArray[Any]]
+
+
+class TorchTwin(Protocol):
+    """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
+
+    def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
+        """[N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its device."""
+
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +78,21 @@ class CertifiedError:
     """Whether a number may leave the range of the format it is kept in."""
 
 
+@dataclass(frozen=True, eq=False)
+class Assigned:
+    """Textures encoded with decoders that were there before."""
+
+    pack: Pack
+    tried: int
+    """Decoders that were compared."""
+    compared: int
+    """Textures that were also encoded in a fresh group, at equal bits."""
+    frozen_db: float
+    """PSNR in dB of the mean square error of these with the old decoders."""
+    fresh_db: float
+    """The same with a decoder fitted to them."""
+
+
 class Codec(ABC):
     """How textures are encoded, stored and decoded. Codecs hold no state: what they work on is given."""
 
@@ -67,10 +100,16 @@ class Codec(ABC):
     """Frozen dataclass; its fields are what files hold."""
     added_fields: ClassVar[frozenset[str]] = frozenset({"maps"})
     """Fields of the settings that older files lack; they then have their defaults."""
-    ships_decoder: ClassVar[bool] = False
-    """Whether a decoder of the codec ships with the program (grouping `universal`)."""
+    shipped: ClassVar[Mapping[str, int]] = MappingProxyType({})
+    """What a grouping `universal` records of the codec's decoder that ships with the program; empty where none does."""
     uncertified: ClassVar[str] = "certified bounds of the error: the codec has none"
     """What `info` says where there are no `certified_errors`."""
+    trains: ClassVar[bool]
+    """Whether textures are trained in steps, by a recipe, while losses fall; else they are encoded to a target, one by one."""
+    default_maps: ClassVar[Literal["all", "base"]] = "base"
+    """Maps that are encoded where none are asked for: whole materials, or base colours alone."""
+    psnr_title: ClassVar[str]
+    """What PSNRs under way are (`TrainingProgress.psnr_db`): of samples, or of mip 0 of the textures done."""
     table_text: ClassVar[str] = "half precision"
     """What decoders hold on the GPU, for the table of memory."""
 
@@ -138,9 +177,9 @@ class Codec(ABC):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         """What decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises ends the
         decode."""
 
@@ -170,9 +209,48 @@ class Codec(ABC):
     # Encoding.
 
     @abstractmethod
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        """Lines about choices of the user that the codec does not have; empty: it can do what is asked for."""
+
+    @abstractmethod
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        """The settings that such textures are encoded with. Raises InputError for a target out of reach."""
+
+    @abstractmethod
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How textures are encoded."""
+
+    @abstractmethod
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How textures are encoded while somebody looks: each group is the same whichever others are encoded."""
+
+    @abstractmethod
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How one of many jobs encodes, which has one core to itself."""
+
+    @abstractmethod
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        """What of `options` decides about the numbers of an encoding: JSON values."""
+
+    @abstractmethod
+    def encoder(self, task: EncodingTask) -> Encoder:
+        """The work of an encoding. Raises InputError for a device that is missing."""
+
+    @abstractmethod
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         """A pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes fits into
         as much memory."""
+
+    def encode_with_decoders(
+        self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int
+    ) -> "Assigned":
+        """Encode `textures` with decoders that `packs`, which share their settings, have: each with the one that suits it best.
+
+        At most so many `decoders` are tried. Raises InputError where the codec has no way to do that.
+        """
+        del textures, decoders
+        kind = packs[0].config.kind
+        raise InputError(f"{packs[0].name}: codec {kind} encodes with decoders of its own alone; use another codec")
 
     # What people read.
 

@@ -55,6 +55,17 @@ class QualityTarget:
 
 
 Target = BitsTarget | SizeTarget | QualityTarget
+
+
+def given_target(target: Target | None) -> dict[str, str]:
+    """The option that asks for `target`, and its value; empty for none."""
+    if target is None:
+        return {}
+    if isinstance(target, BitsTarget):
+        return {"bits": f"{target.bits:g}"}
+    return {"size": f"{target.megabytes:g}"} if isinstance(target, SizeTarget) else {"quality": f"{target.psnr_db:g}"}
+
+
 PRESETS: Mapping[PresetName, BitsTarget] = {
     "1bit": BitsTarget(1.0),
     "2bit": BitsTarget(2.0),

@@ -7,35 +7,12 @@ import msgspec
 import numpy as np
 
 from ntc.codec.checks import check_textures
-from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.encoding import Budget, EncodingOptions
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.snapshot import unchanged_groups
-
-
-class StepBudget(msgspec.Struct, frozen=True, tag=True):
-    """Train for a number of steps. Codec `block`: until so many textures have been encoded or refined, each once at least."""
-
-    steps: int
-
-
-class TimeBudget(msgspec.Struct, frozen=True, tag=True):
-    """Train for a number of seconds, pauses not counted; the learning rates have fallen to 0 when they are over. Codec `block`
-    ends earlier where nothing is left to do, and later where not all groups have been encoded."""
-
-    seconds: float
-
-
-class QualityBudget(msgspec.Struct, frozen=True, tag=True):
-    """Train until samples of the trained textures together reach a PSNR in dB, then let the rates fall to the end; at most as
-    long as the training's settings say."""
-
-    psnr_db: float
-
-
-Budget = StepBudget | TimeBudget | QualityBudget
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +22,8 @@ class TrainingRequest:
     textures: tuple[SourceTexture, ...]
     grouping: Grouping
     codec: CodecSettings
-    training: TrainingConfig
-    """Of it codec `block` takes the seed alone."""
+    training: EncodingOptions
+    """How the codec encodes: its own kind of options."""
     budget: Budget | None = None
     """None: as many steps as `training` has."""
     start: Pack | None = None

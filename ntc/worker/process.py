@@ -15,8 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.threads import usable_cores, wait_passively
@@ -216,10 +217,6 @@ def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> Worker
 
 
 def _trained(request: TrainingRequest, host: PipeHost) -> Ended:
-    if isinstance(request.codec, BlockConfig):
-        from ntc.training.block_trainer import BlockTrainer
-
-        return BlockTrainer(request, host).run()
     from ntc.training.trainer import Trainer
 
     return Trainer(request, host).run()
@@ -244,10 +241,12 @@ def _warm_up() -> None:
     """Import what trains, and encode a texture: what torch does for the first time takes a second."""
     # An error is reported when a training imports it again.
     with suppress(Exception):
-        from ntc.codec.block.encoding.stages import encode_blocks
+        from ntc.training.encode import encode_chosen
 
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        encode_blocks([SourceTexture("noise", noise, "")], Grouping("single", (0,)), BlockConfig())
+        encode_chosen(
+            [SourceTexture("noise", noise, "")], Grouping("single", (0,)), codec_named("block"), EncodingChoices()
+        )
         importlib.import_module("ntc.training.trainer")
 
 

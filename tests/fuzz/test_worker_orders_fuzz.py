@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ntc.codec.encoding import StepBudget
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping
 from ntc.errors import WireError
 from ntc.training.progress import Ended
-from ntc.training.request import StepBudget
 from ntc.worker.pipe import LONGEST_COMMAND, WindowEnd, WorkerEnd, framed
 from ntc.worker.process import NOT_A_COMMAND, TrainingProcess, WorkerState, run_job, start_process
 from ntc.worker.protocol import (

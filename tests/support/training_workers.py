@@ -10,11 +10,12 @@ from pathlib import Path
 import torch
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.stages import encoded_pack, encoding_stages
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
+from ntc.training.encode import encode_textures
 from ntc.training.request import TrainingRequest
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished, Report
@@ -125,5 +126,4 @@ def processor_seconds(process: int) -> float:
 
 def encoded_by_group(textures: Sequence[SourceTexture], grouping: Grouping, config: BlockConfig, seed: int) -> Pack:
     """What encoding in blocks without a process gives, each group for itself."""
-    groups = range(grouping.group_count)
-    return encoded_pack(encoding_stages(textures, grouping, config, seed, groups), grouping, config, seed)
+    return encode_textures(textures, grouping, config, BlockOptions(seed, groups_apart=True))

@@ -9,6 +9,7 @@ import numpy as np
 from ntc.pack.validate import check_pack
 
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.encoding import QualityBudget
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
@@ -17,7 +18,7 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.pack.schema import metadata_json, parse_metadata
 from ntc.training.progress import Ended, GroupOutcome, TrainingProgress
-from ntc.training.request import QualityBudget, TrainingRequest
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.pipe import framed

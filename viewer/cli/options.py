@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
-from ntc.codec.grid.config import RecipeName
+from ntc.codec.encoding import RecipeName
 from ntc.codec.map_weights import MapWeightsName
 from ntc.codec.registry import CodecName
 from ntc.codec.targets import PresetName

@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.block.encoding.rate import TextureSet, config_for_bits
-from ntc.codec.block.universal import universal_channels
 from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig
-from ntc.codec.grid.training.config import TrainingConfig, recipe_codec
+from ntc.codec.encoding import EncodingChoices, EncodingOptions
 from ntc.codec.maps import MapName, joint_maps
 from ntc.codec.model import Grouping
-from ntc.codec.registry import CodecName
+from ntc.codec.registry import codec_named, codec_of
 from ntc.codec.settings import CodecSettings
-from ntc.codec.targets import BitsTarget
+from ntc.codec.texture_set import TextureSet, common_channels
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
@@ -45,12 +43,9 @@ class Asked:
 
     reading: Reading
     grouping: GroupingConfig
-    codec: CodecName
-    target: BitsTarget
-    """Of codec `block`."""
-    levels: int | None
-    training: TrainingConfig
-    """Its seed counts for codec `block` too."""
+    codec: str
+    """Its name."""
+    choices: EncodingChoices
     labels: Path | None = None
     one_pack: bool = False
     """Whether all is to become one pack, whose textures share the settings of one codec."""
@@ -88,10 +83,8 @@ def _grouping(asked: Asked, textures: Sequence[Looked]) -> Grouping:
 
 
 def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
-    if asked.codec == "grid":
-        return recipe_codec(asked.training.recipe, kind.channels, asked.levels, kind.maps)
-    known = TextureSet(sizes, groups, kind.channels, asked.levels, kind.maps)
-    return config_for_bits(asked.target.bits, known, asked.target.block_side, asked.target.multiply_adds)
+    known = TextureSet(sizes, groups, kind.channels, asked.choices.levels, kind.maps)
+    return codec_named(asked.codec).settings_for(known, asked.choices)
 
 
 def _library_codec(asked: Asked, kind: _Kind) -> CodecSettings:
@@ -99,10 +92,14 @@ def _library_codec(asked: Asked, kind: _Kind) -> CodecSettings:
     return _codec(asked, kind, [LIBRARY_TEXTURE] * LIBRARY_GROUP, alone.get(asked.grouping.name, 1))
 
 
+def _options(asked: Asked) -> EncodingOptions:
+    return codec_named(asked.codec).job_options_for(asked.choices)
+
+
 def _settings(asked: Asked, config: CodecSettings) -> str:
     """Key of everything that decides about a texture's numbers besides its pixels and those of its group."""
     grouping = replace(asked.grouping, clusters=None)
-    training = asdict(asked.training) if asked.codec == "grid" else {"seed": asked.training.seed}
+    training = codec_of(config).recorded_options(_options(asked))
     wanted = {"reading": asdict(asked.reading), "grouping": asdict(grouping), "training": training}
     return settings_key(config, asked.grouping.name, wanted)
 
@@ -135,7 +132,7 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     for kind, part in parts:
         own = Grouping.of_labels(grouping.name, [group for _, group in part], grouping.parameters)
         chosen = tuple(textures[index] for index, _ in part)
-        jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], asked.training, keys[kind]))
+        jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], _options(asked), keys[kind]))
     return jobs
 
 
@@ -145,7 +142,7 @@ def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[in
     found: dict[_Kind, list[int]] = {}
     for index, each in enumerate(textures):
         base_alone = each.maps == ("base",)
-        channels = universal_channels(each.channels) if base_alone else each.channels
+        channels = common_channels(each.channels) if base_alone else each.channels
         found.setdefault(_Kind(each.maps, channels), []).append(index)
     return found
 

@@ -1,35 +1,40 @@
 """Codec `block`: codes of texel blocks under a linear transform that a group shares (docs/codec.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from types import MappingProxyType
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block import tensors as files
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.to_target import settings_for_target
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
-from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.block.universal import VERSION
+from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
+from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
+from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class BlockCodec(Codec):
     """Encoded in closed form, decoded in single precision."""
 
     settings_type = BlockConfig
-    ships_decoder = True
+    trains = False
+    default_maps = "all"
+    psnr_title = "PSNR of mip 0"
+    shipped = MappingProxyType({"version": VERSION})
     uncertified = "certified bounds of the error: for codec grid alone; codec block decodes in fp32 at every precision"
     table_text = "bases and bit allocations"
 
@@ -83,9 +88,9 @@ class BlockCodec(Codec):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.block.torch_twin import TorchBlock
 
         return TorchBlock(pack, device, interruption)
@@ -93,6 +98,51 @@ class BlockCodec(Codec):
     def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
         del precision
         return BlockTables(cast(BlockConfig, settings))
+
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        default = EncodingChoices()
+        given = {
+            "steps": choices.steps,
+            "epochs": choices.epochs,
+            "state": choices.state,
+            "device": choices.device if choices.device == "cuda" else None,
+            "recipe": None if choices.recipe == default.recipe else choices.recipe,
+        }
+        return [
+            f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid"
+            for name, value in given.items()
+            if value is not None
+        ]
+
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        return settings_for_target(textures, choices.target or BitsTarget(DEFAULT_BITS))
+
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        target = choices.target
+        return BlockOptions(
+            choices.seed,
+            quality_db=target.psnr_db if isinstance(target, QualityTarget) else None,
+            worth=target.worth if isinstance(target, SizeTarget) else None,
+        )
+
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return BlockOptions(choices.seed, groups_apart=True)
+
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return BlockOptions(choices.seed, threads=1)
+
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        return {"seed": options.seed}
+
+    def encoder(self, task: EncodingTask) -> Encoder:
+        from ntc.codec.block.encoding.stages import BlockEncoder
+
+        return BlockEncoder(task)
+
+    def encode_with_decoders(self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int) -> Assigned:
+        from ntc.codec.block.encoding.frozen import assigned
+
+        return assigned(textures, [block_parts(pack) for pack in packs], packs[0].grouping.name, decoders)
 
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         return mean_colour_pack(textures, grouping, cast(BlockConfig, settings))

@@ -18,22 +18,11 @@ VERSION = 1
 """Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
 UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
 """What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
-MOST_CHANNELS = 4
-
-
-def universal_parameters() -> dict[str, int]:
-    """What a pack's grouping records."""
-    return {"version": VERSION}
 
 
 def tables_path(version: int, channels: int) -> Path:
     """Where the tables for textures of up to `channels` channels lie."""
     return Path(__file__).with_name(f"universal_{version}_{channels}.safetensors")
-
-
-def universal_channels(channels: int) -> int:
-    """Channels of the tables that serve textures of `channels` channels: one set without alpha, one with it."""
-    return 3 if channels <= 3 else MOST_CHANNELS
 
 
 @lru_cache(maxsize=2)

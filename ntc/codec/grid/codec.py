@@ -1,13 +1,24 @@
 """Codec `grid` (the paper's): grids of latents, blended and decoded by a small network (docs/codec.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast, get_args
+from dataclasses import asdict
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.codec import SAMPLED_TEXELS, CertifiedError, ChosenPrecision, Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.codec import (
+    SAMPLED_TEXELS,
+    CertifiedError,
+    ChosenPrecision,
+    Codec,
+    Tensors,
+    TensorShape,
+    TextureBytes,
+    TorchTwin,
+)
 from ntc.codec.config import Precision, WrapMode
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask
 from ntc.codec.gpu import GpuTables
 from ntc.codec.grid import tensors as files
 from ntc.codec.grid.accuracy.error_bound import pack_bounds
@@ -18,20 +29,20 @@ from ntc.codec.grid.gpu import GridTables
 from ntc.codec.grid.model import GridDecoder, GridTexture, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.grid.start import grey_pack
+from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import given_target
+from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class GridCodec(Codec):
     """Trained by gradient descent; decoded in single precision or in halves."""
 
     settings_type = GridConfig
+    trains = True
+    psnr_title = "PSNR of the latest samples"
     added_fields = frozenset({"adapters", "adapter_output", "weight_bits", "maps"})
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
@@ -82,9 +93,9 @@ class GridCodec(Codec):
     def torch_twin(
         self,
         pack: Pack,
-        device: "str | torch.device",
+        device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.grid.torch_twin import TorchGrid
 
         return TorchGrid(pack, device, interruption)
@@ -109,6 +120,30 @@ class GridCodec(Codec):
 
     def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
         return GridTables(cast(GridConfig, settings), precision)
+
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        given = given_target(choices.target)
+        return [f"--{name} {value}: only --codec block takes it" for name, value in given.items()]
+
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        return recipe_codec(choices.recipe, textures.channels, textures.levels, textures.maps)
+
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        return asdict(cast(TrainingConfig, options))
+
+    def encoder(self, task: EncodingTask) -> Encoder:
+        from ntc.codec.grid.training.encoder import GridEncoder
+
+        return GridEncoder(task)
 
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         return grey_pack(textures, grouping, cast(GridConfig, settings))

@@ -6,8 +6,6 @@ from typing import ClassVar, Literal
 from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps
 from ntc.codec.settings import CodecSettings
 
-RecipeName = Literal["paper", "best"]
-
 
 @dataclass(frozen=True)
 class GridConfig(CodecSettings):

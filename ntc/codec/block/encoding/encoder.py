@@ -1,6 +1,6 @@
 """Encoding a texture under a group's tables: sizes of codes, modes, trellis-coded indices. Torch on the CPU, float32."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -29,8 +29,12 @@ def encode_texture(
     quantizer: TrellisQuantizer,
     words: float,
     group: int = 0,
+    worked: Callable[[int], None] = lambda _: None,
 ) -> BlockTexture:
-    """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that."""
+    """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that.
+
+    `worked` is called often, with the blocks that have been encoded since; what it raises ends the encoding.
+    """
     texture = prepare_texture(source, config)
     with one_thread():
         tables = Tables.of(decoder, config)
@@ -39,7 +43,7 @@ def encode_texture(
         expected = torch.cat([expected_errors(part, tables.depths, tables.scales).amin(2) for part in parts])
         levels = latent_levels(*source.size, config)
         sizes = torch.from_numpy(_sizes(expected.numpy(), levels, config, words))
-        codes = _codes(values, sizes, tables, config, quantizer)
+        codes = _codes(values, sizes, tables, config, quantizer, worked)
     stored = stored_words(BlockCodes(codes, sizes.numpy()), levels, config)
     axes = texture.axes
     return BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean, axes=axes.axes)
@@ -65,6 +69,7 @@ def _codes(
     tables: Tables,
     config: BlockConfig,
     quantizer: TrellisQuantizer,
+    worked: Callable[[int], None],
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 for coefficients `values` [blocks, coefficients] and size classes `sizes`."""
     found = np.zeros((len(values), config.block_words[-1]), np.uint32)
@@ -74,6 +79,7 @@ def _codes(
         for rows in torch.split(own, BLOCKS_AT_ONCE):
             if len(rows):
                 found[rows.numpy()] = _codes_of_size(values[rows], size, tables, config, quantizer)
+                worked(len(rows))
     return found
 
 

@@ -1,8 +1,7 @@
 """The settings of codec `block` that come to a number of bits a texel."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from ntc.codec.block.config import (
@@ -13,10 +12,10 @@ from ntc.codec.block.config import (
     LARGEST_WORDS,
     BlockConfig,
 )
-from ntc.codec.block.universal import UNIVERSAL_CONFIG, universal_channels
+from ntc.codec.block.universal import UNIVERSAL_CONFIG
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
-from ntc.codec.textures import SourceTexture
+from ntc.codec.maps import BASE_ALONE
+from ntc.codec.texture_set import Sizes, TextureSet, common_channels
 from ntc.errors import InputError
 
 SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
@@ -34,34 +33,10 @@ TABLE_SHARE = 0.25
 FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
 SETTLING_ROUNDS = 12
 
-Sizes = Sequence[tuple[int, int]]
 
-
-@dataclass(frozen=True)
-class TextureSet:
-    """What of the textures to encode decides about bits."""
-
-    sizes: Sizes
-    """(width, height) of mip 0 in texels."""
-    groups: int
-    """Decoders that are stored with them; 0: the one that ships with the program serves them."""
-    channels: int
-    """Of `maps`."""
-    levels: int | None = None
-    """Encoded mips; None: all."""
-    maps: tuple[MapName, ...] = BASE_ALONE
-    """Those that any of the textures has."""
-
-    @property
-    def largest_words(self) -> int:
-        """Words of a block's code at most."""
-        return LARGEST_WORDS if self.maps == BASE_ALONE else LARGEST_SET_WORDS
-
-
-def texture_set(textures: Sequence[SourceTexture], groups: int, levels: int | None = None) -> TextureSet:
-    """What of `textures` in so many groups decides about bits; `levels` as in BlockConfig."""
-    maps, channels = joint_maps((texture.maps, texture.channels) for texture in textures)
-    return TextureSet([texture.size for texture in textures], groups, channels, levels, maps)
+def largest_words(textures: TextureSet) -> int:
+    """Words of a block's code at most."""
+    return LARGEST_WORDS if textures.maps == BASE_ALONE else LARGEST_SET_WORDS
 
 
 def side_bits(textures: TextureSet, config: BlockConfig) -> int:
@@ -102,14 +77,14 @@ def config_for_words(
     words: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
 ) -> BlockConfig:
     """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
-    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, textures.largest_words)
+    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, largest_words(textures))
     if not textures.groups:
         if textures.maps != BASE_ALONE:
             raise InputError(
                 "grouping universal: the decoder that ships with the program serves base colours alone; "
                 "use another grouping, or --maps base"
             )
-        channels = universal_channels(textures.channels)
+        channels = common_channels(textures.channels)
         found = replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
         if multiply_adds is not None and found.multiply_adds > multiply_adds:
             raise InputError(
@@ -180,7 +155,7 @@ def config_for_bits(
     texels = max(1, texel_count(textures.sizes, BlockConfig(block_side=side, coefficients=1, levels=textures.levels)))
     # No more words are left than the largest codes have, whatever is asked for.
     config = _settled_config(min(bits, 64.0) * texels, textures, side, multiply_adds)
-    most = _stored_bits(textures.largest_words, textures, config) / texels
+    most = _stored_bits(largest_words(textures), textures, config) / texels
     if not 0.0 < bits <= most:
         raise InputError(f"--bits {bits:g}: set it above 0 and up to {most:.2f}, what the largest codes take here")
     return config

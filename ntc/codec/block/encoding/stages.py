@@ -1,270 +1,202 @@
-"""Encoding textures in codec `block`: in closed form, group by group, on the CPU."""
+"""Encoding in codec `block`, in closed form on the CPU: tables are fitted to a group, then its textures are encoded.
 
-import platform
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+Where a quality is asked for, textures are corrected until they have it.
+"""
+
+from collections.abc import Generator, Iterator, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import Any, cast
 
 import numpy as np
-import torch
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import sample_textures
-from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.quantizer import TrellisQuantizer
-from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, RateCurve, Sharing, share_words
-from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
+from ntc.codec.block.encoding.rate import block_count
+from ntc.codec.block.encoding.sharing import Sharing
+from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.reference import decode_image
-from ntc.codec.block.universal import universal_decoder
-from ntc.codec.checks import check_textures
-from ntc.codec.config import UNIVERSAL
-from ntc.codec.interruption import CancelQuestion
+from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.map_quality import measured_texture
-from ntc.codec.model import Grouping, Pack
-from ntc.codec.psnr import PsnrSummary
-from ntc.codec.textures import SourceTexture
+from ntc.codec.model import Decoder, EncodedTexture
+from ntc.codec.psnr import mse_of_psnr
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads
 
-
-@dataclass(frozen=True, eq=False)
-class BlockGroup:
-    """A group as a pack stores it, at one moment of an encoding."""
-
-    group: int
-    members: tuple[int, ...]
-    """Indices of its textures."""
-    textures: tuple[BlockTexture, ...]
-    """The members, with PSNR."""
-    decoder: BlockDecoder
-    final: bool
-    """Whether no later stage changes it."""
+FITTING_BLOCKS = 2000
+"""Blocks at most that take about as long to encode as the tables of a group take to fit."""
+HIGHEST_PSNR_DB = 120.0
+"""What is reported of textures that are exact: curves have no room for infinity."""
 
 
-@dataclass(frozen=True, eq=False)
-class BlockStage:
-    """Where an encoding stands. A pack of the groups so far is a valid one."""
+class BlockEncoder(Encoder):
+    """Encodes the groups of a task. A texture is a piece of work."""
 
-    done: int
-    """Textures encoded so far."""
-    total: int
-    """Textures to encode."""
-    psnr_db: Mapping[int, float]
-    """By texture: PSNR in dB of mip 0, of those encoded so far; infinity where it is exact."""
-    changed: BlockGroup | None = None
-    """A group all of whose textures have now been encoded, or that is better than it was before."""
+    def __init__(self, task: EncodingTask, fitted: Sequence[FittedGroup] | None = None) -> None:
+        """`fitted`: the tables of all groups of the task, where they are known already."""
+        self._task, self._options = task, cast(BlockOptions, task.options)
+        self.settings = self._config = cast(BlockConfig, task.settings)
+        self._given = fitted
+        self._sharing = Sharing(self._options.balance, self._options.worth)
+        self._fitted: dict[int, FittedGroup] = {}
+        self._found: dict[int, BlockTexture] = {}
+        self._quantizer = TrellisQuantizer()
+        self._work, self._step, self._steps = "", 0, 0
+        self._blocks_done: list[int] = []
+        self._blocks = 1
+        """Of all work, fitting included."""
+        self._ended: set[int] = set()
 
+    def pieces(self) -> Generator[Piece]:
+        """Raises InputError for a quality under which no settings are possible."""
+        if self._options.quality_db is not None:
+            yield from self._correct(self._options.quality_db)
+            return
+        members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
+        self._expect(members, fits=0 if self._given is not None else 1)
+        with PacedThreads(self._options.threads) as paced:
+            for fitted, words in self._plans():
+                self._fitted[fitted.group] = fitted
+                self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
+                encode = partial(self._encoded, fitted)
+                parts = list(zip(fitted.members, words, strict=True))
+                sizes = self._pixels(fitted.members)
+                for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
+                    yield self._done(index, found)
 
-BlockWork = Literal["encoding", "correcting"]
+    def _plans(self) -> Iterator[tuple[FittedGroup, tuple[float, ...]]]:
+        """Groups with the words of their members, in the order in which they are encoded."""
+        task, options = self._task, self._options
+        if not options.groups_apart:
+            fitted = self._given or self._fit(self._config, task.groups)
+            yield from zip(fitted, shared_words(fitted, self._config, self._sharing), strict=True)
+            return
+        # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
+        for group in sorted(task.groups, key=self._texels_of):
+            (own,) = self._fit(self._config, [group])
+            yield own, shared_words([own], self._config, self._sharing)[0]
 
+    def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
+        task, fitted = self._task, list[FittedGroup]()
+        for number, group in enumerate(groups):
+            self._work, self._step, self._steps = "fitting group", number, len(groups)
+            task.interruption()
+            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed))
+            self._blocks_done.append(self._fitting_blocks(group))
+        return fitted
 
-@dataclass(frozen=True)
-class BlockProgress:
-    """One report of an encoding under way: after each texture."""
+    def _texels_of(self, group: int) -> int:
+        sizes = [self._task.textures[index].size for index in self._task.grouping.members(group)]
+        return sum(width * height for width, height in sizes)
 
-    done: int
-    """Textures encoded so far."""
-    textures: int
-    """Textures in all."""
-    mean_psnr_db: float
-    """PSNR in dB of the mean square error of those that are done; infinity where they are exact."""
-    seconds_left: float
-    work: BlockWork = "encoding"
-    """What of textures is counted: correcting comes after all are encoded, where a quality was asked for."""
+    def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
+        index, words = part
+        source = self._task.textures[index]
+        return encode_member(source, words, fitted, self._config, self._quantizer, self._worked)
 
+    def _worked(self, blocks: int) -> None:
+        """In the thread of a texture. Appending to a list is atomic."""
+        self._blocks_done.append(blocks)
+        self._task.interruption()
 
-BlockProgressListener = Callable[[BlockProgress], None]
+    def _blocks_of(self, members: Sequence[int]) -> int:
+        return block_count([self._task.textures[index].size for index in members], self._config)
 
+    def _fitting_blocks(self, group: int) -> int:
+        """What fitting a group counts as."""
+        return min(FITTING_BLOCKS, self._blocks_of(self._task.grouping.members(group)))
 
-def encoding_stages(
-    textures: Sequence[SourceTexture],
-    grouping: Grouping,
-    config: BlockConfig,
-    seed: int,
-    groups: Sequence[int],
-) -> Iterator[BlockStage]:
-    """Encode `groups` of `grouping`, one after the other; yields before the first texture and after each one.
+    def _expect(self, members: Sequence[int], fits: int) -> None:
+        """Count work from now on: these textures to encode, and each group's tables to fit so many times."""
+        self._blocks_done.clear()
+        fitting = sum(map(self._fitting_blocks, self._task.groups)) if fits else 0
+        self._blocks = max(1, self._blocks_of(members) + fits * fitting)
 
-    The textures of a group share its words among each other, so a group is the same whichever others are encoded. Whoever stops
-    asking ends it.
-    """
-    total = sum(len(grouping.members(group)) for group in groups)
-    yield BlockStage(0, total, {})
-    plans = (_shared([fitted_group(textures, grouping, group, config, seed)], config)[0] for group in groups)
-    yield from _encoding_stages(textures, plans, config, total)
+    def _done(self, index: int, found: BlockTexture) -> Piece:
+        """The piece of a texture that is finished."""
+        self._found[index] = found
+        self._step += 1
+        group = self._task.grouping.groups[index]
+        whole = group not in self._ended and self._found.keys() >= set(self._task.grouping.members(group))
+        if whole and self._options.quality_db is None:
+            self._ended.add(group)
+            return Piece(ended=(group,))
+        return Piece()
 
+    def _correct(self, target_db: float) -> Iterator[Piece]:
+        """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
+        the correction is interrupted."""
+        task = self._task
+        self._expect(range(len(task.textures)), fits=2)
+        self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
+        self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
+        self._blocks_done.append(sum(map(self._fitting_blocks, task.groups)))
+        fitted = self._fit(self._config, task.groups)
+        self._fitted = {each.group: each for each in fitted}
+        members = {
+            index: Member(task.textures[index], each, curve, self._config, target_db, self._quantizer, self._worked)
+            for each in fitted
+            for index, curve in zip(each.members, each.curves, strict=True)
+        }
+        tries: dict[int, Try] = {}
 
-@dataclass(frozen=True, eq=False)
-class FittedGroup:
-    """A group whose tables are known, and what words are worth to its textures."""
+        def once_more(index: int) -> Try:
+            return members[index].correct(tries[index]) if index in tries else members[index].encode(target_db)
 
-    group: int
-    members: tuple[int, ...]
-    """Indices of its textures."""
-    decoder: BlockDecoder
-    curves: tuple[RateCurve, ...]
-    """Of the members."""
+        with PacedThreads(self._options.threads) as paced:
+            for work in ("encoding texture", "correcting texture"):
+                due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
+                if tries:
+                    self._expect(due, fits=0)
+                self._work, self._step, self._steps = work, 0, len(due)
+                try:
+                    for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
+                        tries[index] = found
+                        yield self._done(index, found.texture)
+                except TrainingCancelledError:
+                    if len(tries) < len(members):
+                        raise
+        self.settings = with_mean_words(self._config, fitted, [each.texture for each in tries.values()])
+        yield Piece(ended=tuple(task.groups))
 
+    def _pixels(self, members: Sequence[int]) -> list[int]:
+        return [self._task.textures[index].pixels.size for index in members]
 
-@dataclass(frozen=True, eq=False)
-class _GroupPlan:
-    fitted: FittedGroup
-    words: tuple[float, ...]
-    """By member: words a block."""
+    def figures(self) -> Figures:
+        by_group: dict[int, list[float]] = {}
+        found = {index: texture.psnr_db or 0.0 for index, texture in self._found.items()}
+        for index, decibels in found.items():
+            by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
+        sizes = [self._task.textures[index].size for index in found]
+        return Figures(
+            share=min(1.0, sum(self._blocks_done) / self._blocks),
+            step=self._step,
+            steps=self._steps,
+            texels=sum(width * height for width, height in sizes),
+            losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},
+            psnr_db={index: min(decibels, HIGHEST_PSNR_DB) for index, decibels in found.items()},
+            work=self._work,
+        )
 
+    def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
+        for group in groups:
+            fitted = self._fitted[group]
+            yield EncodedGroup(
+                group, fitted.members, tuple(map(self._found.__getitem__, fitted.members)), fitted.decoder
+            )
 
-def fitted_group(
-    textures: Sequence[SourceTexture], grouping: Grouping, group: int, config: BlockConfig, seed: int
-) -> FittedGroup:
-    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled."""
-    members = grouping.members(group)
-    samples = sample_textures([textures[index] for index in members], config, seed)
-    ships = grouping.name == UNIVERSAL
-    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed)
-    return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
+    def measured(
+        self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
+    ) -> tuple[EncodedTexture, ...]:
+        measured = []
+        for texture, index in zip(textures, members, strict=True):
+            self._task.interruption()
+            decoded = decode_image(cast(BlockTexture, texture), cast(BlockDecoder, decoder), self._config)
+            pixels = self._task.textures[index].pixels
+            measured.append(measured_texture(texture, decoded[..., texture.places(self._config)], pixels))
+        return tuple(measured)
 
-
-def fitted_groups(
-    textures: Sequence[SourceTexture],
-    grouping: Grouping,
-    config: BlockConfig,
-    seed: int,
-    cancelled: CancelQuestion | None = None,
-) -> list[FittedGroup]:
-    """All groups of `grouping`. Raises TrainingCancelledError when `cancelled` says so."""
-    fitted = []
-    for group in range(grouping.group_count):
-        if cancelled is not None and cancelled():
-            raise TrainingCancelledError
-        fitted.append(fitted_group(textures, grouping, group, config, seed))
-    return fitted
-
-
-def _shared(fitted: Sequence[FittedGroup], config: BlockConfig, sharing: Sharing = DEFAULT_SHARING) -> list[_GroupPlan]:
-    """What each texture of these groups may take, where they share the words of all their blocks."""
-    curves = [curve for each in fitted for curve in each.curves]
-    if sharing.worth is not None:
-        sharing = replace(sharing, worth=tuple(sharing.worth[index] for each in fitted for index in each.members))
-    given = share_words(curves, config.mean_words * sum(curve.block_count for curve in curves), sharing)
-    words = iter(given)
-    return [_GroupPlan(each, tuple(next(words) for _ in each.members)) for each in fitted]
-
-
-def _encoding_stages(
-    textures: Sequence[SourceTexture],
-    plans: Iterable[_GroupPlan],
-    config: BlockConfig,
-    total: int,
-    threads: int | None = None,
-) -> Iterator[BlockStage]:
-    quantizer, psnr_db_of = TrellisQuantizer(), dict[int, float]()
-    with PacedThreads(threads) as paced:
-        for plan in plans:
-            group, members, decoder = plan.fitted.group, plan.fitted.members, plan.fitted.decoder
-            encode = partial(encode_member, group=group, decoder=decoder, config=config, quantizer=quantizer)
-            parts = [(textures[index], words) for index, words in zip(members, plan.words, strict=True)]
-            sizes = [source.pixels.size for source, _ in parts]
-            encoded: list[BlockTexture] = []
-            for index, found in zip(members, paced.map(encode, parts, sizes), strict=True):
-                encoded.append(found)
-                psnr_db_of[index] = found.psnr_db or 0.0
-                whole = len(encoded) == len(members)
-                changed = BlockGroup(group, members, tuple(encoded), decoder, final=True) if whole else None
-                yield BlockStage(len(psnr_db_of), total, dict(psnr_db_of), changed)
-
-
-def encoding_record(config: BlockConfig, seed: int) -> dict[str, Any]:
-    """What a pack records of its encoding."""
-    return {
-        "codec": config.kind,
-        "seed": seed,
-        "device": "cpu",
-        "torch": torch.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
-
-
-def encode_blocks(
-    textures: Sequence[SourceTexture],
-    grouping: Grouping,
-    config: BlockConfig,
-    seed: int = 0,
-    report: BlockProgressListener | None = None,
-    cancelled: CancelQuestion | None = None,
-    threads: int | None = None,
-    sharing: Sharing = DEFAULT_SHARING,
-) -> Pack:
-    """A pack of codec `block` of `textures` in the groups of `grouping`, which all share its words. The same seed gives the same
-    pack, with any number of threads; `threads` is the most, None as many as pay. `sharing` is by texture of `textures`.
-
-    Raises InputError for textures and groups that cannot be encoded, TrainingCancelledError when `cancelled` says so.
-    """
-    check_textures(textures, grouping, config)
-    began = time.monotonic()
-    fitted = fitted_groups(textures, grouping, config, seed, cancelled)
-    stages = _encoding_stages(textures, _shared(fitted, config, sharing), config, len(textures), threads)
-
-    def reported() -> Iterator[BlockStage]:
-        for stage in stages:
-            if report is not None:
-                report(_progress(stage, time.monotonic() - began))
-            if cancelled is not None and cancelled() and stage.done < stage.total:
-                raise TrainingCancelledError
-            yield stage
-
-    return encoded_pack(reported(), grouping, config, seed)
-
-
-def encode_fitted(
-    textures: Sequence[SourceTexture],
-    fitted: Sequence[FittedGroup],
-    grouping: Grouping,
-    config: BlockConfig,
-    seed: int = 0,
-    threads: int | None = None,
-) -> Pack:
-    """A pack of `textures`, whose groups have the tables `fitted`; they all share its words."""
-    return encoded_pack(
-        _encoding_stages(textures, _shared(fitted, config), config, len(textures), threads), grouping, config, seed
-    )
-
-
-def encoded_pack(stages: Iterable[BlockStage], grouping: Grouping, config: BlockConfig, seed: int) -> Pack:
-    """The pack that `stages` of all groups end with."""
-    encoded: dict[int, BlockTexture] = {}
-    decoders: dict[int, BlockDecoder] = {}
-    for stage in stages:
-        if stage.changed is not None:
-            decoders[stage.changed.group] = stage.changed.decoder
-            encoded.update(zip(stage.changed.members, stage.changed.textures, strict=True))
-    return Pack(
-        config,
-        grouping,
-        tuple(encoded[index] for index in range(len(grouping.groups))),
-        tuple(decoders[group] for group in range(grouping.group_count)),
-        encoding_record(config, seed),
-    )
-
-
-def encode_member(
-    part: tuple[SourceTexture, float],
-    group: int,
-    decoder: BlockDecoder,
-    config: BlockConfig,
-    quantizer: TrellisQuantizer,
-) -> BlockTexture:
-    """A texture of a group as a pack stores it, with its PSNR. `part`: the texture, and its words a block on average at most."""
-    source, words = part
-    found = encode_texture(source, decoder, config, quantizer, words, group)
-    decoded = decode_image(found, decoder, config)[..., found.places(config)]
-    return measured_texture(found, decoded, source.pixels)
-
-
-def _progress(stage: BlockStage, seconds: float) -> BlockProgress:
-    summary = PsnrSummary.of(list(stage.psnr_db.values()))
-    left = seconds * (stage.total - stage.done) / stage.done
-    return BlockProgress(stage.done, stage.total, summary.of_mean_mse_db if summary else 0.0, left)
+    def record(self) -> dict[str, Any]:
+        return encoding_record(self._options.seed)

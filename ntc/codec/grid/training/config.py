@@ -3,12 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ntc.codec.grid.config import GridConfig, RecipeName
+from ntc.codec.encoding import EncodingChoices, EncodingOptions, RecipeName
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import BASE_ALONE, MapName
-from ntc.codec.registry import CodecName
-
-DEFAULT_BITS = 2.0
-"""Bits per texel of codec `block` where none are asked for."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +19,7 @@ class FreezingConfig:
 
 
 @dataclass(frozen=True)
-class TrainingConfig:
+class TrainingConfig(EncodingOptions):
     """How latents and decoders are trained."""
 
     recipe: RecipeName = "best"
@@ -98,9 +95,14 @@ def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConf
     )
 
 
-def recipe_codec_kind(name: RecipeName) -> CodecName:
-    """The codec of a recipe where none is asked for: `best` encodes in blocks, `paper` trains grids."""
-    return "grid" if name == "paper" else "block"
+def chosen_config(choices: EncodingChoices) -> TrainingConfig:
+    """The recipe with what the user's choices override."""
+    training = replace(recipe_config(choices.recipe), seed=choices.seed, device=choices.device)
+    if choices.steps is not None:
+        return replace(training, steps=choices.steps, epochs=None)
+    if choices.epochs is not None:
+        return replace(training, steps=None, epochs=choices.epochs)
+    return training
 
 
 def recipe_codec(

@@ -12,7 +12,7 @@ from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
 from tests.unit.ntc.training.test_train import texture
 
@@ -34,7 +34,7 @@ def snapshot_of(pack: Pack, group: int) -> GroupSnapshot:
 def trained(groups: tuple[int, ...], seed: int = 0, codec: GridConfig = CODECS[1]) -> Pack:
     """A pack of some quality."""
     training = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=seed)
-    return train(TEXTURES, Grouping("random", groups), codec, training)
+    return encode_textures(TEXTURES, Grouping("random", groups), codec, training)
 
 
 @pytest.mark.parametrize("codec", CODECS)

@@ -25,7 +25,7 @@ from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.file import read_pack, write_pack
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
@@ -90,9 +90,9 @@ def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.
 def test_the_seed_decides_every_bit(training: TrainingConfig) -> None:
     textures = [texture(16, 16), texture(12, 8, seed=1), texture(7, 5, seed=2)]
     grouping = Grouping("random", (0, 1, 0))
-    first = train(textures, grouping, SMALL, training)
-    assert same(first, train(textures, grouping, SMALL, training))
-    assert not same(first, train(textures, grouping, SMALL, replace(training, seed=6)))
+    first = encode_textures(textures, grouping, SMALL, training)
+    assert same(first, encode_textures(textures, grouping, SMALL, training))
+    assert not same(first, encode_textures(textures, grouping, SMALL, replace(training, seed=6)))
 
 
 def smooth_texture(side: int) -> SourceTexture:
@@ -108,7 +108,7 @@ def smooth_texture(side: int) -> SourceTexture:
 def test_a_smooth_texture_is_learnt_well() -> None:
     source = smooth_texture(64)
     training = TrainingConfig(steps=900, texels_per_texture=512, decoder_rate=1e-2, device="cpu")
-    pack = train([source], own_decoders(1), GridConfig(), training)
+    pack = encode_textures([source], own_decoders(1), GridConfig(), training)
     measured = pack.textures[0].psnr_db
     assert measured is not None
     assert measured > 35.0
@@ -120,9 +120,9 @@ def test_a_smooth_texture_is_learnt_well() -> None:
 
 def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
     training = replace(SHORT, freezing=FreezingConfig(start=0.0, duration=0.0))
-    pack = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
+    pack = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
     assert unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(pack))
-    thawed = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
+    thawed = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
     assert not unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(thawed))
 
 
@@ -139,7 +139,7 @@ def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) 
 
     with monkeypatch.context() as patch:
         patch.setattr(DecoderStack, "layers", watched)
-        pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
+        pack = encode_textures([texture(16, 16)], own_decoders(1), SMALL, training)
     return [*seen, decoder_arrays(pack)]
 
 
@@ -167,7 +167,7 @@ def test_cancelling_raises_and_delivers_nothing() -> None:
         return len(asked) >= 4
 
     with pytest.raises(TrainingCancelledError):
-        train([texture(8, 8)], own_decoders(1), SMALL, SHORT, cancelled=cancelled)
+        encode_textures([texture(8, 8)], own_decoders(1), SMALL, SHORT, cancelled=cancelled)
     assert len(asked) == 4
 
 
@@ -175,7 +175,9 @@ def test_cancelling_raises_and_delivers_nothing() -> None:
 def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
     reports: list[TrainingProgress] = []
     textures = [texture(16, 16), texture(8, 8, seed=1)]
-    pack = train(textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append)
+    pack = encode_textures(
+        textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append
+    )
     assert reports[-1].step == reports[-1].steps == pack.training["steps"] == 12 * (1 if per_group is None else 2)
     assert reports[-1].seconds_left == 0.0
     assert [report.step for report in reports] == sorted(report.step for report in reports)
@@ -194,7 +196,7 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
         for seed, size in enumerate(sizes)
     ]
     config = GridConfig(hidden_width=16, output_channels=channels, levels=levels)
-    pack = train(textures, Grouping("single", (0,) * 4), config, SHORT)
+    pack = encode_textures(textures, Grouping("single", (0,) * 4), config, SHORT)
     for index, (width, height) in enumerate(sizes):
         assert decode_image(pack, index).shape == (height, width, channels)
         assert pack.textures[index].psnr_db is not None
@@ -203,14 +205,16 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
 
 def test_textures_of_different_channels_share_a_decoder() -> None:
     textures = [texture(8, 8, channels, channels) for channels in (1, 2, 3, 4)]
-    pack = train(textures, Grouping("single", (0,) * 4), GridConfig(hidden_width=16, output_channels=4), SHORT)
+    pack = encode_textures(
+        textures, Grouping("single", (0,) * 4), GridConfig(hidden_width=16, output_channels=4), SHORT
+    )
     assert [encoded.channels for encoded in pack.textures] == [1, 2, 3, 4]
     assert decode_image(pack, 1).shape == (8, 8, 2)
 
 
 def test_channels_that_no_texture_has_are_not_trained() -> None:
     config = GridConfig(hidden_width=16, output_channels=4)
-    pack = train([texture(8, 8, 1)], own_decoders(1), config, SHORT)
+    pack = encode_textures([texture(8, 8, 1)], own_decoders(1), config, SHORT)
     start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
     last = grid_parts(pack).decoders[0].weights[2]
     assert not np.array_equal(last[0], start.weights[2][0])
@@ -219,21 +223,21 @@ def test_channels_that_no_texture_has_are_not_trained() -> None:
 
 @pytest.mark.parametrize("wrap", list(product(MODES, MODES)))
 def test_every_wrap_trains(wrap: tuple[WrapMode, WrapMode]) -> None:
-    pack = train([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
     assert pack.textures[0].wrap == wrap
     assert all(np.isfinite(array).all() for array in arrays(pack))
 
 
 def test_a_constant_texture_trains() -> None:
     pixels = np.full((16, 16, 3), 200, np.uint8)
-    pack = train([SourceTexture("flat", pixels, hash_pixels(pixels))], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([SourceTexture("flat", pixels, hash_pixels(pixels))], own_decoders(1), SMALL, SHORT)
     assert all(np.isfinite(array).all() for array in arrays(pack))
 
 
 def test_the_paper_recipe_runs() -> None:
     training = replace(recipe_config("paper"), epochs=1.0, texels_per_group=64, device="cpu")
     textures = [texture(16, 16), texture(8, 16, seed=1), texture(8, 8, seed=2)]
-    pack = train(textures, Grouping("clustered", (0, 1, 0)), GridConfig(levels=1), training)
+    pack = encode_textures(textures, Grouping("clustered", (0, 1, 0)), GridConfig(levels=1), training)
     # Group 0 holds 256 + 64 texels at 2 x 32 a step, group 1 holds 128 at 64 a step.
     assert pack.training["steps"] == 5 + 2
     assert pack.training["recipe"] == "paper"
@@ -241,13 +245,13 @@ def test_the_paper_recipe_runs() -> None:
 
 def test_a_group_is_trained_without_regard_to_its_number() -> None:
     training = replace(SHORT, texels_per_group=64)
-    pack = train([texture(8, 8), texture(8, 8, seed=1)], Grouping("random", (1, 0)), SMALL, training)
+    pack = encode_textures([texture(8, 8), texture(8, 8, seed=1)], Grouping("random", (1, 0)), SMALL, training)
     assert [encoded.group for encoded in pack.textures] == [1, 0]
     assert len(pack.decoders) == 2
 
 
 def test_a_trained_pack_survives_the_file(tmp_path: Path) -> None:
-    pack = train([texture(16, 16)], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([texture(16, 16)], own_decoders(1), SMALL, SHORT)
     write_pack(tmp_path / "a.ntc", pack)
     read = read_pack(tmp_path / "a.ntc")
     assert same(pack, read)
@@ -268,7 +272,7 @@ def test_what_cannot_be_trained_is_bad_input(
     textures: list[SourceTexture], groups: tuple[int, ...], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        train(textures, Grouping("random", groups), SMALL, SHORT)
+        encode_textures(textures, Grouping("random", groups), SMALL, SHORT)
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a CUDA device")
@@ -281,7 +285,7 @@ def test_cuda_that_is_not_there_is_bad_input() -> None:
 def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True)
-    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
+    pack = encode_textures(textures, Grouping("single", (0, 0)), config, SHORT)
     for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
         for values in (encoded.adapter.scales, encoded.adapter.biases):
@@ -310,7 +314,7 @@ def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
 def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True, adapter_output=True)
-    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
+    pack = encode_textures(textures, Grouping("single", (0, 0)), config, SHORT)
     weights = []
     for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
@@ -325,7 +329,7 @@ def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
 
 def test_four_bit_latents_stay_below_sixteen() -> None:
     config = replace(SMALL, latent_channels=8, latent_bits=4)
-    pack = train([texture(32, 32)], own_decoders(1), config, SHORT)
+    pack = encode_textures([texture(32, 32)], own_decoders(1), config, SHORT)
     latents = grid_parts(pack).textures[0].latents
     assert latents.max() == 15
     assert latents.shape[1] == 8
@@ -333,12 +337,12 @@ def test_four_bit_latents_stay_below_sixteen() -> None:
 
 def test_equal_trainings_write_equal_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        write_pack(tmp_path / f"{name}.ntc", train([texture(16, 16)], own_decoders(1), SMALL, SHORT))
+        write_pack(tmp_path / f"{name}.ntc", encode_textures([texture(16, 16)], own_decoders(1), SMALL, SHORT))
     assert (tmp_path / "a.ntc").read_bytes() == (tmp_path / "b.ntc").read_bytes()
 
 
 def test_half_precision_decoders_are_measured_as_they_are_stored(tmp_path: Path) -> None:
-    pack = train([texture(16, 16)], own_decoders(1), replace(SMALL, weight_bits=16), SHORT)
+    pack = encode_textures([texture(16, 16)], own_decoders(1), replace(SMALL, weight_bits=16), SHORT)
     for values in decoder_arrays(pack):
         np.testing.assert_array_equal(values, values.astype(np.float16).astype(np.float32))
     write_pack(tmp_path / "a.ntc", pack)
@@ -357,7 +361,7 @@ def test_odd_textures_train_together(levels: int | None) -> None:
     ]
     sources = [SourceTexture(str(i), pixels, hash_pixels(pixels)) for i, pixels in enumerate(images)]
     training = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
-    pack = train(sources, Grouping("clustered", (0, 0, 1, 1, 0)), recipe_codec("best", 3, levels), training)
+    pack = encode_textures(sources, Grouping("clustered", (0, 0, 1, 1, 0)), recipe_codec("best", 3, levels), training)
     assert all(np.isfinite(array).all() for array in arrays(pack))
     for index, source in enumerate(sources):
         decoded = decode_image(pack, index)
@@ -372,11 +376,14 @@ def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
     flat, waves = np.full((16, 16, 3), 128, np.uint8), texture(16, 16, seed=4)
     sources = [SourceTexture("flat", flat, hash_pixels(flat)), waves]
     training = TrainingConfig(steps=400, texels_per_texture=64, device="cpu", converged_db=50.0)
-    pack = train(sources, own_decoders(2), SMALL, training)
+    pack = encode_textures(sources, own_decoders(2), SMALL, training)
     assert pack.training["converged_textures"] >= 1
     assert np.abs(decode_image(pack, 0).astype(int) - 128).max() <= 2
     assert (
-        train(sources, own_decoders(2), SMALL, replace(training, converged_db=None)).training["converged_textures"] == 0
+        encode_textures(sources, own_decoders(2), SMALL, replace(training, converged_db=None)).training[
+            "converged_textures"
+        ]
+        == 0
     )
 
 
@@ -385,4 +392,4 @@ def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
 )
 def test_what_is_no_8_bit_image_is_bad_input(pixels: NDArray[Any]) -> None:
     with pytest.raises(InputError, match="textures are 8-bit"):
-        train([SourceTexture("odd", pixels, "0")], own_decoders(1), SMALL, SHORT)
+        encode_textures([SourceTexture("odd", pixels, "0")], own_decoders(1), SMALL, SHORT)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from ntc.codec.model import Pack
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.worker.client import TrainingWorker
 from ntc.worker.protocol import Failed, Finished
 from tests.support.training_workers import (
@@ -46,7 +46,7 @@ def shared(process: TrainingWorker) -> Iterator[TrainingWorker]:
 def trained() -> Pack:
     """What training without a process gives, with as many threads as the process has."""
     with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
-        return train(TEXTURES, GROUPS, CODEC, SHORT)
+        return encode_textures(TEXTURES, GROUPS, CODEC, SHORT)
 
 
 @pytest.fixture(scope="session", params=["grid", "block"])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.training.progress import TrainingProgress
-from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker.client import TrainingWorker, starting_pack
 from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed

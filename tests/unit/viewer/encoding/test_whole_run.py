@@ -2,7 +2,6 @@
 
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import torch
 
 from ntc.codec.config import GroupingConfig, GroupingName
-from ntc.codec.grid.training.config import recipe_config
+from ntc.codec.encoding import EncodingChoices
 from ntc.codec.registry import CodecName
 from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
@@ -75,9 +74,9 @@ class InOrder:
 
 
 def asked(grouping: GroupingName = "universal", codec: CodecName = "block", **of_grouping: object) -> Asked:
-    training = replace(recipe_config("best"), steps=2) if codec == "grid" else recipe_config("best")
+    choices = EncodingChoices(steps=2, levels=1) if codec == "grid" else EncodingChoices(target=BitsTarget(2.0))
     config = GroupingConfig(grouping, **of_grouping)  # type: ignore[arg-type]
-    return Asked(Reading(), config, codec, BitsTarget(2.0), 1 if codec == "grid" else None, training)
+    return Asked(Reading(), config, codec, choices)
 
 
 def encoded(source: Path, out: Path, what: Asked, executor: InOrder) -> RunResult:

@@ -9,19 +9,22 @@ import torch
 from safetensors import safe_open
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count
-from ntc.codec.block.encoding.stages import BlockProgress, encode_blocks
+from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.storage import level_codes
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
 from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import codec_of
+from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
+from ntc.training.encode import encode_textures
+from ntc.training.progress import TrainingProgress
 from tests.support.packs.checks import check_pack
 
 SMALL = BlockConfig(coefficients=24, modes=4, output_channels=4)
@@ -44,7 +47,7 @@ def noise(width: int, height: int) -> SourceTexture:
 
 def test_textures_with_different_channels_share_a_group(tmp_path: Path) -> None:
     sources = [waves(48, 40, channels, seed=channels) for channels in (1, 2, 3, 4)]
-    pack = encode_blocks(sources, Grouping("single", (0, 0, 0, 0)), SMALL)
+    pack = encode_textures(sources, Grouping("single", (0, 0, 0, 0)), SMALL, BlockOptions())
     check_pack(pack)
     write_pack(tmp_path / "a.ntc", pack)
     read = read_pack(tmp_path / "a.ntc")
@@ -66,27 +69,40 @@ def test_odd_textures_are_encoded() -> None:
     images["flat"] = np.full((24, 24, 3), 255, np.uint8)
     sources = [SourceTexture(name, pixels, hash_pixels(pixels)) for name, pixels in images.items()]
     for groups in ((0, 0, 0, 0), (0, 1, 2, 3)):
-        pack = encode_blocks(sources, Grouping("any", groups), BlockConfig())
+        pack = encode_textures(sources, Grouping("any", groups), BlockConfig(), BlockOptions())
         check_pack(pack)
         assert len(pack.decoders) == max(groups) + 1
         assert decode_image(pack, 0).shape == (1, 1, 3)
         np.testing.assert_array_equal(decode_image(pack, 3), images["flat"])
 
 
-def test_progress_names_every_texture_and_threads_are_given_back() -> None:
-    reports: list[BlockProgress] = []
+def test_progress_counts_work_and_threads_are_given_back() -> None:
+    reports: list[TrainingProgress] = []
     before = torch.get_num_threads()
-    encode_blocks([waves(16, 16, seed=s) for s in range(3)], Grouping("any", (1, 0, 1)), SMALL, report=reports.append)
-    assert [(report.done, report.textures) for report in reports] == [(1, 3), (2, 3), (3, 3)]
-    assert reports[-1].seconds_left == 0.0
+    sources, grouping = [waves(16, 16, seed=s) for s in range(3)], Grouping("any", (1, 0, 1))
+    encode_textures(sources, grouping, SMALL, BlockOptions(), reports.append)
+    assert {report.steps for report in reports if report.work == "encoding texture"} == {3}
+    shares = [report.share for report in reports]
+    assert shares == sorted(shares)
+    assert (reports[-1].step, shares[-1], reports[-1].seconds_left) == (3, 1.0, 0.0)
     assert reports[-1].mean_psnr_db > 20.0
     assert torch.get_num_threads() == before
+
+
+def test_a_single_large_texture_moves_the_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ntc.codec.block.encoding.encoder.BLOCKS_AT_ONCE", 64)
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
+    reports: list[TrainingProgress] = []
+    encode_textures([waves(256, 256)], Grouping("single", (0,)), SMALL, BlockOptions(), reports.append)
+    inside = {report.share for report in reports if report.work == "encoding texture" and report.step == 0}
+    assert len(inside) > 5
+    assert max(inside) > 0.8
 
 
 def test_the_number_of_threads_changes_no_byte() -> None:
     sources = [waves(40 + 8 * seed, 40, seed=seed) for seed in range(12)]
     grouping = Grouping("any", (0,) * 9 + (1,) * 3)
-    one, two = (encode_blocks(sources, grouping, SMALL, threads=count) for count in (1, 2))
+    one, two = (encode_textures(sources, grouping, SMALL, BlockOptions(threads=count)) for count in (1, 2))
     for a, b in zip(block_parts(one).textures, block_parts(two).textures, strict=True):
         assert a.words.tobytes() == b.words.tobytes()
         assert (a.axes.tobytes(), a.mean.tobytes(), a.psnr_db) == (b.axes.tobytes(), b.mean.tobytes(), b.psnr_db)
@@ -96,34 +112,39 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     )
 
 
-def test_cancelling_ends_it_before_the_next_texture() -> None:
-    reports: list[BlockProgress] = []
-    sources = [waves(16, 16, seed=seed) for seed in range(3)]
+def test_cancelling_ends_it_within_a_texture(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ntc.codec.block.encoding.encoder.BLOCKS_AT_ONCE", 64)
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
+    reports: list[TrainingProgress] = []
+
+    def cancelled() -> bool:
+        return any(report.work == "encoding texture" and report.share > 0.0 for report in reports)
+
     with pytest.raises(TrainingCancelledError):
-        encode_blocks(
-            sources, Grouping("single", (0, 0, 0)), SMALL, report=reports.append, cancelled=lambda: len(reports) > 0
-        )
-    assert len(reports) == 1
+        encode_textures([waves(256, 256)], Grouping("single", (0,)), SMALL, BlockOptions(), reports.append, cancelled)
+    assert 0.0 < reports[-1].share < 0.9
 
 
 def test_what_cannot_be_encoded_is_named() -> None:
     with pytest.raises(InputError, match="no texture"):
-        encode_blocks([], Grouping("single", ()), SMALL)
+        encode_textures([], Grouping("single", ()), SMALL, BlockOptions())
     with pytest.raises(InputError, match="needs a group for each texture"):
-        encode_blocks([waves(8, 8)], Grouping("single", (1,)), SMALL)
+        encode_textures([waves(8, 8)], Grouping("single", (1,)), SMALL, BlockOptions())
     with pytest.raises(InputError, match="has 4 channels"):
-        encode_blocks([waves(8, 8, 4)], Grouping("single", (0,)), BlockConfig())
+        encode_textures([waves(8, 8, 4)], Grouping("single", (0,)), BlockConfig(), BlockOptions())
 
 
 def test_a_block_pack_is_drawn_in_fp32_at_every_precision() -> None:
-    pack = encode_blocks([waves(16, 16)], Grouping("single", (0,)), BlockConfig(coefficients=16, modes=2))
+    pack = encode_textures(
+        [waves(16, 16)], Grouping("single", (0,)), BlockConfig(coefficients=16, modes=2), BlockOptions()
+    )
     codec = codec_of(pack.config)
     assert codec.chosen_precision(pack, ("fp16", "fp16-arithmetic", "fp16-accumulate")).precision == "fp32"
     assert codec.stored_pack(pack, "fp16-accumulate") is pack
 
 
 def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> None:
-    pack = encode_blocks([waves(40, 24), waves(16, 16, seed=1)], Grouping("any", (0, 1)), SMALL)
+    pack = encode_textures([waves(40, 24), waves(16, 16, seed=1)], Grouping("any", (0, 1)), SMALL, BlockOptions())
     write_pack(tmp_path / "a.ntc", pack)
     sizes = {"latents": 0, "decoder": 0}
     with safe_open(tmp_path / "a.ntc", "np") as file:
@@ -162,13 +183,17 @@ def test_bits_out_of_reach() -> None:
 
 def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
     rough, smooth = noise(64, 64), waves(64, 64)
-    pack = encode_blocks([rough, smooth], Grouping("single", (0, 0)), BlockConfig(coefficients=48, modes=4))
+    pack = encode_textures(
+        [rough, smooth], Grouping("single", (0, 0)), BlockConfig(coefficients=48, modes=4), BlockOptions()
+    )
     first, second = block_parts(pack).textures
     assert len(first.words) > 1.3 * len(second.words)
     # One texture, half of it smooth: the other half takes most of the words.
     pixels = np.concatenate([rough.pixels[:, :32], smooth.pixels[:, :32]], axis=1)
     mixed = SourceTexture("mixed", pixels, hash_pixels(pixels))
-    pack = encode_blocks([mixed], Grouping("single", (0,)), BlockConfig(coefficients=48, modes=4, levels=1))
+    pack = encode_textures(
+        [mixed], Grouping("single", (0,)), BlockConfig(coefficients=48, modes=4, levels=1), BlockOptions()
+    )
     texture, config = block_parts(pack).textures[0], block_parts(pack).config
     level = latent_levels(64, 64, config)[0]
     sizes = level_codes(texture.words, level, config).sizes.reshape(8, 8)

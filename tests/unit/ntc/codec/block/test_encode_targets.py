@@ -1,6 +1,7 @@
 """Encoding in codec `block` to bits, to a size and to a quality: what is asked for comes, in few words, or is refused in one line."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,19 +10,22 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import LARGEST_WORDS
-from ntc.codec.block.encoding.rate import TextureSet, config_for_bits, config_for_bytes
+from ntc.codec.block.encoding.rate import config_for_bits, config_for_bytes
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_words, price_at_error, share_words
-from ntc.codec.block.encoding.stages import BlockProgress
-from ntc.codec.block.encoding.to_target import encode_to_target, file_header_bytes
 from ntc.codec.block.model import block_parts
-from ntc.codec.block.universal import universal_parameters
 from ntc.codec.config import UNIVERSAL
+from ntc.codec.encoding import EncodingChoices
+from ntc.codec.interruption import CancelQuestion
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget
+from ntc.codec.registry import codec_named
+from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
+from ntc.codec.texture_set import TextureSet, file_header_bytes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import write_pack
+from ntc.training.encode import encode_chosen
+from ntc.training.progress import TrainingProgress
 from tests.support.packs.checks import check_pack
 
 PAIR = Grouping("single", (0, 0))
@@ -42,6 +46,13 @@ def pair() -> tuple[SourceTexture, SourceTexture]:
     return picture(128, 2.0), picture(128, 12.0, seed=1)
 
 
+def encoded_to(
+    textures: Sequence[SourceTexture], grouping: Grouping, target: Target, levels: int | None = None
+) -> Pack:
+    """A pack that comes to `target`."""
+    return encode_chosen(textures, grouping, codec_named("block"), EncodingChoices(target=target, levels=levels))
+
+
 def decibels(pack: Pack) -> list[float]:
     """PSNR of each texture."""
     return [texture.psnr_db or 0.0 for texture in pack.textures]
@@ -56,7 +67,7 @@ def words(pack: Pack) -> list[NDArray[np.uint32]]:
 def test_each_texture_has_the_quality_asked_for_and_hardly_more(
     pair: tuple[SourceTexture, SourceTexture], asked: float
 ) -> None:
-    pack = encode_to_target(pair, PAIR, QualityTarget(asked))
+    pack = encoded_to(pair, PAIR, QualityTarget(asked))
     check_pack(pack)
     smooth, rough = decibels(pack)
     assert asked <= rough <= asked + 0.15
@@ -64,7 +75,7 @@ def test_each_texture_has_the_quality_asked_for_and_hardly_more(
     assert smooth >= asked
     found = words(pack)
     assert len(found[0]) < len(found[1])
-    again = words(encode_to_target(pair, PAIR, QualityTarget(asked)))
+    again = words(encoded_to(pair, PAIR, QualityTarget(asked)))
     assert all((a == b).all() for a, b in zip(found, again, strict=True))
 
 
@@ -72,30 +83,34 @@ def test_a_quality_beyond_reach_gives_the_largest_codes() -> None:
     # More blocks than a block has values: their basis cannot name them one by one.
     noise = np.random.default_rng(3).integers(0, 256, (160, 160, 3), np.uint8)
     source = SourceTexture("noise", noise, hash_pixels(noise))
-    pack = encode_to_target([source], Grouping("single", (0,)), QualityTarget(50.0), levels=1)
+    pack = encoded_to([source], Grouping("single", (0,)), QualityTarget(50.0), levels=1)
     (found,) = decibels(pack)
     assert 20.0 < found < 50.0
     assert len(words(pack)[0]) >= 0.98 * 400 * LARGEST_WORDS
     assert block_parts(pack).config.block_words[-1] == LARGEST_WORDS
 
 
-def test_stopped_while_correcting_the_pack_is_what_is_there(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    reports: list[BlockProgress] = []
-    whole = encode_to_target(pair, PAIR, QualityTarget(33.3), report=reports.append)
-    works = [report.work for report in reports]
-    assert works[:2] == ["encoding"] * 2
-    assert "correcting" in works
-    assert set(works[2:]) == {"correcting"}
-    reports.clear()
-    stopped = encode_to_target(
-        pair, PAIR, QualityTarget(33.3), report=reports.append, cancelled=lambda: len(reports) == 2
-    )
+def test_stopped_while_correcting_the_pack_is_what_is_there(
+    pair: tuple[SourceTexture, SourceTexture], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
+    reports: list[TrainingProgress] = []
+
+    def works() -> list[str]:
+        return list(dict.fromkeys(report.work for report in reports))
+
+    def encoded_to_quality(cancelled: CancelQuestion | None = None) -> Pack:
+        reports.clear()
+        choices = EncodingChoices(target=QualityTarget(33.3))
+        return encode_chosen(pair, PAIR, codec_named("block"), choices, reports.append, cancelled)
+
+    whole = encoded_to_quality()
+    assert works() == ["fitting group", "encoding texture", "correcting texture"]
+    stopped = encoded_to_quality(lambda: "correcting texture" in works())
     check_pack(stopped)
-    assert [report.work for report in reports] == ["encoding"] * 2
     assert decibels(stopped) != decibels(whole)
-    reports.clear()
     with pytest.raises(TrainingCancelledError):
-        encode_to_target(pair, PAIR, QualityTarget(33.3), report=reports.append, cancelled=lambda: len(reports) == 1)
+        encoded_to_quality(lambda: "encoding texture" in works())
 
 
 @pytest.mark.parametrize("megabytes", [0.016, 0.03, 0.06])
@@ -104,7 +119,7 @@ def test_a_file_is_no_larger_than_asked_for(
 ) -> None:
     # Names that take six bytes a letter in the file.
     sources = [replace(source, name=source.name + '"\u4e2d\\' * 20) for source in pair]
-    pack = encode_to_target(sources, PAIR, SizeTarget(megabytes))
+    pack = encoded_to(sources, PAIR, SizeTarget(megabytes))
     write_pack(tmp_path / "a.ntc", pack)
     size = (tmp_path / "a.ntc").stat().st_size
     tensors = sum(own.nbytes for own in words(pack))
@@ -114,22 +129,21 @@ def test_a_file_is_no_larger_than_asked_for(
 
 
 def test_more_megabytes_than_the_largest_codes_take_are_left(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    pack = encode_to_target(pair, PAIR, SizeTarget(100.0))
+    pack = encoded_to(pair, PAIR, SizeTarget(100.0))
     assert block_parts(pack).config.mean_words == LARGEST_WORDS
     assert bits_with_mips(pack) > 7.9
 
 
 def test_what_is_worth_more_gets_more_words(pair: tuple[SourceTexture, SourceTexture]) -> None:
     plain, more = (
-        [len(own) for own in words(encode_to_target(pair, PAIR, SizeTarget(0.025, worth)))]
-        for worth in (None, (20.0, 1.0))
+        [len(own) for own in words(encoded_to(pair, PAIR, SizeTarget(0.025, worth)))] for worth in (None, (20.0, 1.0))
     )
     assert more[0] > 1.1 * plain[0]
     assert sum(more) <= 1.02 * sum(plain)
 
 
 def test_the_fast_preset_costs_little_to_decode(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    pack = encode_to_target(pair, PAIR, PRESETS["fast"])
+    pack = encoded_to(pair, PAIR, PRESETS["fast"])
     assert pack.config.multiply_adds <= 100
     assert block_parts(pack).config.block_side == 4
     for channels in (1, 2, 3, 4):
@@ -160,7 +174,7 @@ def test_a_size_below_the_least_names_the_least(pair: tuple[SourceTexture, Sourc
     with pytest.raises(
         InputError, match=r"--size 0.01: at least 0\.0\d\d MB are needed for codes and tables"
     ) as caught:
-        encode_to_target(pair, PAIR, SizeTarget(0.01))
+        encoded_to(pair, PAIR, SizeTarget(0.01))
     assert "\n" not in str(caught.value)
     known = TextureSet([(128, 128)] * 2, 1, 3)
     for stored in range(10_000, 60_000, 1000):
@@ -201,8 +215,8 @@ def test_words_are_shared_by_worth() -> None:
 
 
 def test_the_decoder_that_ships_serves_a_quality_and_a_size(pair: tuple[SourceTexture, SourceTexture]) -> None:
-    universal = Grouping(UNIVERSAL, (0, 0), universal_parameters())
-    assert min(decibels(encode_to_target(pair, universal, QualityTarget(30.0), levels=1))) >= 30.0
-    check_pack(encode_to_target(pair, universal, SizeTarget(0.02), levels=1))
+    universal = Grouping(UNIVERSAL, (0, 0), dict(codec_named("block").shipped))
+    assert min(decibels(encoded_to(pair, universal, QualityTarget(30.0), levels=1))) >= 30.0
+    check_pack(encoded_to(pair, universal, SizeTarget(0.02), levels=1))
     with pytest.raises(InputError, match="choose another grouping"):
-        encode_to_target(pair, universal, PRESETS["fast"])
+        encoded_to(pair, universal, PRESETS["fast"])

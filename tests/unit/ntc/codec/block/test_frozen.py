@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.block.encoding.frozen import encode_with_decoders, measured_drift
-from ntc.codec.block.encoding.rate import config_for_bits, texture_set
-from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.encoding.frozen import encode_with_decoders
+from ntc.codec.block.encoding.rate import config_for_bits
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_named
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
+from ntc.training.encode import encode_textures
 
 
 def stripes(phase: int, horizontal: bool) -> SourceTexture:
@@ -25,7 +28,7 @@ def stripes(phase: int, horizontal: bool) -> SourceTexture:
 def test_each_texture_takes_the_decoder_of_its_kind() -> None:
     old = [stripes(number, horizontal) for horizontal in (True, False) for number in range(4)]
     config = config_for_bits(2.0, texture_set(old, 2, None))
-    pack = encode_blocks(old, Grouping("clustered", (0, 0, 0, 0, 1, 1, 1, 1)), config)
+    pack = encode_textures(old, Grouping("clustered", (0, 0, 0, 0, 1, 1, 1, 1)), config, BlockOptions())
     new = [stripes(7, False), stripes(8, True), stripes(9, False)]
     found = encode_with_decoders(new, block_parts(pack).decoders, config, "clustered")
     assert found.grouping.groups == (0, 1, 0)
@@ -35,13 +38,14 @@ def test_each_texture_takes_the_decoder_of_its_kind() -> None:
     ):
         assert np.array_equal(own.basis, expected.basis)
         assert np.array_equal(own.scales, expected.scales)
-    fresh = encode_blocks(new, Grouping("single", (0, 0, 0)), config)
+    fresh = encode_textures(new, Grouping("single", (0, 0, 0)), config, BlockOptions())
     wrong = encode_with_decoders(new[:1], block_parts(pack).decoders[:1], config, "clustered")
     assert (found.textures[0].psnr_db or 0.0) > (wrong.textures[0].psnr_db or 0.0) + 1.0
-    drift = measured_drift(new, block_parts(pack).decoders, config, 16)
-    assert drift.textures == 3
+    drift = codec_named("block").encode_with_decoders(new, [pack], 64)
+    assert (drift.tried, drift.compared) == (2, 3)
+    assert drift.pack.grouping.groups == found.grouping.groups
     # Waves of other lengths than those that the old decoder was fitted to.
-    assert 0.0 < drift.loss_db < 8.0
+    assert 0.0 < drift.fresh_db - drift.frozen_db < 8.0
     assert drift.fresh_db == pytest.approx(_of_mean_mse([each.psnr_db or 0.0 for each in fresh.textures]), abs=0.01)
 
 
@@ -52,7 +56,7 @@ def _of_mean_mse(values: list[float]) -> float:
 def test_the_same_seed_gives_the_same_pack() -> None:
     old = [stripes(number, True) for number in range(3)]
     config = config_for_bits(2.0, texture_set(old, 1, None))
-    decoders = block_parts(encode_blocks(old, Grouping("single", (0, 0, 0)), config)).decoders
+    decoders = block_parts(encode_textures(old, Grouping("single", (0, 0, 0)), config, BlockOptions())).decoders
     packs = [encode_with_decoders([stripes(5, True)], decoders, config, "single", threads=n) for n in (1, 2)]
     one, two = (block_parts(pack).textures[0].words for pack in packs)
     assert np.array_equal(one, two)

@@ -11,9 +11,9 @@ from lab.bench.random_pack import random_block_pack
 from ntc.codec.block import reference
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import prepare_texture
-from ntc.codec.block.encoding.rate import config_for_bits, side_bits, texture_set
-from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.encoding.rate import config_for_bits, side_bits
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.tensors import read_texture, texture_tensors
 from ntc.codec.block.torch_twin import TorchBlock
@@ -24,9 +24,11 @@ from ntc.codec.maps import BASE_ALONE, MAPS, MapName, channel_places, joint_maps
 from ntc.codec.mips import mip_chain, resize_to
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, decode_texels
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
+from ntc.training.encode import encode_textures
 from tests.support.packs.parity import assert_torch_agrees
 
 WHOLE: tuple[MapName, ...] = ("base", "normal", "roughness", "metalness", "occlusion")
@@ -130,7 +132,7 @@ def test_what_is_worth_more_comes_nearer() -> None:
 
     def errors(weights: MapWeights) -> NDArray[np.float64]:
         source = replace(material(WHOLE, (128, 128)), map_weights=weights)
-        pack = encode_blocks([source], Grouping("single", (0,)), config)
+        pack = encode_textures([source], Grouping("single", (0,)), config, BlockOptions())
         difference = decode_image(pack, 0).astype(np.float64) - source.pixels
         return np.square(difference).mean((0, 1))
 
@@ -146,7 +148,7 @@ def mixed_pack(side: int = 8) -> tuple[list[SourceTexture], Pack]:
     """Textures of every kind in one group."""
     sources = [material(kind, (40, 24), seed=seed) for seed, kind in enumerate(KINDS)]
     config = replace(SETS, block_side=side, coefficients=120, block_words=(4, 8, 14), mean_words=8.0)  # type: ignore[arg-type]
-    return sources, encode_blocks(sources, Grouping("single", (0,) * len(sources)), config)
+    return sources, encode_textures(sources, Grouping("single", (0,) * len(sources)), config, BlockOptions())
 
 
 @pytest.mark.parametrize("side", [4, 8])
@@ -193,7 +195,7 @@ def test_bits_count_everything_that_sets_store() -> None:
         known = texture_set(sources, 1)
         config = config_for_bits(bits, known)
         assert (config.maps, config.output_channels) == (WHOLE, 8)
-        pack = encode_blocks(sources, Grouping("single", (0, 0)), config)
+        pack = encode_textures(sources, Grouping("single", (0, 0)), config, BlockOptions())
         assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
     plain = texture_set([material(BASE_ALONE)], 1)
     assert side_bits(replace(plain, groups=0), BlockConfig(block_words=(4,))) == 32 * (3 + 9)
@@ -215,7 +217,7 @@ def test_the_decoder_that_ships_serves_base_colours_alone() -> None:
     with pytest.raises(InputError, match="serves base colours alone; use another grouping, or --maps base"):
         config_for_bits(2.0, texture_set(sources, 0))
     with pytest.raises(InputError, match="--maps base"):
-        encode_blocks(sources, Grouping("universal", (0,)), SETS)
+        encode_textures(sources, Grouping("universal", (0,)), SETS, BlockOptions())
 
 
 def test_until_it_is_encoded_a_set_has_the_mean_of_each_map() -> None:
@@ -233,7 +235,9 @@ def test_sets_have_room_for_larger_codes_and_more_modes() -> None:
         with pytest.raises(ValueError, match=field):
             replace(plain, **{field: value})  # type: ignore[arg-type]
     source = material(WHOLE, (128, 128))
-    pack = encode_blocks([source], Grouping("single", (0,)), config_for_bits(12.0, texture_set([source], 1)))
+    pack = encode_textures(
+        [source], Grouping("single", (0,)), config_for_bits(12.0, texture_set([source], 1)), BlockOptions()
+    )
     assert bits_with_mips(pack) == pytest.approx(12.0, rel=0.02)
     assert block_parts(pack).config.block_words[-1] > 16
     fast = TorchBlock(pack, "cpu").decode_image(0)

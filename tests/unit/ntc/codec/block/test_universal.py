@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.block.encoding.rate import config_for_bits, texture_set
-from ntc.codec.block.encoding.stages import encode_blocks
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_decoder
 from ntc.codec.checks import check_textures
@@ -17,11 +17,13 @@ from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import NUMPY_TYPES, read_pack, write_pack
+from ntc.training.encode import encode_textures
 from ntc.training.snapshot import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs.checks import assert_same, check_pack
@@ -31,7 +33,9 @@ from tests.unit.ntc.codec.block.test_encode_blocks import waves
 def encoded(textures: list[SourceTexture], bits: float) -> Pack:
     """`textures` in grouping `universal`."""
     grouping = make_grouping(GroupingConfig("universal"), textures)
-    return encode_blocks(textures, grouping, config_for_bits(bits, texture_set(textures, grouping.stored_decoders)))
+    return encode_textures(
+        textures, grouping, config_for_bits(bits, texture_set(textures, grouping.stored_decoders)), BlockOptions()
+    )
 
 
 @pytest.mark.parametrize("channels", [3, 4])

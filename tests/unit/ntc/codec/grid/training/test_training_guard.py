@@ -14,7 +14,7 @@ from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.grid.training.loss import squared_error
 from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
@@ -45,7 +45,7 @@ def test_a_bad_step_is_dropped_and_the_training_goes_on(
 ) -> None:
     reports: list[TrainingProgress] = []
     spoilt(monkeypatch, range(step, step + 1), value)
-    pack = train(TEXTURES, PAIR, CONFIG, SHORT, reports.append)
+    pack = encode_textures(TEXTURES, PAIR, CONFIG, SHORT, reports.append)
     assert all(np.isfinite(array).all() for array in arrays(pack))
     assert pack.training["dropped_steps"] == 1
     notes = [report.note for report in reports if report.note]
@@ -62,16 +62,16 @@ def test_three_in_a_row_stop_it_with_the_state_saved(monkeypatch: pytest.MonkeyP
     with monkeypatch.context() as patch:
         spoilt(patch, range(60, 63), float("nan"))
         with pytest.raises(TrainingFailedError, match="3 steps in a row, the last at step 62"):
-            train(TEXTURES, PAIR, CONFIG, SHORT, state=path)
+            encode_textures(TEXTURES, PAIR, CONFIG, SHORT, state=path)
     assert path.exists()
-    pack = train(TEXTURES, PAIR, CONFIG, SHORT, state=path)
+    pack = encode_textures(TEXTURES, PAIR, CONFIG, SHORT, state=path)
     assert all(np.isfinite(array).all() for array in arrays(pack))
     assert not path.exists()
 
 
 def test_bad_steps_with_good_ones_between_do_not_stop_it(monkeypatch: pytest.MonkeyPatch) -> None:
     spoilt(monkeypatch, range(10, 110, 20), float("nan"))
-    assert train(TEXTURES, PAIR, CONFIG, SHORT).training["dropped_steps"] == 5
+    assert encode_textures(TEXTURES, PAIR, CONFIG, SHORT).training["dropped_steps"] == 5
 
 
 @pytest.mark.parametrize(
@@ -86,13 +86,13 @@ def test_absurd_rates_end_in_a_pack_or_in_one_line(
     change: Callable[[TrainingConfig], TrainingConfig],
 ) -> None:
     try:
-        pack = train(TEXTURES, PAIR, CONFIG, change(SHORT))
+        pack = encode_textures(TEXTURES, PAIR, CONFIG, change(SHORT))
     except TrainingFailedError:
         return
     assert all(np.isfinite(array).all() for array in arrays(pack))
 
 
 def test_without_trouble_nothing_is_dropped() -> None:
-    first, again = (train(TEXTURES, PAIR, CONFIG, SHORT) for _ in range(2))
+    first, again = (encode_textures(TEXTURES, PAIR, CONFIG, SHORT) for _ in range(2))
     assert first.training["dropped_steps"] == 0
     assert same(first, again)
