@@ -26,7 +26,3 @@ class NotFiniteError(Exception):
 
 class MetadataError(Exception):
     """What is wrong with the metadata of a pack, naming the field."""
-
-
-class WireError(ValueError):
-    """Bytes from another process that are not a message, or a message that cannot be encoded."""

@@ -4,9 +4,10 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockCodecConfig
@@ -103,6 +104,15 @@ def blocks(process: int | None = None) -> list[str]:
     """Names of the shared memory that a process has created, this one unless another is named, and that still has a name."""
     folder, owner = Path("/dev/shm"), process or os.getpid()
     return sorted(path.name for path in folder.glob(f"{PREFIX}{owner}-*")) if folder.is_dir() else []
+
+
+def array_bytes(value: object) -> list[bytes]:
+    """The bytes of all arrays within the tuples and dataclasses of a value, in their order."""
+    if isinstance(value, np.ndarray):
+        return [value.tobytes()]
+    if is_dataclass(value):
+        value = tuple(getattr(value, field.name) for field in fields(value))
+    return [found for part in value for found in array_bytes(part)] if isinstance(value, tuple) else []
 
 
 def lives(process: int) -> bool:
