@@ -26,3 +26,7 @@ class NotFiniteError(Exception):
 
 class MetadataError(Exception):
     """What is wrong with the metadata of a pack, naming the field."""
+
+
+class ProcessEndedError(Exception):
+    """A worker process has ended. The message says how: `was killed by signal 9`."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Pack
-from ntc.errors import InputError
+from ntc.errors import InputError, ProcessEndedError
 from ntc.training.progress import Ended
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, mean_colour_pack
@@ -137,7 +137,7 @@ class TrainingWorker:
                 if report is None:
                     break
                 reports += self._taken(report)
-        except EOFError as error:
+        except ProcessEndedError as error:
             reports += self._lost(str(error))
         if self._cancelled_at is not None and time.monotonic() - self._cancelled_at > SECONDS_TO_CANCEL:
             self._end_process()

@@ -12,7 +12,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ntc.errors import InputError
+from ntc.errors import InputError, ProcessEndedError
 from ntc.worker.protocol import (
     Answer,
     Call,
@@ -194,30 +194,33 @@ class WorkerProcess:
         return not self._ended and self._process.is_alive()
 
     def call(self, argument: object) -> None:
-        """Ask for a call; Answer or Failed follows. Raises InputError where there is not enough shared memory, OSError after `end`."""
+        """Ask for a call; Answer or Failed follows.
+
+        Raises InputError where there is not enough shared memory, and ProcessEndedError after `end`.
+        """
         parcel, block = sent(argument)
         with self._lock:
             self._given.append(block)
         self.send(Call(parcel))
         if self._ended:
             self._release(len(self._given))
-            raise BrokenPipeError("was ended")
+            raise ProcessEndedError("was ended")
 
     def send(self, command: Command) -> None:
         """Send a command; one that comes too late has no effect."""
         self._outbox.put(encode(command))
 
-    def receive(self, seconds: float | None = 0.0) -> WorkerReport | None:
-        """The next report; None where none comes within `seconds` (None: waits for one). Raises EOFError, which says how the
-        process ended, after its last report."""
+    def receive(self, waits: bool = False) -> WorkerReport | None:
+        """The next report; None where none is there, unless it `waits`. Raises ProcessEndedError after
+        the last report of a process that has ended."""
         while True:
             try:
-                report = self._inbox.get(seconds != 0.0, seconds)
+                report = self._inbox.get(waits)
             except queue.Empty:
                 return None
             if report is None:
                 self._inbox.put(None)
-                raise EOFError(self._how_it_ended())
+                raise ProcessEndedError(self._how_it_ended())
             if not isinstance(report, Received):
                 return report
             self._release(1)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Generic, TypeVar
 
-from ntc.errors import InputError
+from ntc.errors import InputError, ProcessEndedError
 from ntc.worker.process import SECONDS_TO_END, WindowEnd, WorkerProcess
 from ntc.worker.protocol import Answer, Failed
 from ntc.worker.shared_arrays import received
@@ -41,10 +41,10 @@ class FunctionProcess(Generic[Argument, Result]):
         try:
             process = self._started()
             process.call(argument)
-            report = process.receive(None)
-        except (OSError, EOFError) as error:
+            report = process.receive(waits=True)
+        except (OSError, ProcessEndedError) as error:
             self._end()
-            raise InputError(f"{self.name}: its process gave no answer (it {error}); try again") from error
+            raise InputError(f"{self.name}: its process gave no answer ({error}); try again") from error
         if isinstance(report, Failed):
             raise InputError(report.line)
         assert isinstance(report, Answer)
@@ -54,7 +54,7 @@ class FunctionProcess(Generic[Argument, Result]):
     def _started(self) -> WorkerProcess:
         with self._lock:
             if self._closed:
-                raise BrokenPipeError("was ended")
+                raise ProcessEndedError("was ended")
             if self._process is None:
                 self._process = WorkerProcess(partial(_without_window, self._function), self.name, self._niceness)
             return self._process
