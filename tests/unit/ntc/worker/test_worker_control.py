@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import sys
 import time
 from dataclasses import replace
 from multiprocessing.shared_memory import SharedMemory
@@ -46,6 +47,9 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
     request = TrainingRequest(large, Grouping("random", (0, 1) * 3), CODEC, replace(ENDLESS, texels_per_texture=8192))
     shared.start(request)
     until(shared, TrainingProgress)
+    assert shared.process_id is not None
+    if sys.platform != "win32":
+        assert os.getpriority(os.PRIO_PROCESS, shared.process_id) == 19
     delays = []
     for _ in range(5):
         began = time.monotonic()
