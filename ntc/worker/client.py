@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError, ProcessEndedError
-from ntc.training.progress import Ended
+from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, mean_colour_pack
 from ntc.worker.process import WorkerProcess
@@ -15,14 +15,11 @@ from ntc.worker.protocol import (
     Answer,
     Cancel,
     Failed,
-    Finished,
+    Part,
     Pause,
     Paused,
-    Progress,
-    Report,
     Resume,
     Resumed,
-    Snapshot,
     Taken,
     WorkerReport,
 )
@@ -31,6 +28,20 @@ from ntc.worker.training import TrainingOrder, run_training
 
 SECONDS_TO_CANCEL = 0.6
 """After this long a process that has not cancelled its training is killed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The training is over."""
+
+    reason: EndReason
+    outcomes: tuple[GroupOutcome, ...] = ()
+    pack: Pack | None = None
+    """The trained pack; None when the training was cancelled."""
+
+
+Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
+"""What the window gets."""
 
 
 def starting_pack(request: TrainingRequest) -> Pack:
@@ -196,15 +207,12 @@ class TrainingWorker:
         if training is None:
             return []
         match report:
-            case Progress():
-                self._send(Taken())
-                return [report.progress]
-            case Snapshot():
-                snapshot: GroupSnapshot = training.snapshots.read(report.snapshot)
-                self._send(Taken(snapshot.group))
-                if snapshot.final:
-                    training.pack = apply_snapshot(training.pack, snapshot)
-                return [snapshot]
+            case Part():
+                part: TrainingProgress | GroupSnapshot = training.snapshots.read(report.value)
+                self._send(Taken(report.key))
+                if isinstance(part, GroupSnapshot) and part.final:
+                    training.pack = apply_snapshot(training.pack, part)
+                return [part]
             case Answer():
                 ended: Ended = received(report.value)
                 return self._finish(Finished(ended.reason, ended.outcomes, _pack_of(ended, training)))

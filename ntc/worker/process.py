@@ -19,6 +19,7 @@ from ntc.worker.protocol import (
     Cancel,
     Command,
     Failed,
+    Part,
     Pause,
     Received,
     Resume,
@@ -28,7 +29,7 @@ from ntc.worker.protocol import (
     decode_report,
     encode,
 )
-from ntc.worker.shared_arrays import SharedBlock, inside, received, sent
+from ntc.worker.shared_arrays import Parcel, SharedBlock, inside, received, sent
 
 SECONDS_TO_END = 0.5
 """Longest wait for a process that was killed."""
@@ -46,7 +47,7 @@ class WindowEnd:
         self._changed = threading.Condition()
         self._paused = self._cancelled = False
         self._untaken: set[int | None] = set()
-        """Groups whose last snapshot was not yet taken; None: the last progress was not."""
+        """Keys whose last Part was not yet taken."""
 
     def listen(self) -> None:
         """Take commands until the window is gone, and end the process, which may be anywhere in its work."""
@@ -68,7 +69,7 @@ class WindowEnd:
                 case Cancel():
                     self._cancelled = True
                 case Taken():
-                    self._untaken.discard(command.group)
+                    self._untaken.discard(command.key)
             self._changed.notify_all()
 
     @property
@@ -86,9 +87,9 @@ class WindowEnd:
         with self._changed:
             self._changed.wait_for(lambda: self._cancelled or not waits())
 
-    def is_untaken(self, group: int | None) -> bool:
-        """Whether the last snapshot of a group (None: the last progress) was not yet taken."""
-        return group in self._untaken
+    def is_untaken(self, key: int | None) -> bool:
+        """Whether the last Part of a key was not yet taken."""
+        return key in self._untaken
 
     def send(self, report: WorkerReport) -> None:
         """Send a report. The process ends where the window is gone."""
@@ -97,11 +98,11 @@ class WindowEnd:
         except OSError:
             os._exit(0)
 
-    def send_to_be_taken(self, report: WorkerReport, group: int | None) -> None:
-        """Send the snapshot of a group (None: progress); `is_untaken` until the window has taken it."""
+    def send_part(self, key: int | None, value: Parcel) -> None:
+        """Send a Part; its key `is_untaken` until the window has taken it."""
         with self._changed:
-            self._untaken.add(group)
-        self.send(report)
+            self._untaken.add(key)
+        self.send(Part(key, value))
 
 
 Function = Callable[[Any, WindowEnd], object]

@@ -1,13 +1,9 @@
-"""The messages between the window and a worker process, and their bytes. Needs no torch."""
+"""The messages between the window and a worker process, and their bytes."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import msgspec
 
-from ntc.codec.model import Pack
-from ntc.training.progress import EndReason, GroupOutcome, TrainingProgress
-from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.shared_arrays import Parcel
 
 
@@ -30,10 +26,9 @@ class Cancel(msgspec.Struct, frozen=True, tag=True):
 
 
 class Taken(msgspec.Struct, frozen=True, tag=True):
-    """To the process: the last snapshot of a group, or the last progress, was taken; the next one may be sent."""
+    """To the process: the last Part of a key was taken; the next one may be sent."""
 
-    group: int | None = None
-    """None: progress."""
+    key: int | None
 
 
 Command = Call | Pause | Resume | Cancel | Taken
@@ -45,23 +40,19 @@ class Received(msgspec.Struct, frozen=True, tag=True):
 
 
 class Paused(msgspec.Struct, frozen=True, tag=True):
-    """Training is paused, and takes no processor time."""
+    """The call is paused, and takes no processor time."""
 
 
 class Resumed(msgspec.Struct, frozen=True, tag=True):
-    """Training continues after a pause."""
+    """The call continues after a pause."""
 
 
-class Progress(msgspec.Struct, frozen=True, tag=True):
-    """How far a training is."""
+class Part(msgspec.Struct, frozen=True, tag=True):
+    """Something that is known before the call has ended. The next one of the same key is sent once this one was taken."""
 
-    progress: TrainingProgress
-
-
-class Snapshot(msgspec.Struct, frozen=True, tag=True):
-    """A GroupSnapshot, whose large arrays lie in the region of its group."""
-
-    snapshot: Parcel
+    key: int | None
+    """Of a training: the group whose snapshot this is; None: progress."""
+    value: Parcel
 
 
 class Answer(msgspec.Struct, frozen=True, tag=True):
@@ -79,32 +70,10 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     """For a log."""
 
 
-WorkerReport = Received | Paused | Resumed | Progress | Snapshot | Answer | Failed
+WorkerReport = Received | Paused | Resumed | Part | Answer | Failed
 """What the process sends."""
 
 
-@dataclass(frozen=True, eq=False)
-class Finished:
-    """The end of a training, as the window gets it."""
-
-    reason: EndReason
-    outcomes: tuple[GroupOutcome, ...] = ()
-    pack: Pack | None = None
-    """The trained pack; None when the training was cancelled."""
-
-
-Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
-"""What the window gets of a training."""
-
-
-def _plain_number(value: Any) -> Any:
-    """A number of numpy as one of Python."""
-    return value.item()
-
-
-_ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain_number)
-_COMMANDS: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
-_REPORTS: msgspec.msgpack.Decoder[WorkerReport] = msgspec.msgpack.Decoder(WorkerReport)
-encode = _ENCODER.encode
-decode_command = _COMMANDS.decode
-decode_report = _REPORTS.decode
+encode = msgspec.msgpack.encode
+decode_command: Callable[[bytes], Command] = msgspec.msgpack.Decoder(Command).decode
+decode_report: Callable[[bytes], WorkerReport] = msgspec.msgpack.Decoder(WorkerReport).decode

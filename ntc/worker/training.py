@@ -18,8 +18,8 @@ from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.training.threads import usable_cores, wait_passively
 from ntc.worker.process import WindowEnd, lower_priority
-from ntc.worker.protocol import Paused, Progress, Resumed, Snapshot
-from ntc.worker.shared_arrays import Pickled, SharedBlock
+from ntc.worker.protocol import Paused, Resumed
+from ntc.worker.shared_arrays import Pickled, SharedBlock, inside
 
 NICENESS = 19
 """Priority of a process that trains, below the window's; it starts with the window's."""
@@ -73,7 +73,7 @@ class _WindowHost:
     def send_newest_progress(self) -> None:
         """Send the report that was kept. At the end none follows it, and a run that is shorter than a frame has no other."""
         if self._unsent is not None:
-            self._window.send_to_be_taken(Progress(self._unsent), None)
+            self._window.send_part(None, inside(self._unsent))
             self._unsent = None
 
     def wants_snapshot(self, group: int) -> bool:
@@ -86,8 +86,7 @@ class _WindowHost:
         while self._window.is_untaken(group):
             self._window.wait(lambda: self._window.is_untaken(group) and not self._window.paused)
             self.interruption()
-        parcel = self._block.write(Pickled(snapshot), self._regions[group])
-        self._window.send_to_be_taken(Snapshot(parcel), group)
+        self._window.send_part(group, self._block.write(Pickled(snapshot), self._regions[group]))
 
 
 def run_training(order: TrainingOrder | None, window: WindowEnd) -> Ended | None:

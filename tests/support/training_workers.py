@@ -17,8 +17,8 @@ from ntc.codec.textures import SourceTexture
 from ntc.training.config import TrainingConfig
 from ntc.training.encode_blocks import encoded_pack, encoding_stages
 from ntc.training.request import TrainingRequest
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished, Report
+from ntc.worker.client import Finished, Report, TrainingWorker
+from ntc.worker.protocol import Failed
 from ntc.worker.shared_arrays import PREFIX
 from tests.unit.ntc.training.test_train import texture
 

@@ -8,8 +8,8 @@ import pytest
 
 from ntc.codec.model import Pack
 from ntc.training.encode import train
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished
+from ntc.worker.client import Finished, TrainingWorker
+from ntc.worker.protocol import Failed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     CODEC,

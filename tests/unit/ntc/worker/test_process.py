@@ -12,8 +12,8 @@ import pytest
 
 from ntc.errors import InputError, ProcessEndedError
 from ntc.worker.process import Function, WindowEnd, WorkerProcess
-from ntc.worker.protocol import Answer, Cancel, Failed, Pause, Paused, Resume, Resumed, Taken, WorkerReport
-from ntc.worker.shared_arrays import received
+from ntc.worker.protocol import Answer, Cancel, Failed, Part, Pause, Paused, Resume, Resumed, Taken, WorkerReport
+from ntc.worker.shared_arrays import inside, received
 from tests.support.training_workers import blocks, lives
 
 pytestmark = [
@@ -55,7 +55,7 @@ def obey(_argument: object, window: WindowEnd) -> tuple[bool, bool]:
     window.wait(lambda: not window.paused)
     window.send(Paused())
     window.wait(lambda: window.paused)
-    window.send_to_be_taken(Resumed(), 7)
+    window.send_part(7, inside(None))
     window.wait(lambda: window.is_untaken(7))
     window.send(Paused())
     before = window.cancelled
@@ -86,7 +86,7 @@ def test_commands_arrive_during_work() -> None:
     with running(obey) as process:
         process.call(None)
         for command in (Pause(), Resume(), Taken(7), Cancel()):
-            assert isinstance(process.receive(waits=True), Paused | Resumed)
+            assert isinstance(process.receive(waits=True), Paused | Resumed | Part)
             assert process.receive() is None, "it waits"
             process.send(command)
         assert answer(process) == (False, True)

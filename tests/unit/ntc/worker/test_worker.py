@@ -18,8 +18,8 @@ from ntc.training.encode import train
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
-from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Finished
+from ntc.worker.client import Finished, TrainingWorker, starting_pack
+from ntc.worker.protocol import Failed
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,

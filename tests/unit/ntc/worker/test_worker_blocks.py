@@ -13,8 +13,8 @@ from ntc.metrics.metrics import psnr_db
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
-from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Finished, Paused, Report, Resumed
+from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
+from ntc.worker.protocol import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     GROUPS,

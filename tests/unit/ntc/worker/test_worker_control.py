@@ -20,8 +20,8 @@ from ntc.pack.file import read_pack, write_pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished, Paused, Resumed
+from ntc.worker.client import Finished, TrainingWorker
+from ntc.worker.protocol import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     CODEC,
