@@ -57,8 +57,8 @@ def obey(_argument: object, window: WindowEnd) -> tuple[bool, bool]:
     window.wait(lambda: window.paused)
     window.send_part(7, inside(None))
     window.wait(lambda: window.is_untaken(7))
-    window.send(Paused())
     before = window.cancelled
+    window.send(Paused())
     window.wait(lambda: True)
     return before, window.cancelled
 
