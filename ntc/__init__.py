@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ntc.api.decoding import decode, decode_maps, decode_to_moderngl, decode_to_torch, mip_count
     from ntc.api.encoding import encode, material, texture
-    from ntc.codec.block.targets import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.config import GroupingConfig
+    from ntc.codec.grid.training.config import TrainingConfig
     from ntc.codec.model import EncodedTexture, Grouping, Pack
+    from ntc.codec.psnr import psnr_db
     from ntc.codec.reference import decode_texels
+    from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.textures import SourceTexture
     from ntc.errors import InputError, TrainingCancelledError, TrainingFailedError
     from ntc.grouping import GroupingInputs, make_grouping
     from ntc.metrics.divergence import DivergenceStatistics, divergence_map
-    from ntc.metrics.metrics import bits_with_mips, psnr_db, psnr_table
+    from ntc.metrics.metrics import bits_with_mips, psnr_table
     from ntc.pack.file import read_pack, write_pack
-    from ntc.training.config import TrainingConfig
 
 __all__ = [
     "BitsTarget",
@@ -58,17 +59,18 @@ __all__ = [
 _PLACES = {
     "ntc.api.decoding": ("decode", "decode_maps", "decode_to_moderngl", "decode_to_torch", "mip_count"),
     "ntc.api.encoding": ("encode", "material", "texture"),
-    "ntc.codec.block.targets": ("BitsTarget", "QualityTarget", "SizeTarget"),
+    "ntc.codec.targets": ("BitsTarget", "QualityTarget", "SizeTarget"),
     "ntc.codec.config": ("GroupingConfig",),
     "ntc.codec.model": ("EncodedTexture", "Grouping", "Pack"),
+    "ntc.codec.psnr": ("psnr_db",),
     "ntc.codec.reference": ("decode_texels",),
     "ntc.codec.textures": ("SourceTexture",),
     "ntc.errors": ("InputError", "TrainingCancelledError", "TrainingFailedError"),
     "ntc.grouping": ("GroupingInputs", "make_grouping"),
     "ntc.metrics.divergence": ("DivergenceStatistics", "divergence_map"),
-    "ntc.metrics.metrics": ("bits_with_mips", "psnr_db", "psnr_table"),
+    "ntc.metrics.metrics": ("bits_with_mips", "psnr_table"),
     "ntc.pack.file": ("read_pack", "write_pack"),
-    "ntc.training.config": ("TrainingConfig",),
+    "ntc.codec.grid.training.config": ("TrainingConfig",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 

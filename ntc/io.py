@@ -1,15 +1,17 @@
 """Reading whole files, and atomic writing: a reader sees the old file or the new one, never half of one."""
 
 import errno
+import json
 import os
 import shutil
 import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from ntc.errors import InputError
 
@@ -198,3 +200,14 @@ def write_bytes(destination: Path, data: bytes) -> None:
 def write_text(destination: Path, text: str) -> None:
     """Write `text` as UTF-8 to `destination` atomically."""
     write_bytes(destination, text.encode("utf-8"))
+
+
+LENGTH_BYTES = 8
+"""A safetensors file begins with the length of its JSON header."""
+
+
+def file_metadata(data: bytes) -> Mapping[str, Any]:
+    """The string metadata of a safetensors file that safetensors has accepted; empty where it has none."""
+    length = int.from_bytes(data[:LENGTH_BYTES], "little")
+    header = json.loads(data[LENGTH_BYTES : LENGTH_BYTES + length])
+    return header.get("__metadata__") or {}

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import save
 
-from ntc.codec.block.blocks import sample_textures
+from ntc.codec.block.encoding.blocks import sample_textures
+from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.tables import fit_decoder
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_tensors
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError

@@ -21,7 +21,7 @@ from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
     GROUP_SIDE,
     MATERIAL_SHIFT,
-    scene_layout_glsl,
+    scene_includes,
 )
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.scene_buffers import SceneBuffers
@@ -104,7 +104,7 @@ class PackLoader:
 
     def __init__(self, graphics: GraphicsContext) -> None:
         scene, tiles = white_scene(), TileCacheConfig()
-        library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+        library = ShaderLibrary(shaders_folder(), scene_includes())
         self.programs = ProgramFactory(graphics.gl, library)
         self.materials = white_material(graphics)
         timer = PassTimer(graphics)

@@ -5,16 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.storage import BlockCodes, stored_words
-from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import MapName, map_slices, plane_channels
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import Grouping, Pack
 
 
-def _random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter:
+def _random_adapter(config: GridConfig, random: np.random.Generator) -> Adapter:
     """Scales around 1 and biases around 0, exact in half precision."""
     shape = (2, config.hidden_width)
     scales, biases = random.uniform(0.5, 1.5, shape), random.normal(0.0, 0.2, shape)
@@ -25,23 +27,23 @@ def _random_adapter(config: CodecConfig, random: np.random.Generator) -> Adapter
     return Adapter(*(part.astype(np.float16).astype(np.float32) for part in parts))
 
 
-def _stored(values: NDArray[np.float64], config: CodecConfig) -> NDArray[np.float32]:
+def _stored(values: NDArray[np.float64], config: GridConfig) -> NDArray[np.float32]:
     return values.astype(np.float16 if config.weight_bits == 16 else np.float32).astype(np.float32)
 
 
 def random_pack(
     sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
     groups: Sequence[int] = (0, 1, 0),
-    config: CodecConfig | None = None,
+    config: GridConfig | None = None,
     hashes: Sequence[str] | None = None,
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     seed: int = 0,
 ) -> Pack:
     """A pack of textures with these (width, height), whose decoders give values across [0, 1] and beyond."""
-    config = config or CodecConfig()
+    config = config or GridConfig()
     random = np.random.default_rng(seed)
     textures = tuple(
-        EncodedTexture(
+        GridTexture(
             name=f"texture {index}",
             pixel_hash=hashes[index] if hashes else f"{index:032x}",
             width=width,
@@ -64,7 +66,7 @@ def random_pack(
         for index, (width, height) in enumerate(sizes)
     )
     decoders = tuple(
-        Decoder(
+        GridDecoder(
             weights=tuple(
                 _stored(random.normal(0.0, 1.2 / np.sqrt(inputs), (outputs, inputs)), config)
                 for outputs, inputs in config.layer_shapes
@@ -79,7 +81,7 @@ def random_pack(
     return Pack(config, Grouping("random", tuple(groups), {"seed": seed}), textures, decoders)
 
 
-def square_pack(textures: int, decoders: int, side: int, config: CodecConfig, seed: int = 0) -> Pack:
+def square_pack(textures: int, decoders: int, side: int, config: GridConfig, seed: int = 0) -> Pack:
     """`textures` random textures of `side` x `side` texels; texture i has decoder i modulo `decoders`.
 
     `decoders` is at most `textures`.
@@ -87,7 +89,7 @@ def square_pack(textures: int, decoders: int, side: int, config: CodecConfig, se
     return random_pack([(side, side)] * textures, [index % decoders for index in range(textures)], config, seed=seed)
 
 
-def _random_block_decoder(config: BlockCodecConfig, random: np.random.Generator) -> BlockDecoder:
+def _random_block_decoder(config: BlockConfig, random: np.random.Generator) -> BlockDecoder:
     """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal."""
     falling = 1.0 / np.arange(1, config.coefficients + 1) ** 0.7
     spread = falling * random.lognormal(0.0, 0.5, (config.modes, config.coefficients))
@@ -101,7 +103,7 @@ def _random_block_decoder(config: BlockCodecConfig, random: np.random.Generator)
     return BlockDecoder(basis, scale, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
 
 
-def _random_words(width: int, height: int, config: BlockCodecConfig, random: np.random.Generator) -> NDArray[np.uint32]:
+def _random_words(width: int, height: int, config: BlockConfig, random: np.random.Generator) -> NDArray[np.uint32]:
     """Stored words of random codes of random sizes."""
     levels = latent_levels(width, height, config)
     blocks = latent_cell_count(width, height, config)
@@ -109,17 +111,19 @@ def _random_words(width: int, height: int, config: BlockCodecConfig, random: np.
     return stored_words(BlockCodes(codes, random.integers(0, len(config.block_words), blocks)), levels, config)
 
 
-def _random_axes(config: BlockCodecConfig, random: np.random.Generator) -> NDArray[np.float32]:
-    """Orthogonal axes of each plane, as packs hold them."""
-    sides = [len(channels) for channels in plane_channels(config.maps, config.output_channels).values()]
-    parts = [np.linalg.qr(random.normal(size=(side, side)))[0] * 0.4 for side in sides]
-    return np.concatenate([part.astype(np.float32).reshape(-1) for part in parts])
+def _random_axes(config: BlockConfig, random: np.random.Generator) -> NDArray[np.float32]:
+    """Orthogonal axes of each plane."""
+    axes = np.zeros((config.output_channels, config.output_channels), np.float32)
+    for channels in plane_channels(config.maps, config.output_channels).values():
+        own = list(channels.values())
+        axes[np.ix_(own, own)] = np.linalg.qr(random.normal(size=(len(own), len(own))))[0] * 0.4
+    return axes
 
 
 def random_block_pack(
     sizes: Sequence[tuple[int, int]] = ((64, 64), (40, 24), (17, 33)),
     groups: Sequence[int] = (0, 1, 0),
-    config: BlockCodecConfig | None = None,
+    config: BlockConfig | None = None,
     hashes: Sequence[str] | None = None,
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     seed: int = 0,
@@ -129,13 +133,13 @@ def random_block_pack(
 
     `maps` by texture; None: those of the codec, with all its channels.
     """
-    config = config or BlockCodecConfig()
+    config = config or BlockConfig()
     random = np.random.default_rng(seed)
     channels = config.output_channels
     counts = {name: place.stop - place.start for name, place in map_slices(config.maps, channels).items()}
     kinds = maps or [config.maps] * len(sizes)
     textures = tuple(
-        EncodedTexture(
+        BlockTexture(
             name=f"texture {index}",
             pixel_hash=hashes[index] if hashes else f"{index:032x}",
             width=width,
@@ -145,9 +149,9 @@ def random_block_pack(
             wrap=wrap,
             category=None,
             group=groups[index],
-            latents=_random_words(width, height, config, random).view(np.uint8).reshape(-1, 4),
-            scale=_random_axes(config, random),
-            offset=random.uniform(0.3, 0.7, channels).astype(np.float32),
+            words=_random_words(width, height, config, random),
+            axes=_random_axes(config, random),
+            mean=random.uniform(0.3, 0.7, channels).astype(np.float32),
             maps=kinds[index],
         )
         for index, (width, height) in enumerate(sizes)

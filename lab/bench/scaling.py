@@ -17,7 +17,7 @@ from lab.bench.fixture import (
 from lab.bench.interleaved import Progress, no_progress, time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.render.gpu_pack import GpuPack
 
@@ -42,7 +42,7 @@ class ScalingConfig:
     fixed_textures: int = 20
     fixed_decoders: int = 5
     repeats: int = 5
-    codec: CodecConfig = field(default_factory=CodecConfig)
+    codec: GridConfig = field(default_factory=GridConfig)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class _Setup:
     size: tuple[int, int]
     textures: int
     decoders: int
-    codec: CodecConfig
+    codec: GridConfig
 
 
 def _setups(config: ScalingConfig) -> Iterator[list[_Setup]]:
@@ -151,7 +151,7 @@ def _swept(
     progress: Progress,
 ) -> list[ScalingRow]:
     fixtures: dict[tuple[tuple[int, int], Layout, int], DecodeFixture] = {}
-    packs: dict[tuple[int, int, CodecConfig], GpuPack] = {}
+    packs: dict[tuple[int, int, GridConfig], GpuPack] = {}
     candidates = []
     for setup in sweep:
         seen = (setup.size, setup.layout, setup.textures)

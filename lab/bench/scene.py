@@ -14,14 +14,13 @@ from lab.bench.float64_error import Float64Pixels, float64_pixels
 from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
+from ntc.codec.psnr import finite_or_none, psnr_db
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.image_quality import flip
-from ntc.metrics.metrics import finite_or_none, psnr_db
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.render.resources.precision import EVERYWHERE
-from viewer.render.resources.texel_lists import MakeListDecoder
 from viewer.render.variants.choice import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import (
@@ -143,7 +142,6 @@ def bench_scene(
     config: SceneBenchConfig,
     progress: Progress = no_progress,
     compressed: Mapping[BlockFormat, CompressedTextures] | None = None,
-    list_decoders: MakeListDecoder | None = None,
     variants: VariantChoice | None = None,
 ) -> tuple[SceneBenchRow, ...]:
     """A row for each camera and slot; `compressed` holds the scene's textures in the formats of `config`, and the rest is the
@@ -151,7 +149,7 @@ def bench_scene(
 
     Slots are timed interleaved, frame by frame; the first rounds warm up.
     """
-    renderer = Renderer(context, scene, list_decoders=list_decoders, variants=variants)
+    renderer = Renderer(context, scene, variants=variants)
     renderer.set_packs(packs)
     renderer.images.set_compressed(compressed or {})
     slots = bench_slots(list(packs), config)

@@ -12,13 +12,13 @@ from lab.bench.fixture import DecodeFixture, FixturePath, PackLoader
 from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
-from ntc.accuracy.rescale import stored_pack
-from ntc.accuracy.running_error import running_bounds
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import Precision
+from ntc.codec.grid.accuracy.rescale import stored_pack
+from ntc.codec.grid.accuracy.running_error import running_bounds
 from ntc.codec.model import Pack
+from ntc.codec.psnr import finite_or_none
 from ntc.codec.reference import decode_texels
-from ntc.metrics.metrics import finite_or_none
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
@@ -94,7 +94,7 @@ def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0)
     exact, bound = [], []
     for part in case.requests:
         values = decode_texels(case.pack, part.texture, part.uv, part.lod)
-        if isinstance(case.pack.config, BlockCodecConfig):
+        if isinstance(case.pack.config, BlockConfig):
             exact.append(_padded(values))
             continue
         own = running_bounds(stored, part.texture, part.uv, part.lod, precision, lod_error)
@@ -213,7 +213,7 @@ Progress = Callable[[str], None]
 
 def own_precisions(pack: Pack, precisions: Sequence[Precision]) -> Sequence[Precision]:
     """Those of `precisions` in which `pack` is decoded differently: codec `block` is decoded in fp32 at each."""
-    return ("fp32",) if isinstance(pack.config, BlockCodecConfig) else precisions
+    return ("fp32",) if isinstance(pack.config, BlockConfig) else precisions
 
 
 def stability_rows(

@@ -8,36 +8,36 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from lab.bench.stability_cases import SIZES, StabilityCase, anywhere, place_cases
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import BlockDecoder, block_parts
+from ntc.codec.block.tensors import LARGEST_NUMBER
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE
-from ntc.pack.validate import LARGEST_BLOCK_NUMBER
 
-Words = NDArray[np.uint8]
-SIZED = BlockCodecConfig(coefficients=60, modes=8)
+Words = NDArray[np.uint32]
+SIZED = BlockConfig(coefficients=60, modes=8)
 SINGLE_SIZE = replace(SIZED, block_words=(3,), mean_words=3.0)
 SMALL_BLOCKS = replace(SIZED, block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=40)
-LARGEST = BlockCodecConfig(block_words=(15, 16), mean_words=16.0, coefficients=192, modes=64)
+LARGEST = BlockConfig(block_words=(15, 16), mean_words=16.0, coefficients=192, modes=64)
 
 
 def _with_codes(pack: Pack, fill: Callable[[Words], Words]) -> Pack:
     """`pack`, whose codes have one size and so no directories, with other codes."""
-    return replace(pack, textures=tuple(replace(t, latents=fill(t.latents)) for t in pack.textures))
+    return replace(pack, textures=tuple(replace(t, words=fill(t.words)) for t in block_parts(pack).textures))
 
 
 def _with_tables(pack: Pack, change: Callable[[BlockDecoder], BlockDecoder]) -> Pack:
-    return replace(pack, decoders=tuple(change(decoder) for decoder in pack.block_decoders))
+    return replace(pack, decoders=tuple(change(decoder) for decoder in block_parts(pack).decoders))
 
 
 def _largest_numbers(pack: Pack) -> Pack:
     """`pack` with every number as large as files may hold it."""
-    largest = np.float32(LARGEST_BLOCK_NUMBER)
+    largest = np.float32(LARGEST_NUMBER)
     tables = _with_tables(
         pack,
         lambda one: BlockDecoder(one.basis, np.full_like(one.basis_scale, largest), np.full_like(one.scales, 255)),
     )
-    textures = (replace(t, scale=np.sign(t.scale) * largest) for t in tables.textures)
+    textures = (replace(t, axes=np.sign(t.axes) * largest) for t in block_parts(tables).textures)
     return replace(tables, textures=tuple(textures))
 
 
@@ -53,7 +53,7 @@ def block_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
         "largest codes and tables": random_block_pack(SIZES, (0, 1), LARGEST),
         "blocks of 4x4": random_block_pack(SIZES, (0, 1), SMALL_BLOCKS),
         "codes 0": _with_codes(plain, np.zeros_like),
-        "codes of ones": _with_codes(plain, lambda words: np.full_like(words, 255)),
+        "codes of ones": _with_codes(plain, lambda words: np.full_like(words, 0xFFFFFFFF)),
         "basis 0": _with_tables(plain, lambda one: replace(one, basis=np.zeros_like(one.basis))),
         "scales at the least": _with_tables(plain, lambda one: replace(one, scales=np.zeros_like(one.scales))),
         "numbers as large as files may hold": _largest_numbers(plain),

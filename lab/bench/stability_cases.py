@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
 from ntc.codec.latents import latent_levels
-from ntc.codec.model import Adapter, Decoder, Pack
+from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE as LARGEST_PACK_SIDE
 
 Array = NDArray[np.float64]
@@ -21,7 +23,7 @@ LARGEST_SIDE = 16384
 MANY_DECODERS = 2000
 HOSTILE_NUMBERS = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38, 1e20, -1e9, 16777217.0, 1e-45, -1e-30, -0.0, 0.25)
 BESIDE_AN_EDGE = (0.0, 1e-45, -1e-45, 1e-10, -1e-10, 3e-8, -3e-8, 1e-7, -1e-7, 1e-5, -1e-5)
-SMALL_CODEC = CodecConfig(hidden_width=16)
+SMALL_CODEC = GridConfig(hidden_width=16)
 """Codec of most cases: hostile inputs do not depend on the width, and wide networks that emulate halves compile slowly."""
 
 
@@ -67,14 +69,14 @@ def anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Reque
 def changed(pack: Pack, weights: Sequence[Change], biases: Sequence[Change]) -> Pack:
     """`pack` with weights and biases of each layer changed."""
 
-    def of(decoder: Decoder) -> Decoder:
+    def of(decoder: GridDecoder) -> GridDecoder:
         with np.errstate(over="ignore", under="ignore"):
-            return Decoder(
+            return GridDecoder(
                 tuple(change(part).astype(np.float32) for change, part in zip(weights, decoder.weights, strict=True)),
                 tuple(change(part).astype(np.float32) for change, part in zip(biases, decoder.biases, strict=True)),
             )
 
-    return replace(pack, decoders=tuple(of(decoder) for decoder in pack.grid_decoders))
+    return replace(pack, decoders=tuple(of(decoder) for decoder in grid_parts(pack).decoders))
 
 
 def scaled(pack: Pack, first: int, second: int, third: int) -> Pack:
@@ -94,12 +96,14 @@ def _largest_weights(part: NDArray[np.float32]) -> NDArray[np.floating]:
 def reordered(pack: Pack, seed: int = 0) -> Pack:
     """The same function with hidden neurons in another order, so that all sums are summed up in another order."""
     random = np.random.default_rng(seed)
-    orders = [[random.permutation(pack.grid_config.hidden_width) for _ in range(2)] for _ in pack.grid_decoders]
+    orders = [
+        [random.permutation(grid_parts(pack).config.hidden_width) for _ in range(2)] for _ in grid_parts(pack).decoders
+    ]
 
-    def of(decoder: Decoder, first: NDArray[np.int64], second: NDArray[np.int64]) -> Decoder:
+    def of(decoder: GridDecoder, first: NDArray[np.int64], second: NDArray[np.int64]) -> GridDecoder:
         a, b, c = decoder.weights
         weights = (a[first], b[np.ix_(second, first)], c[:, second])
-        return Decoder(weights, (decoder.biases[0][first], decoder.biases[1][second], decoder.biases[2]))
+        return GridDecoder(weights, (decoder.biases[0][first], decoder.biases[1][second], decoder.biases[2]))
 
     def adapted(adapter: Adapter | None, order: Sequence[NDArray[np.int64]]) -> Adapter | None:
         if adapter is None:
@@ -112,13 +116,13 @@ def reordered(pack: Pack, seed: int = 0) -> Pack:
 
     return replace(
         pack,
-        decoders=tuple(of(decoder, *order) for decoder, order in zip(pack.grid_decoders, orders, strict=True)),
-        textures=tuple(replace(t, adapter=adapted(t.adapter, orders[t.group])) for t in pack.textures),
+        decoders=tuple(of(decoder, *order) for decoder, order in zip(grid_parts(pack).decoders, orders, strict=True)),
+        textures=tuple(replace(t, adapter=adapted(t.adapter, orders[t.group])) for t in grid_parts(pack).textures),
     )
 
 
 def _with_latents(pack: Pack, fill: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]) -> Pack:
-    return replace(pack, textures=tuple(replace(t, latents=fill(t.latents)) for t in pack.textures))
+    return replace(pack, textures=tuple(replace(t, latents=fill(t.latents)) for t in grid_parts(pack).textures))
 
 
 def wrapped_pack(pack: Pack) -> Pack:
@@ -167,7 +171,7 @@ def stability_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
     adapted = random_pack(
         SIZES,
         (0, 0),
-        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16),
+        GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16),
     )
     overflow = scaled(plain, 15, 1, -16)
     many = random_pack([(4, 4)] * MANY_DECODERS, range(MANY_DECODERS), SMALL_CODEC)

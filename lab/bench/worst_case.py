@@ -18,7 +18,7 @@ from lab.bench.fixture import (
 from lab.bench.interleaved import Progress, Spread, no_progress, time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.render.gpu_pack import GpuPack
 from viewer.render.resources.layout import GROUP_SIDE
@@ -40,7 +40,7 @@ class WorstCaseConfig:
     """1 to BLOCK_PIXELS each."""
     precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 7
-    codec: CodecConfig = field(default_factory=CodecConfig)
+    codec: GridConfig = field(default_factory=GridConfig)
 
 
 @dataclass(frozen=True)

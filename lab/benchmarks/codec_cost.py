@@ -11,11 +11,11 @@ from typing import Any
 
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
-from ntc.training.config import TrainingConfig
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
@@ -24,13 +24,13 @@ from viewer.scene.source_textures import source_textures
 from viewer.state.view_state import Slot, ViewState
 
 TEXTURE_SIZE = 64
-CODECS: Mapping[str, CodecConfig] = {
-    "4 channels of 8 bits": CodecConfig(),
-    "+ scales and biases": CodecConfig(adapters=True),
-    "+ output layers": CodecConfig(adapters=True, adapter_output=True),
-    "8 channels of 4 bits": CodecConfig(latent_channels=8, latent_bits=4),
-    "8 of 4 bits, adapters (best)": CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-    "8 channels of 8 bits": CodecConfig(latent_channels=8),
+CODECS: Mapping[str, GridConfig] = {
+    "4 channels of 8 bits": GridConfig(),
+    "+ scales and biases": GridConfig(adapters=True),
+    "+ output layers": GridConfig(adapters=True, adapter_output=True),
+    "8 channels of 4 bits": GridConfig(latent_channels=8, latent_bits=4),
+    "8 of 4 bits, adapters (best)": GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+    "8 channels of 8 bits": GridConfig(latent_channels=8),
 }
 
 
@@ -39,7 +39,7 @@ def packs_of(scene: Scene, decoders: int) -> dict[str, Pack]:
     textures = source_textures(scene, TEXTURE_SIZE)
     grouping = Grouping("in turn", tuple(index % decoders for index in range(len(textures))))
     training = TrainingConfig(steps=1, texels_per_texture=1, device="cpu")
-    return {name: train(textures, grouping, codec, training) for name, codec in CODECS.items()}
+    return {name: encode_textures(textures, grouping, codec, training) for name, codec in CODECS.items()}
 
 
 def measure(

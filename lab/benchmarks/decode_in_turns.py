@@ -27,7 +27,7 @@ from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred
 from viewer.render.pass_scheduler import PassScheduler, Step
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.layout import scene_includes
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
@@ -114,9 +114,7 @@ def measure(
     rounds: int,
 ) -> list[dict[str, Any]]:
     """A row of medians for each pack and way."""
-    programs = ProgramFactory(
-        graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
-    )
+    programs = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), scene_includes()))
     buffers, timer = SceneBuffers(graphics, scene, material_records(scene)), PassTimer(graphics)
     tiles = TileCacheConfig()
     context = RenderContext(graphics, scene, buffers, timer, tiles, TileBudget(tiles), latents=None)

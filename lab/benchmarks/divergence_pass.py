@@ -18,7 +18,7 @@ from viewer.locations import shaders_folder
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
-from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.layout import scene_includes
 from viewer.scene.load import load_scene
 from viewer.state.view_state import BLOCKS, ViewState
 
@@ -36,7 +36,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 2
     renderer = Renderer(context, scene)
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     programs, timer = ProgramFactory(context.gl, library), PassTimer(context)
     passes = {stage: DivergencePass(context, programs, stage) for stage in STAGES}
     count = len(scene.textures)

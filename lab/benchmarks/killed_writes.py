@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import is_partial, write_text
@@ -47,7 +48,7 @@ class Result:
 
 
 def _versions() -> list[Pack]:
-    config = CodecConfig(hidden_width=4)
+    config = GridConfig(hidden_width=4)
     return [random_pack(((SIDE, SIDE),), (0,), config, seed=seed) for seed in (1, 2)]
 
 
@@ -65,7 +66,8 @@ def _whole(path: Path, versions: list[Pack]) -> bool:
         pack = read_pack(path)
     except InputError:
         return False
-    return any(np.array_equal(pack.textures[0].latents, version.textures[0].latents) for version in versions)
+    latents = [grid_parts(one).textures[0].latents for one in (pack, *versions)]
+    return any(np.array_equal(latents[0], version) for version in latents[1:])
 
 
 def kill_writers(path: Path, kills: int, seed: int) -> Result:

@@ -23,7 +23,7 @@ import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.io import write_text
 from tests.gl.small_scenes import FRONT, objects
@@ -38,7 +38,7 @@ from viewer.state.navigation import turned
 from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState
 
 SIZES = ((64, 48), (40, 40), (96, 32))
-CODEC = CodecConfig(hidden_width=8, positional_octaves=1)
+CODEC = GridConfig(hidden_width=8, positional_octaves=1)
 SWAP_EVERY = 50
 """Frames between two versions of a pack."""
 WARM_UP_SHARE = 0.1

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.textures import SourceTexture
 
 
@@ -28,7 +28,7 @@ class PlainTraining:
     """Grids and decoders of textures in groups; all textures wrap around."""
 
     def __init__(
-        self, textures: Sequence[SourceTexture], groups: Sequence[int], config: CodecConfig, device: torch.device
+        self, textures: Sequence[SourceTexture], groups: Sequence[int], config: GridConfig, device: torch.device
     ) -> None:
         self._config, self._device = config, device
         self._images = [

@@ -17,12 +17,13 @@ import torch
 
 from lab.benchmarks.plain_training import PlainTraining
 from lab.studies.settings import StudySettings
-from ntc.codec.config import CodecConfig, GroupingConfig
+from ntc.codec.config import GroupingConfig
+from ntc.codec.device import choose_device, peak_memory_bytes
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.batch import TrainingBatch
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.io import write_text
-from ntc.training.batch import TrainingBatch
-from ntc.training.device import choose_device, peak_memory_bytes
 from viewer.cli.encode import read_source
 
 STEPS_A_TURN = 10
@@ -44,10 +45,10 @@ def measure(source: Path, texture_size: int, clusters: int, turns: int, device: 
     grouping = make_grouping(GroupingConfig("clustered", clusters), textures, GroupingInputs())
     settings = StudySettings(steps=100000)
     paper = settings.codec("paper", 3)
-    plain = PlainTraining(textures, grouping.groups, CodecConfig(levels=1), device)
+    plain = PlainTraining(textures, grouping.groups, GridConfig(levels=1), device)
     per_texture = settings.texels_per_texture
 
-    def batch(codec: CodecConfig, recipe: str) -> TrainingBatch:
+    def batch(codec: GridConfig, recipe: str) -> TrainingBatch:
         training = settings.training("paper" if recipe == "paper" else "best", 0)
         return TrainingBatch(textures, grouping.groups, codec, training, device, torch.Generator().manual_seed(0))
 

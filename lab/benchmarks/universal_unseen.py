@@ -14,18 +14,19 @@ from assets.build.universal import fitted_tables, permissive_textures
 from lab.benchmarks.block_against_astc import FORMATS
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.set_quality import PictureQuality, picture_quality
-from ntc.codec.block.blocks import sample_textures
-from ntc.codec.block.encoder import encode_texture
+from ntc.codec.block.encoding.blocks import sample_textures
+from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.quantizer import TrellisQuantizer
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.encoding.sharing import share_words
+from ntc.codec.block.encoding.tables import rate_curve
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.quantizer import TrellisQuantizer
-from ntc.codec.block.rate import TextureSet, config_for_bits
 from ntc.codec.block.reference import decode_image
-from ntc.codec.block.sharing import share_words
-from ntc.codec.block.tables import rate_curve
+from ntc.codec.psnr import PsnrSummary
+from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import write_text
-from ntc.metrics.metrics import PsnrSummary
 from viewer.locations import blocks_cache
 
 

@@ -15,13 +15,13 @@ from lab.bench.interleaved import time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import Tiling
 from lab.benchmarks.measuring import report
-from ntc.training.config import recipe_codec
+from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.grid.training.config import recipe_codec
 from viewer.gl.context import create_headless_context
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.variant import SOFTWARE
 from viewer.render.resources.visibility_buffer import PlaneReading
 
 SIZE = (512, 512)

@@ -17,16 +17,15 @@ from lab.bench.tables import scaling_table, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
-from ntc.training.config import recipe_codec
 from viewer.cli.render import compression_statistics
 from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
-from viewer.render.back_ends import list_decoders
 from viewer.render.path_choice import drawable_paths, unsupported_paths
 from viewer.render.resources.precision import supported_precisions
 from viewer.render.variants.choice import VariantChoice
@@ -52,10 +51,8 @@ def _check(options: BenchOptions) -> None:
     if options.json.suffix != ".json":
         raise InputError(f"--json {options.json}: a record's name ends in .json")
     VariantChoice(options.decoder_variant)
-    own = (("--decoder-variant", options.decoder_variant), ("--decode-with", options.decode_with))
-    for option, asked in own:
-        if asked and options.what not in ("all", "scene"):
-            raise InputError(f"{option} {asked}: only --what scene and all have it")
+    if options.decoder_variant and options.what not in ("all", "scene"):
+        raise InputError(f"--decoder-variant {options.decoder_variant}: only --what scene and all have it")
     if options.repeats < 1:
         raise InputError(f"--repeats {options.repeats}: must be at least 1")
     if options.memory_mb < LEAST_MEMORY_MB:
@@ -78,14 +75,14 @@ def _check(options: BenchOptions) -> None:
         _with_width(_codec(options), "--scaling-widths", width)
 
 
-def _with_width(codec: CodecConfig, option: str, width: int) -> CodecConfig:
+def _with_width(codec: GridConfig, option: str, width: int) -> GridConfig:
     try:
         return replace(codec, hidden_width=width)
     except ValueError as error:
         raise InputError(f"{option} {width}: must be a multiple of 4 from 4 to 256") from error
 
 
-def _codec(options: BenchOptions) -> CodecConfig:
+def _codec(options: BenchOptions) -> GridConfig:
     codec = recipe_codec(options.codec, 3, None)
     return codec if options.hidden_width is None else _with_width(codec, "--hidden-width", options.hidden_width)
 
@@ -217,19 +214,14 @@ def _bench_scene(
     name = opened.scene.name
     compressed = opened.compressed
     places = (opened.scene, opened.packs, opened.cameras)
-    lists = list_decoders(options.decode_with or "glsl")
     variants = VariantChoice.of_environment(options.decoder_variant, print)
-    rows = bench_scene(context, *places, config, report(name), compressed, lists, variants)
+    rows = bench_scene(context, *places, config, report(name), compressed, variants)
     table = scene_table(rows)
     width, height = config.size
     title = f"{name}: {len(opened.cameras)} cameras, {width}x{height}, {context.info.renderer}"
     content = {
         "name": name,
-        "settings": {
-            **asdict(config),
-            "decoder_variant": options.decoder_variant,
-            "decode_with": options.decode_with or "glsl",
-        },
+        "settings": {**asdict(config), "decoder_variant": options.decoder_variant},
         "block_compression": [compression_statistics(found) for found in compressed.values()],
         "table": [dict(row) for row in table.rows],
         "rows": [asdict(row) for row in rows],

@@ -7,7 +7,9 @@ from typing import Annotated, Literal, get_args
 import tyro
 
 from lab.studies.settings import BlockSide, ScaleName, StudySettings
-from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, RecipeName
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
+from ntc.codec.encoding import RecipeName
+from ntc.codec.registry import CodecName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
 from viewer.cli.options import DecoderOptions, Gpu, OptionalScene, Packs, Size, Sizes, Switch
@@ -174,7 +176,7 @@ class TrainingStudyOptions:
 class AblationStudyOptions(TrainingStudyOptions):
     """What each part of the recipe is worth, at equal samples; with --codec block what each of its settings is, at equal bits."""
 
-    codec: CodecKind = "grid"
+    codec: CodecName = "grid"
     """The codec whose parts are changed."""
     bits: float = 2.0
     """Codec block: bits per texel of all mips."""

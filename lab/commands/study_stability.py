@@ -17,7 +17,7 @@ from lab.bench.trained_loss import TrainedLoss, trained_loss
 from lab.commands.options import StabilityStudyOptions
 from lab.commands.study_output import check_output, write_study
 from lab.studies.bound_check import BoundCheck, check_bounds
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import open_scene, packs_for
@@ -118,7 +118,7 @@ def stability_figure(rows: Sequence[StabilityRow], title: str) -> Figure:
 
 
 def _checks(options: StabilityStudyOptions, packs: dict[str, Pack], console: Console) -> list[BoundCheck]:
-    packs = {name: pack for name, pack in packs.items() if isinstance(pack.config, CodecConfig)}
+    packs = {name: pack for name, pack in packs.items() if isinstance(pack.config, GridConfig)}
     cases = {
         case.name: case.pack
         for case in stability_cases(1, options.seed)

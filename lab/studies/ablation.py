@@ -8,14 +8,14 @@ import numpy as np
 from lab.studies.quality_table import COLUMNS, by_key, quality_row, textures_db
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, in_the_manner_of, recipe_codec
 from ntc.codec.model import Grouping
-from ntc.training.config import FreezingConfig, TrainingConfig, in_the_manner_of, recipe_codec
 from viewer.cli.table import Cell, Column, Table
 
 BEST = "best"
 PAPER = "paper"
-Change = Callable[[CodecConfig, TrainingConfig], tuple[CodecConfig, TrainingConfig]]
+Change = Callable[[GridConfig, TrainingConfig], tuple[GridConfig, TrainingConfig]]
 
 
 def _codec(**changes: object) -> Change:

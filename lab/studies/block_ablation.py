@@ -5,24 +5,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lab.studies.runs import Report, RunResult
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.rate import TextureSet, block_count, config_for_bits, side_bits, texel_count, texture_set
-from ntc.codec.block.sharing import DEFAULT_SHARING, Sharing
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
+from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, Sharing
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import finite_or_none
+from ntc.codec.texture_set import TextureSet, texture_set
 from ntc.codec.textures import SourceTexture
-from ntc.metrics.metrics import bits_with_mips, finite_or_none
-from ntc.training.encode_blocks import encode_blocks
+from ntc.metrics.metrics import bits_with_mips
+from ntc.training.encode import encode_textures
 
 
 @dataclass(frozen=True)
 class Variant:
     """Settings that are compared."""
 
-    config: BlockCodecConfig
+    config: BlockConfig
     sharing: Sharing = DEFAULT_SHARING
 
 
-def _at_bits(config: BlockCodecConfig, known: TextureSet, bits: float) -> BlockCodecConfig:
+def _at_bits(config: BlockConfig, known: TextureSet, bits: float) -> BlockConfig:
     """`config` with the words that come to `bits` a texel, as far as its sizes of codes allow that."""
     left = bits * texel_count(known.sizes, config) - side_bits(known, config)
     words = left / (32.0 * block_count(known.sizes, config))
@@ -60,13 +63,9 @@ def measured_variant(
 ) -> RunResult:
     """Encode in the settings of `variant`. Bits are those of all mips."""
     began = time.process_time()
-    pack = encode_blocks(
-        textures,
-        grouping,
-        variant.config,
-        seed,
-        report=lambda progress: report(progress.done, progress.textures),
-        sharing=variant.sharing,
+    options = BlockOptions(seed, worth=variant.sharing.worth, balance=variant.sharing.balance)
+    pack = encode_textures(
+        textures, grouping, variant.config, options, lambda progress: report(progress.step, progress.steps)
     )
     return RunResult(
         name=name,

@@ -5,18 +5,20 @@ from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
 from lab.studies.settings import BlockSide
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.registry import codec_of
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_block import torch_codec
-from ntc.training.encode_blocks import encode_blocks
+from ntc.training.encode import encode_textures
 
 
 def measured_pack(
     pack: Pack, textures: Sequence[SourceTexture], cpu_seconds: float, flip_every: int = 1
 ) -> tuple[tuple[PictureQuality, ...], SetQuality]:
     """Each texture's quality in `pack`, which encodes `textures`, and the set's. FLIP is that of every `flip_every`-th texture."""
-    codec = torch_codec(pack, "cpu")
+    codec = codec_of(pack.config).torch_twin(pack, "cpu")
     pictures = tuple(
         picture_quality(texture.pixels, codec.decode_image(index), index % flip_every == 0)
         for index, texture in enumerate(textures)
@@ -33,5 +35,5 @@ def measured_block_codec(
     """
     config = config_for_bits(bits, texture_set(textures, grouping.stored_decoders), side)
     began = time.process_time()
-    pack = encode_blocks(textures, grouping, config)
+    pack = encode_textures(textures, grouping, config, BlockOptions())
     return measured_pack(pack, textures, time.process_time() - began, flip_every)

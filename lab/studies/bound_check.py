@@ -5,14 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.accuracy.error_bound import texture_bounds
-from ntc.accuracy.half_reference import as_stored, run_decoder_in_half
-from ntc.accuracy.rescale import stored_pack
-from ntc.accuracy.running_error import running_bounds
 from ntc.codec.config import Precision
+from ntc.codec.grid.accuracy.error_bound import texture_bounds
+from ntc.codec.grid.accuracy.half_reference import as_stored, run_decoder_in_half
+from ntc.codec.grid.accuracy.rescale import stored_pack
+from ntc.codec.grid.accuracy.running_error import running_bounds
+from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
+from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.latents import latent_levels
-from ntc.codec.model import Adapter, Decoder, Pack
-from ntc.codec.reference import decoder_inputs, run_decoder
+from ntc.codec.model import Pack
 
 TEXELS_AT_ONCE = 1 << 14
 Single = NDArray[np.float32]
@@ -38,7 +39,7 @@ class BoundCheck:
 
 
 def run_decoder_in_single(
-    decoder: Decoder, inputs: Single, leaky_slope: float, adapter: Adapter | None, halves: bool
+    decoder: GridDecoder, inputs: Single, leaky_slope: float, adapter: Adapter | None, halves: bool
 ) -> Single:
     """[N, outputs] float32, not clamped: fp32 in whatever order a matrix product sums; weights stored as `halves`."""
 
@@ -59,8 +60,9 @@ def run_decoder_in_single(
 
 
 def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision: Precision) -> Single:
-    encoded, slope = stored.textures[texture], stored.grid_config.leaky_slope
-    decoder, single = stored.grid_decoders[encoded.group], inputs.astype(np.float32)
+    own = grid_parts(stored)
+    encoded, slope = own.textures[texture], own.config.leaky_slope
+    decoder, single = own.decoders[encoded.group], inputs.astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             accumulate = precision == "fp16-accumulate"
@@ -73,11 +75,11 @@ def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision:
 def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed: int = 0) -> BoundCheck:
     """Compare at about `texels` random texels, shared by the textures of `pack`."""
     random = np.random.default_rng(seed)
-    stored = stored_pack(pack, precision)
+    stored, own = stored_pack(pack, precision), grid_parts(pack)
     wholes = [bound.error for bound in texture_bounds(pack, precision)]
     done = beyond = 0
     largest = largest_bound = share = 0.0
-    for index, texture in enumerate(pack.textures):
+    for index, texture in enumerate(own.textures):
         levels = len(latent_levels(texture.width, texture.height, pack.config))
         left = max(1, texels // len(pack.textures))
         while left > 0:
@@ -85,11 +87,8 @@ def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed:
             uv = random.uniform(-2.0, 2.0, (count, 2)).astype(np.float32).astype(np.float64)
             lod = random.uniform(-0.5, levels - 0.5, count).astype(np.float32).astype(np.float64)
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
-            slope = pack.grid_config.leaky_slope
-            exact = run_decoder(pack.grid_decoders[texture.group], inputs, slope, texture.adapter)[
-                :, : texture.channels
-            ]
-            error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact, 0.0, 1.0))
+            exact = run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
+            error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact[:, : texture.channels], 0.0, 1.0))
             bound = running_bounds(stored, index, uv, lod, precision)
             beyond += int((error > bound).sum()) + int((bound > wholes[index] * (1.0 + 1e-6)).sum())
             largest, largest_bound = max(largest, float(error.max())), max(largest_bound, float(bound.max()))

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from lab.studies.quality_table import by_key
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
+from ntc.codec.grid.training.config import FreezingConfig
 from ntc.codec.model import Grouping
-from ntc.training.config import FreezingConfig
 
 STARTS = (0.25, 0.5, 0.75)
 GRADUAL = 0.1

@@ -11,8 +11,8 @@ from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import PsnrSummary
 from ntc.codec.textures import SourceTexture
-from ntc.metrics.metrics import PsnrSummary
 from viewer.cli.table import Cell, Column, Table
 
 ALL = "all levels"

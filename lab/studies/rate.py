@@ -12,11 +12,11 @@ from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Report, Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality, texels_with_mips
 from lab.studies.settings import BlockSide
+from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat
-from ntc.training.config import TrainingConfig, in_the_manner_of, recipe_codec
 
 Step = Callable[[Report], RatePoint]
 GRID_SETTINGS = ((4, 4), (8, 4), (16, 4), (16, 8))

@@ -8,19 +8,20 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.device import choose_device
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.torch_twin import TorchGrid
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.psnr import finite_or_none, psnr_db
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_codec import TorchCodec
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat, compress
 from ntc.metrics.image_quality import flip, level_psnr, ssim
-from ntc.metrics.metrics import finite_or_none, psnr_db, psnr_table
+from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig
-from ntc.training.device import choose_device
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 
 LARGEST_FILE = 1 << 26
@@ -36,7 +37,7 @@ class Run:
     name: str
     """Name of the variant."""
     grouping: Grouping
-    codec: CodecConfig
+    codec: GridConfig
     training: TrainingConfig
     level: int = 0
     """The mip of the textures that is encoded as if it were the whole texture."""
@@ -129,7 +130,7 @@ def _at_level(textures: Sequence[SourceTexture], level: int) -> list[SourceTextu
 def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[SourceTexture]) -> RunResult:
     if not (run.pictures or run.every_level):
         return result
-    codec = TorchCodec(pack, choose_device(run.training.device))
+    codec = TorchGrid(pack, choose_device(run.training.device))
     if run.every_level:
         levels = [level_psnr(pack, index, texture, codec.decode_image) for index, texture in enumerate(textures)]
         result = replace(result, level_psnr_db=tuple(tuple(finite_or_none(value) for value in row) for row in levels))
@@ -160,7 +161,7 @@ def finished_run(
 
     state = path.with_suffix(".state")
     began = time.monotonic()
-    pack = train(sources, run.grouping, run.codec, run.training, listen, state=state)
+    pack = encode_textures(sources, run.grouping, run.codec, run.training, listen, state=state)
     seconds = time.monotonic() - began
     steps = int(pack.training["steps"])
     result = RunResult(

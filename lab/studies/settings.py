@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ntc.codec.config import CodecConfig, RecipeName
+from ntc.codec.encoding import RecipeName
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
 from ntc.errors import InputError
-from ntc.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
 
 BlockSide = Literal[4, 8]
 """Texels of codec `block`'s blocks along one side."""
@@ -50,6 +51,6 @@ class StudySettings:
         )
         return in_the_manner_of(recipe, same)
 
-    def codec(self, recipe: RecipeName, output_channels: int) -> CodecConfig:
+    def codec(self, recipe: RecipeName, output_channels: int) -> GridConfig:
         """The codec of `recipe`."""
         return recipe_codec(recipe, output_channels, self.levels)

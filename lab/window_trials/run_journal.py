@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 
 
 def fingerprint(pack: Pack) -> str:
@@ -14,7 +15,7 @@ def fingerprint(pack: Pack) -> str:
     digest = hashlib.sha256()
     for texture in pack.textures:
         digest.update(texture.pixel_hash.encode())
-        for values in (texture.latents, texture.scale, texture.offset):
+        for values in codec_of(pack.config).texture_tensors(texture, pack.config).values():
             digest.update(values.tobytes())
     return digest.hexdigest()
 

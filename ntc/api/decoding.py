@@ -65,9 +65,9 @@ def decode(pack: Pack, texture: int, level: int = 0, backend: Literal["numpy", "
     _checked(pack, texture, level)
     if backend == "numpy":
         return decode_image(pack, texture, level)
-    from ntc.codec.torch_block import torch_codec
+    from ntc.codec.registry import codec_of
 
-    return np.asarray(torch_codec(pack, "cpu").decode_image(texture, level))
+    return np.asarray(codec_of(pack.config).torch_twin(pack, "cpu").decode_image(texture, level))
 
 
 def decode_maps(pack: Pack, texture: int, level: int = 0) -> dict[MapName, NDArray[np.uint8]]:
@@ -84,13 +84,13 @@ def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu
     import torch
 
     from ntc.codec.reference import texel_centres
-    from ntc.codec.torch_block import torch_codec
+    from ntc.codec.registry import codec_of
 
     own = pack.textures[_checked(pack, texture, level)]
     mip = latent_levels(own.width, own.height, pack.config)[level]
     at = torch.from_numpy(texel_centres(mip.texel_width, mip.texel_height)).to(device)
     lod = torch.full((len(at),), float(level), device=device)
-    texels = torch_codec(pack, device).texels(texture, at, lod, own.wrap)
+    texels: torch.Tensor = codec_of(pack.config).torch_twin(pack, device).texels(texture, at, lod, own.wrap)
     return texels.reshape(mip.texel_height, mip.texel_width, own.channels)
 
 

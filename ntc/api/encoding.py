@@ -1,21 +1,22 @@
 """Encoding arrays of pixels."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.targets import BitsTarget, BlockTarget
 from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
+from ntc.codec.encoding import EncodingChoices
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.codec.interruption import CancelQuestion
 from ntc.codec.maps import MAPS, MapName, joint_maps
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.registry import CodecName, codec_named
+from ntc.codec.targets import Target
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.training.config import TrainingConfig, recipe_codec, recipe_config
-from ntc.training.progress import CancelQuestion
 
 
 def texture(
@@ -64,10 +65,10 @@ def material(
 def encode(
     textures: Sequence[SourceTexture],
     *,
-    codec: Literal["block", "grid"] = "block",
+    codec: CodecName = "block",
     grouping: GroupingConfig | Grouping | None = None,
     inputs: GroupingInputs | None = None,
-    target: BlockTarget | None = None,
+    target: Target | None = None,
     training: TrainingConfig | None = None,
     seed: int = 0,
     cancelled: CancelQuestion | None = None,
@@ -84,18 +85,19 @@ def encode(
     """
     if not textures:
         raise InputError("there is no texture to encode")
-    if (codec == "grid" and target is not None) or (codec == "block" and training is not None):
-        raise InputError(f"codec {codec}: takes no {'target' if codec == 'grid' else 'training'}; leave it out")
+    chosen = codec_named(codec)
+    choices = EncodingChoices(target=target, seed=seed)
+    if training is not None and not chosen.trains:
+        raise InputError(f"codec {codec}: takes no training; leave it out")
+    if target is not None and chosen.refusals(choices):
+        raise InputError(f"codec {codec}: takes no target; leave it out")
     found = grouping
     if not isinstance(found, Grouping):
         found = make_grouping(found or GroupingConfig("baseline"), textures, inputs or GroupingInputs())
-    # Both take torch, which takes seconds to import.
-    if codec == "block":
-        from ntc.training.encode_targets import encode_to_target
+    # It takes torch, which takes seconds to import.
+    from ntc.training.encode import encode_chosen, encode_textures
 
-        return encode_to_target(textures, found, target or BitsTarget(2.0), seed=seed, cancelled=cancelled)
-    from ntc.training.encode import train
-
-    settings = training if training is not None else replace(recipe_config("best"), seed=seed)
-    maps, channels = joint_maps((each.maps, each.channels) for each in textures)
-    return train(textures, found, recipe_codec(settings.recipe, channels, None, maps), settings, cancelled=cancelled)
+    if training is None:
+        return encode_chosen(textures, found, chosen, choices, cancelled=cancelled)
+    settings = chosen.settings_for(texture_set(textures, 0), EncodingChoices(training.recipe))
+    return encode_textures(textures, found, settings, training, cancelled=cancelled)

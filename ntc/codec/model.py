@@ -3,41 +3,16 @@
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
+from ntc.codec.config import UNIVERSAL, ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, MapName, channel_places
-from ntc.errors import InputError
-
-AnyCodec = CodecConfig | BlockCodecConfig
-
-
-@dataclass(frozen=True, eq=False)
-class Adapter:
-    """What specialises a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
-
-    The biases stand in place of the decoder's own, so that they cost nothing to decode. Values are exact in half precision.
-    """
-
-    scales: NDArray[np.float32]
-    """[2, hidden_width] float32."""
-    biases: NDArray[np.float32]
-    """[2, hidden_width] float32."""
-    output_weight: NDArray[np.float32] | None = None
-    """[outputs, hidden_width] float32, in place of the decoder's output layer, where codec.adapter_output is set."""
-    output_bias: NDArray[np.float32] | None = None
-    """[outputs] float32."""
+from ntc.codec.settings import CodecSettings
 
 
 @dataclass(frozen=True, eq=False)
 class EncodedTexture:
-    """One texture as its pyramid of latents."""
+    """What a pack of any codec knows of a texture. Each codec adds the arrays that it decodes from."""
 
     name: str
     pixel_hash: str
@@ -54,55 +29,23 @@ class EncodedTexture:
     category: str | None
     group: int
     """Index of the decoder that decodes this texture."""
-    latents: NDArray[np.uint8]
-    """The levels of `ntc.codec.latents.latent_levels`, one after the other. Codec `grid`: [cells, latent_channels] uint8, 0 to
-    `CodecConfig.largest_stored`. Codec `block`: [words, 4] uint8, `BlockTexture.words`, little-endian."""
-    scale: NDArray[np.float32]
-    """Codec `grid`: [latent_channels] float32; latent value = offset + scale * stored integer. Codec `block`: [sum of k * k]
-    float32, the parts of `BlockTexture.axes`: for each plane of the codec's maps the rows of its k x k matrix, one after the other."""
-    offset: NDArray[np.float32]
-    """Codec `grid`: [latent_channels] float32. Codec `block`: [output_channels] float32, `BlockTexture.mean`."""
-    adapter: Adapter | None = None
-    """Present exactly when the codec is `grid` and has adapters."""
     psnr_db: float | None = None
     """PSNR in dB of mip 0 over 8-bit values of all channels, measured after quantisation by the encoder."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Those of `AnyCodec.maps` that the texture has; more than `base` alone: a material set."""
-
+    """Those of `CodecSettings.maps` that the texture has; more than `base` alone: a material set."""
     map_psnr_db: tuple[float | None, ...] = ()
     """Of a material set: PSNR in dB of mip 0 of each of `maps`, as `psnr_db`; empty where it is not known."""
     normal_degrees: tuple[float, float] | None = None
     """Of a material set with normals: mean and 95th percentile of the angle in degrees between decoded and original ones."""
 
-    def places(self, config: AnyCodec) -> list[int]:
+    def places(self, config: CodecSettings) -> list[int]:
         """Which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
         return list(channel_places(self.maps, self.channels, config.maps, config.output_channels))
 
 
 @dataclass(frozen=True, eq=False)
 class Decoder:
-    """Weights of one decoder: three linear layers, LeakyReLU after the first two, linear output."""
-
-    weights: tuple[NDArray[np.float32], ...]
-    """Per layer [outputs, inputs] float32, the shapes of `CodecConfig.layer_shapes`."""
-    biases: tuple[NDArray[np.float32], ...]
-    """Per layer [outputs] float32."""
-
-
-AnyDecoder = Decoder | BlockDecoder
-Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32]]
-"""(weight [outputs, inputs], scale [outputs] or None, bias [outputs]): scale * (weight x) + bias."""
-
-
-def specialised_layers(decoder: Decoder, adapter: Adapter | None) -> list[Layer]:
-    """The layers of `decoder` as `adapter` specialises them."""
-    layers: list[Layer] = [(weight, None, bias) for weight, bias in zip(decoder.weights, decoder.biases, strict=True)]
-    if adapter is not None:
-        for number, (scale, bias) in enumerate(zip(adapter.scales, adapter.biases, strict=True)):
-            layers[number] = (decoder.weights[number], scale, bias)
-        if adapter.output_weight is not None and adapter.output_bias is not None:
-            layers[-1] = (adapter.output_weight, None, adapter.output_bias)
-    return layers
+    """What the textures of a group share. Each codec has its own kind."""
 
 
 @dataclass(frozen=True)
@@ -130,16 +73,20 @@ class Grouping:
         """Decoders that a pack holds: none where the one that ships with the program serves all textures."""
         return 0 if self.name == UNIVERSAL else self.group_count
 
+    def members(self, group: int) -> tuple[int, ...]:
+        """Indices of the textures in a group, in ascending order."""
+        return tuple(index for index, number in enumerate(self.groups) if number == group)
+
 
 @dataclass(frozen=True, eq=False)
 class Pack:
     """Everything needed to decode a set of textures; immutable."""
 
-    config: AnyCodec
+    config: CodecSettings
     grouping: Grouping
     textures: tuple[EncodedTexture, ...]
-    decoders: tuple[AnyDecoder, ...]
-    """All of the kind that `config` stands for."""
+    """All of the kind of the codec that `config` belongs to, as `decoders` are."""
+    decoders: tuple[Decoder, ...]
     training: Mapping[str, Any] = field(default_factory=dict)
     """Recipe, steps, seed and library versions, for the record: JSON values only."""
     path: Path | None = None
@@ -149,27 +96,3 @@ class Pack:
     def name(self) -> str:
         """What messages call it: its file, else its grouping."""
         return str(self.path or self.grouping.name)
-
-    @property
-    def grid_config(self) -> CodecConfig:
-        """`config` of a pack of codec `grid`. Raises InputError for another codec."""
-        if isinstance(self.config, CodecConfig):
-            return self.config
-        raise InputError(f"{self.name}: codec {self.config.kind} has no hidden layers; use a pack of codec grid here")
-
-    @property
-    def grid_decoders(self) -> tuple[Decoder, ...]:
-        """`decoders` of a pack of codec `grid`. Raises InputError for another codec."""
-        return cast(tuple[Decoder, ...], self.decoders) if self.grid_config else ()
-
-    @property
-    def block_config(self) -> BlockCodecConfig:
-        """`config` of a pack of codec `block`. Raises InputError for another codec."""
-        if isinstance(self.config, BlockCodecConfig):
-            return self.config
-        raise InputError(f"{self.name}: codec {self.config.kind} has no basis; use a pack of codec block here")
-
-    @property
-    def block_decoders(self) -> tuple[BlockDecoder, ...]:
-        """`decoders` of a pack of codec `block`. Raises InputError for another codec."""
-        return cast(tuple[BlockDecoder, ...], self.decoders) if self.block_config else ()

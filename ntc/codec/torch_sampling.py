@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
+from ntc.codec.config import WrapMode
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,30 +87,6 @@ def trilinear_corners(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Ten
 def weighted_rows(rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
     """[N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]."""
     return torch.nn.functional.embedding_bag(index, rows, per_sample_weights=weights, mode="sum")
-
-
-def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N] (docs/codec.md). `table` holds texel sizes."""
-    size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
-    texel = (uv * size)[:, :, None, None]
-    octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]
-    phase = torch.tensor([0.0, 0.25], device=uv.device, dtype=uv.dtype)[None, None, None, :]
-    turns = texel * octave + phase
-    return (4.0 * torch.abs(turns - torch.floor(turns) - 0.5) - 1.0).flatten(1)
-
-
-def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves, blended between the two levels around `lod` [N]."""
-    lower = torch.floor(lod).long()
-    upper = torch.minimum(lower + 1, table.levels[texture] - 1)
-    share = (lod - lower)[:, None]
-    waves = [level_waves(table, texture, uv, level, octaves) for level in (lower, upper)]
-    return waves[0] * (1.0 - share) + waves[1] * share
-
-
-def with_lod(waves: Tensor, lod: Tensor, config: CodecConfig) -> Tensor:
-    """[N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
-    return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
 
 
 def wrapped_coordinate(coordinate: Tensor, mode: WrapMode) -> Tensor:

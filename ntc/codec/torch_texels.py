@@ -63,3 +63,7 @@ class TorchTexels(ABC):
         modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
         decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
         return np.asarray(decoded.cpu().numpy(), np.float32)
+
+    @abstractmethod
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""

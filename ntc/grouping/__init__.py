@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.universal import universal_parameters
-from ntc.codec.config import DEFAULT_CLUSTERS, GroupingConfig, GroupingName
+from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig, GroupingName
 from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_named, shipping_codec
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
@@ -67,8 +67,8 @@ def make_grouping(
         return Grouping("baseline", tuple(range(len(textures))))
     if config.name == "single":
         return Grouping("single", (0,) * len(textures))
-    if config.name == "universal":
-        return Grouping("universal", (0,) * len(textures), universal_parameters())
+    if config.name == UNIVERSAL:
+        return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
     if config.name == "category":
         from ntc.grouping.category import category_grouping
 

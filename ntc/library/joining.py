@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.model import AnyCodec, AnyDecoder, EncodedTexture, Grouping, Pack
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from ntc.pack.schema import LARGEST_COUNT, codec_json
 
@@ -16,7 +17,7 @@ SETTINGS = "settings"
 KEY_DIGITS = 16
 
 
-def settings_key(config: AnyCodec, grouping: str, asked: Mapping[str, Any]) -> str:
+def settings_key(config: CodecSettings, grouping: str, asked: Mapping[str, Any]) -> str:
     """Key of encodings that are alike: the codec's settings, the name of the grouping, and whatever else decides about the numbers.
 
     `asked` holds JSON values. Equal keys stand for equal settings of the codec, so that such packs can be joined.
@@ -42,7 +43,7 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
     first = packs[0]
     ships = first.grouping.name == UNIVERSAL
     textures: dict[str, EncodedTexture] = {}
-    decoders: list[AnyDecoder] = list(first.decoders) if ships else []
+    decoders: list[Decoder] = list(first.decoders) if ships else []
     for pack in packs:
         same = (pack.config, pack.grouping.name) == (first.config, first.grouping.name)
         if not same or (ships and pack.grouping.parameters != first.grouping.parameters):

@@ -9,12 +9,13 @@ from types import TracebackType
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
+from ntc.codec.psnr import finite_or_none
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.io import hold_lock, write_bytes
 from ntc.library.index import INDEX_FILE, SHARDS_FOLDER, LibraryIndex, is_library, read_index, shard_path
 from ntc.library.joining import settings_of
 from ntc.library.records import Beginning, ImageFile, ImageFiles, Record, Shard, StoredTexture, record_line
-from ntc.metrics.metrics import finite_or_none
 from ntc.pack.file import pack_bytes
 
 LOCK_FILE = "lock"
@@ -24,7 +25,8 @@ def stored_texture(texture: EncodedTexture, pack: Pack) -> StoredTexture:
     """What the index says of a texture of `pack`."""
     levels = latent_levels(texture.width, texture.height, pack.config)
     texels = sum(level.texel_width * level.texel_height for level in levels)
-    bits = 8.0 * (len(texture.latents) * pack.config.cell_bytes + texture.scale.nbytes + texture.offset.nbytes)
+    stored = codec_of(pack.config).texture_bytes(texture, pack.config)
+    bits = 8.0 * (stored.latents + stored.constants)
     psnr_db = finite_or_none(texture.psnr_db)
     return StoredTexture(texture.pixel_hash, texture.name, texture.width, texture.height, bits / texels, psnr_db)
 

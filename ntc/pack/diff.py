@@ -1,24 +1,22 @@
 """What differs between two versions of a pack."""
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from ntc.codec.block.model import BlockDecoder
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Pack
+from ntc.codec.model import EncodedTexture, Pack
 
-DECODED_PARTS = ("latents", "scale", "offset", "adapter")
-"""What of a texture changes how it decodes, besides its maps, channels and colour space."""
+_KNOWN_FIELDS = {field.name for field in fields(EncodedTexture)}
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Whether two arrays, decoders, adapters or tuples of them hold the same values; None is the same as None alone."""
+    """Whether two arrays, or dataclasses or tuples of them, hold the same values; None is the same as None alone."""
     if first is second:
         return True
     if isinstance(first, tuple):
         return all(map(_same, first, second))
-    if isinstance(first, Decoder | BlockDecoder | Adapter) and second is not None:
+    if is_dataclass(first) and second is not None:
         return all(_same(getattr(first, field.name), getattr(second, field.name)) for field in fields(first))
     return first is not None and second is not None and np.array_equal(first, second)
 
@@ -27,7 +25,9 @@ def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
     if first is second:
         return True
     space = (first.maps, first.channels, first.color_space) == (second.maps, second.channels, second.color_space)
-    return space and all(_same(getattr(first, part), getattr(second, part)) for part in DECODED_PARTS)
+    # What its codec adds is what it is decoded from.
+    parts = [field.name for field in fields(first) if field.name not in _KNOWN_FIELDS]
+    return space and all(_same(getattr(first, part), getattr(second, part)) for part in parts)
 
 
 def same_shape(old: Pack, new: Pack) -> bool:

@@ -12,10 +12,11 @@ from typing import Annotated, Any, BinaryIO
 import msgspec
 from msgspec import Meta
 
-from ntc.codec.block.universal import UNIVERSAL
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Pack
 from ntc.errors import InputError, MetadataError
-from ntc.pack.file import LENGTH_BYTES, NUMPY_TYPES, REMEDY, checked_pack
+from ntc.io import LENGTH_BYTES
+from ntc.pack.file import NUMPY_TYPES, REMEDY, checked_pack
 from ntc.pack.schema import METADATA_KEY, PackMetadata, parse_metadata
 
 LARGEST_HEADER = 100_000_000

@@ -4,23 +4,22 @@ import json
 import math
 import re
 from dataclasses import asdict, dataclass, fields
-from typing import Annotated, Any, NoReturn, TypeVar
+from typing import Annotated, Any, NoReturn, TypeVar, cast
 
 import msgspec
 from msgspec import Meta
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig, CodecKind, ColorSpace, WrapMode
+from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
-from ntc.codec.model import AnyCodec, Pack
+from ntc.codec.model import Pack
+from ntc.codec.registry import FIRST_NAME, MODULES, codec_named
+from ntc.codec.settings import CodecSettings
 from ntc.errors import MetadataError
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
-ADDED_FIELDS = {"adapters", "adapter_output", "weight_bits", "maps"}
-"""Fields of codec `grid` that the first files of this version lack; they then have their defaults."""
 KIND = "kind"
-"""Field of the codec that names it; files of codec `grid` lack it."""
+"""Field of the codec that names it; files of the first codec lack it."""
 LARGEST_SIDE = 32768
 """Texels: the largest texture side a pack may have."""
 LARGEST_COUNT = 65535
@@ -65,7 +64,7 @@ class GroupingMetadata(msgspec.Struct, frozen=True):
 class PackMetadata:
     """A Pack without its arrays."""
 
-    codec: AnyCodec
+    codec: CodecSettings
     grouping: GroupingMetadata
     decoders: int
     textures: tuple[TextureMetadata, ...]
@@ -83,7 +82,7 @@ class _Document(msgspec.Struct, frozen=True):
 
 
 class _Kind(msgspec.Struct, frozen=True):
-    kind: CodecKind = "grid"
+    kind: str = FIRST_NAME
 
 
 class _Version(msgspec.Struct):
@@ -99,11 +98,11 @@ def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in found.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
 
 
-def codec_json(config: AnyCodec) -> dict[str, Any]:
+def codec_json(config: CodecSettings) -> dict[str, Any]:
     """The settings of a codec as the metadata hold them."""
-    # Files of codec `grid` are as they were before there was another one.
-    found = _without_set_fields(asdict(config))
-    return found if isinstance(config, CodecConfig) else {KIND: config.kind, **found}
+    # Files of the first codec are as they were before there was another one.
+    found = _without_set_fields(asdict(cast(Any, config)))
+    return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
 
 
 def _finite(decibels: float | None) -> float | None:
@@ -149,17 +148,17 @@ def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
         raise MetadataError(f"{field}.{missing[1]} is missing" if missing else f"{field}: {message}") from error
 
 
-def _codec(document: dict[str, Any]) -> AnyCodec:
+def _codec(document: dict[str, Any]) -> CodecSettings:
     """The codec with the fields `document`. Raises MetadataError."""
     place = "metadata.codec"
     given = {name: value for name, value in document.items() if name != KIND}
-    kind: type[AnyCodec] = CodecConfig
-    missing_allowed = ADDED_FIELDS
-    if _converted(document, _Kind, place).kind == BlockCodecConfig.kind:
-        kind, missing_allowed = BlockCodecConfig, {"maps"}
-    config = _converted(given, kind, place)
-    known = {field.name for field in fields(kind)}
-    if not known - missing_allowed <= set(given) <= known:
+    kind = _converted(document, _Kind, place).kind
+    if kind not in MODULES:
+        raise MetadataError(f"{place}.kind: Invalid enum value '{kind[:60]}'")
+    codec = codec_named(kind)
+    config = _converted(given, codec.settings_type, place)
+    known = {field.name for field in fields(cast(Any, codec.settings_type))}
+    if not known - codec.added_fields <= set(given) <= known:
         raise MetadataError(f"{place} has fields {sorted(given)[:12]}, expected {sorted(known)}")
     return config
 

@@ -5,12 +5,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyDecoder, EncodedTexture, Grouping, Pack
+from ntc.codec.codec import Codec
+from ntc.codec.encoding import EncodingChoices, EncodingOptions
+from ntc.codec.interruption import CancelQuestion
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
+from ntc.codec.texture_set import file_header_bytes, texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
-from ntc.training.config import TrainingConfig
-from ntc.training.progress import CancelQuestion, ProgressListener, TrainingProgress
+from ntc.training.progress import ProgressListener, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot
 from ntc.training.trainer import Trainer
@@ -22,7 +25,7 @@ class _CallingHost:
     def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
         self._listener, self._cancelled = listener, cancelled
         self.textures: dict[int, EncodedTexture] = {}
-        self.decoders: dict[int, AnyDecoder] = {}
+        self.decoders: dict[int, Decoder] = {}
 
     def interruption(self) -> None:
         if self._cancelled is not None and self._cancelled():
@@ -44,19 +47,19 @@ class _CallingHost:
         self.decoders[snapshot.group] = snapshot.decoder
 
 
-def train(
+def encode_textures(
     textures: Sequence[SourceTexture],
     grouping: Grouping,
-    codec: CodecConfig,
-    training: TrainingConfig,
+    codec: CodecSettings,
+    options: EncodingOptions,
     progress: ProgressListener | None = None,
     cancelled: CancelQuestion | None = None,
     state: Path | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """Train a pack for `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
+    """A pack of `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
 
-    With `state` a training that was stopped continues, and ends as if it had never been stopped: the file is written every
+    With `state` an encoding that was stopped continues, and ends as if it had never been stopped: the file is written every
     minute where that is possible, when `cancelled` says so and when the training fails, and removed at the end. Without it,
     the state of a training that fails is written to `rescue`.
 
@@ -64,7 +67,7 @@ def train(
     training, TrainingFailedError when numbers overflow again and again, TrainingCancelledError when `cancelled` says so.
     """
     host = _CallingHost(progress, cancelled)
-    trainer = Trainer(checked_request(TrainingRequest(tuple(textures), grouping, codec, training)), host, state)
+    trainer = Trainer(checked_request(TrainingRequest(tuple(textures), grouping, codec, options)), host, state)
     try:
         ended = trainer.run()
     except TrainingCancelledError:
@@ -82,4 +85,23 @@ def train(
             state.unlink(missing_ok=True)
     encoded = tuple(host.textures[index] for index in range(len(textures)))
     decoders = tuple(host.decoders[group] for group in range(grouping.group_count))
-    return Pack(codec, grouping, encoded, decoders, ended.record)
+    return Pack(trainer.settings, grouping, encoded, decoders, ended.record)
+
+
+def encode_chosen(
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    codec: Codec,
+    choices: EncodingChoices,
+    progress: ProgressListener | None = None,
+    cancelled: CancelQuestion | None = None,
+    rescue: Path | None = None,
+) -> Pack:
+    """As `encode_textures`, with the settings and options that stand for `choices`.
+
+    Raises InputError for a target out of reach too.
+    """
+    header = file_header_bytes(textures, grouping)
+    settings = codec.settings_for(texture_set(textures, grouping.stored_decoders, choices.levels, header), choices)
+    options = codec.options_for(choices)
+    return encode_textures(textures, grouping, settings, options, progress, cancelled, choices.state, rescue)

@@ -4,38 +4,34 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ntc.metrics.metrics import PsnrSummary
+from ntc.codec.psnr import PsnrSummary
 from ntc.training.snapshot import GroupSnapshot
 
 ProgressListener = Callable[["TrainingProgress"], None]
-CancelQuestion = Callable[[], bool]
-Interruption = Callable[[], None]
-"""Called many times within a step. It may wait, and the step continues when it returns; what it raises ends the training."""
 EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
-
-
-def no_interruption() -> None:
-    """Lets training continue."""
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """One report of a training under way. Codec `block` is encoded texture by texture: each of them is a step."""
+    """One report of a training under way."""
 
+    share: float
+    """Of the work done, in [0, 1]; a single large texture moves it."""
     step: int
     steps: int
-    """Steps in all, as planned now."""
+    """Steps or textures in all, as planned now."""
     seconds_left: float
     elapsed_seconds: float
     """Of training, without pauses."""
     losses: Mapping[int, float]
-    """By group: mean square error of its latest samples, colours in [0, 1], all lods mixed (codec `block`: of the mip 0 of its
-    textures so far). Groups not yet begun are missing."""
+    """By group: mean square error of its textures, colours in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
-    """By texture: PSNR in dB of its latest samples, all lods mixed, before 8-bit rounding (codec `block`: of its mip 0)."""
+    """By texture: PSNR in dB (`Codec.psnr_title` says of what)."""
     freezing_scale: float
     """Of the decoder's updates: 1 free, 0 frozen."""
     ktexels_per_second: float
+    work: str = "step"
+    """What `step` counts: steps, or textures with what is done to them."""
     note: str = ""
     """A line for a log, or nothing."""
 

@@ -4,12 +4,12 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError, ProcessEndedError
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, mean_colour_pack
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
 from ntc.worker.process import WorkerProcess
 from ntc.worker.protocol import (
     Answer,
@@ -49,9 +49,7 @@ def starting_pack(request: TrainingRequest) -> Pack:
     colours of textures (codec `block`)."""
     if request.start is not None:
         return request.start
-    if isinstance(request.codec, BlockCodecConfig):
-        return mean_colour_pack(request.textures, request.grouping, request.codec)
-    return grey_pack(request.textures, request.grouping, request.codec)
+    return codec_of(request.codec).starting_pack(request.textures, request.grouping, request.codec)
 
 
 def _regions(request: TrainingRequest, start: Pack) -> tuple[Mapping[int, int], int]:

@@ -43,6 +43,7 @@ class WindowEnd:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._sending = threading.Lock()
         self.calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
         self._changed = threading.Condition()
         self._paused = self._cancelled = False
@@ -92,9 +93,10 @@ class WindowEnd:
         return key in self._untaken
 
     def send(self, report: WorkerReport) -> None:
-        """Send a report. The process ends where the window is gone."""
+        """Send a report, from any thread. The process ends where the window is gone."""
         try:
-            self._connection.send_bytes(encode(report))
+            with self._sending:
+                self._connection.send_bytes(encode(report))
         except OSError:
             os._exit(0)
 

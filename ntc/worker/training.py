@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
+from ntc.threads import usable_cores, wait_passively
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-from ntc.training.threads import usable_cores, wait_passively
 from ntc.worker.process import WindowEnd, lower_priority
 from ntc.worker.protocol import Paused, Resumed
 from ntc.worker.shared_arrays import Pickled, SharedBlock, inside
@@ -109,24 +110,16 @@ def _run(request: TrainingRequest, host: _WindowHost) -> Ended:
 
     torch.set_num_threads(max(1, usable_cores() - 1))
     lower_priority(NICENESS)
+    from ntc.training.trainer import Trainer
+
     try:
         host.interruption()
-        ended = _trained(request, host)
+        ended = Trainer(request, host).run()
     except TrainingCancelledError:
         ended = Ended("cancelled")
     host.send_newest_progress()
     # Plain JSON: the version of torch is of a class of torch's, which the window does not import.
     return replace(ended, record=json.loads(json.dumps(ended.record)))
-
-
-def _trained(request: TrainingRequest, host: _WindowHost) -> Ended:
-    if isinstance(request.codec, BlockCodecConfig):
-        from ntc.training.block_trainer import BlockTrainer
-
-        return BlockTrainer(request, host).run()
-    from ntc.training.trainer import Trainer
-
-    return Trainer(request, host).run()
 
 
 def _one_line(error: BaseException) -> str:
@@ -143,8 +136,9 @@ def _warm_up() -> None:
     wait_passively()
     # An error is reported when a training imports it again.
     with suppress(Exception):
-        from ntc.training.encode_blocks import encode_blocks
+        from ntc.training.encode import encode_chosen
 
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        encode_blocks([SourceTexture("noise", noise, "")], Grouping("single", (0,)), BlockCodecConfig())
+        textures, grouping = [SourceTexture("noise", noise, "")], Grouping("single", (0,))
+        encode_chosen(textures, grouping, codec_named("block"), EncodingChoices())
         importlib.import_module("ntc.training.trainer")

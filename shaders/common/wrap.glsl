@@ -1,5 +1,5 @@
 // Wrapping of texture coordinates (docs/codec.md, steps 1 and 2).
-#include "generated/layout.glsl"
+#include "generated/decoding.glsl"
 #include "common/numbers.glsl"
 
 // Into [0, 1]; NaN and infinity count as 0.

@@ -1,6 +1,5 @@
 // Codec `block`: trellis-coded coefficients of a transform that a group shares. Included by ntc/decode.glsl.
-// Tables lie as viewer/render/resources/block_tables.py says, in blocks of four words. Always in single precision.
-#include "generated/block.glsl"
+// Tables lie as ntc/codec/block/gpu.py says, in blocks of four words. Always in single precision.
 #if WEIGHTS_IN_IMAGE
 layout(rgba32ui, binding = IMAGE_WEIGHTS) uniform readonly uimage2D table_image;
 uvec4 table_block(int block) {

@@ -1,4 +1,4 @@
-// The codecs (docs/codec.md): latents, and `decode_texture` of the codec that CODEC_BLOCK names (generated/codec.glsl).
+// The codecs (docs/codec.md): latents, and `decode_texture` of the codec whose shader generated/decoder.glsl includes.
 #include "ntc/records.glsl"
 #include "common/numbers.glsl"
 #include "ntc/position.glsl"
@@ -12,8 +12,7 @@ layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
 #define WEIGHTS_IN_IMAGE 0
 #endif
 
-// Codec `grid`: number of 4-neuron blocks of a hidden layer, a uniform so that compilers do not unroll loops over them (see
-// viewer/render/resources/network.py). Codec `block`: 1.
+// Length of the codec's loops (`GpuTables.loop_length`): a uniform, so that compilers do not unroll them.
 uniform int network_blocks;
 
 // `part` of a side of `parts` cells or texels by the wrap mode: at most one before the first, or one beyond the last.
@@ -63,11 +62,8 @@ vec4 limit_output(vec4 result) {
 #define FILTER_STOCHASTIC 0
 #endif
 
-#if CODEC_BLOCK
-#include "ntc/block.glsl"
-#else
-#include "ntc/grid.glsl"
-#endif
+// `decode_at` of the codec at hand.
+#include "generated/decoder.glsl"
 
 // Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
 // Where `wanted` is false nothing is decoded and the result is undefined.

@@ -1,26 +1,14 @@
 // Decoding several pixels of one decoder in one invocation.
 #include "common/visibility.glsl"
 #include "ntc/decode_plane.glsl"
-#include "generated/shared_network.glsl"
+#include "generated/shared_decoder.glsl"
 
 layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 
 // Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
 ivec2 own_pixel(int p, out bool inside);
 
-#if CODEC_BLOCK
-// Pixels share nothing but the tables: one after the other.
-void decode_pixels() {
-    int count = min(network_blocks * PIXELS, PIXELS);
-    for (int p = 0; p < count; ++p) {
-        bool inside;
-        ivec2 pixel = own_pixel(p, inside);
-        if (!inside) continue;
-        Surface surface = read_surface(pixel);
-        imageStore(target, pixel, decoded_plane(surface, pixel));
-    }
-}
-#else
+#if SHARES_DECODERS
 // Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get what their material's factor says.
 void decode_pixels() {
     fetch_decoder();
@@ -58,6 +46,18 @@ void decode_pixels() {
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
         imageStore(target, pixel, shown_plane(surface, wanted_texel(surface), limit_output(own)));
+    }
+}
+#else
+// Pixels share nothing but what decoders hold: one after the other.
+void decode_pixels() {
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        bool inside;
+        ivec2 pixel = own_pixel(p, inside);
+        if (!inside) continue;
+        Surface surface = read_surface(pixel);
+        imageStore(target, pixel, decoded_plane(surface, pixel));
     }
 }
 #endif

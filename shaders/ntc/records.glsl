@@ -1,5 +1,5 @@
 // What a pack says of its textures and their mips; latents and decoders are not declared here.
-#include "generated/layout.glsl"
+#include "generated/decoding.glsl"
 // The plane of maps that is decoded (ntc/codec/maps.py).
 #ifndef PLANE
 #define PLANE PLANE_BASE

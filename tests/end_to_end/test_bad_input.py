@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
+from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder
@@ -107,7 +108,7 @@ def packs(folder: Path, good: Path) -> dict[str, Path]:
     for name, data in bad.items():
         paths[name].write_bytes(data)
     pack = random_pack(((32, 32),), (0,))
-    pack.grid_decoders[0].weights[1][3, 3] = np.nan
+    grid_parts(pack).decoders[0].weights[1][3, 3] = np.nan
     paths["nan"] = folder / "nan.ntc"
     write_pack(paths["nan"], pack)
     return paths

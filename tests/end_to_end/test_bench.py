@@ -12,7 +12,7 @@ import pytest
 from lab.bench.interleaved import time_interleaved, warm_up_rounds
 from lab.bench.random_pack import random_pack
 from lab.commands import bench as command
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
@@ -36,7 +36,7 @@ def scene_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """scene.glb with a small random pack beside it."""
     path = two_squares().write(tmp_path_factory.mktemp("bench") / "scene.glb")
     hashes = [texture.pixel_hash for texture in load_scene(path).textures]
-    codec = CodecConfig(hidden_width=4, positional_octaves=1)
+    codec = GridConfig(hidden_width=4, positional_octaves=1)
     write_pack(path.with_name("scene.random.ntc"), random_pack(((32, 32), (16, 16)), (0, 1), codec, hashes=hashes))
     return path
 
@@ -226,7 +226,10 @@ def test_candidates_take_turns() -> None:
         (["--hidden-width", "260"], "--hidden-width 260: must be a multiple of 4"),
         (["--pack", "nowhere.ntc"], "nowhere.ntc"),
         (["--decoder-variant", "rows=3"], "'rows=3' is none of"),
-        (["--decode-with", "torch-cpu", "--what", "scaling"], "--decode-with torch-cpu: only --what scene and all"),
+        (
+            ["--decoder-variant", "pixels=2", "--what", "scaling"],
+            "--decoder-variant pixels=2: only --what scene and all",
+        ),
         (["--views", "nowhere.json"], "nowhere.json"),
         (["--paths", "sideways"], "sideways"),
         (["nowhere.glb"], "nowhere.glb"),
@@ -255,10 +258,9 @@ def test_bad_input_is_one_line_and_writes_nothing(
 def test_how_the_packs_of_a_scene_are_decoded_is_chosen_and_recorded(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
     command = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "16x16"]
-    how = ["--decoder-variant", "pixels=2", "--decode-with", "torch-cpu", "--precisions", "fp32"]
+    how = ["--decoder-variant", "pixels=2", "--precisions", "fp32"]
     assert cli.main([*command, *how, "--paths", "binned", "cached"]) == 0
-    settings = recorded(out, "scene")["scene"]["settings"]
-    assert (settings["decoder_variant"], settings["decode_with"]) == ("pixels=2", "torch-cpu")
+    assert recorded(out, "scene")["scene"]["settings"]["decoder_variant"] == "pixels=2"
 
 
 def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(

@@ -7,9 +7,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from ntc.codec.block_pack import latent_rows
+from ntc.codec.block.model import block_parts
 from ntc.codec.config import GroupingName
-from ntc.metrics.metrics import bits_with_mips, psnr_db
+from ntc.codec.psnr import psnr_db
+from ntc.codec.registry import codec_of
+from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
@@ -126,11 +128,11 @@ def test_bits_are_met(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
         assert f"bits: {came:.2f} per texel of all mips, asked for {asked:g}" in capsys.readouterr().out
         # Textures of a few blocks cannot share out the last words.
         assert asked - 0.2 < came <= asked
-        stored = sum(t.latents.nbytes + t.scale.nbytes + t.offset.nbytes for t in pack.textures)
+        stored = sum(t.words.nbytes + t.axes.nbytes + t.mean.nbytes for t in block_parts(pack).textures)
         texels = sum(
             max(1, w >> level) * max(1, h >> level) for w, h in SIZES for level in range(16) if level <= last(w, h)
         )
-        tables = pack.block_decoders[0].stored_bits(pack.block_config)
+        tables = block_parts(pack).decoders[0].stored_bits(block_parts(pack).config)
         assert came == pytest.approx((8 * stored + tables) / texels)
         found.append(min(t.psnr_db or 0.0 for t in pack.textures))
     assert found[0] < found[1] < found[2]
@@ -144,7 +146,7 @@ def last(width: int, height: int) -> int:
 def test_info_says_what_the_codec_is(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "a.ntc"
     assert encode(folder, out, "--grouping", "single") == 0
-    config = read_pack(out).block_config
+    config = block_parts(read_pack(out)).config
     capsys.readouterr()
     assert cli.main(["info", str(out)]) == 0
     printed = capsys.readouterr().out
@@ -169,7 +171,8 @@ def test_channels_and_levels(tmp_path: Path) -> None:
     assert encode(tmp_path / "in", out, "--grouping", "single", "--bits", "6", "--levels", "1") == 0
     pack = read_pack(out)
     assert pack.config.levels == 1
-    assert all(len(latent_rows(texture, pack.config)) == 1 for texture in pack.textures)
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    assert all(len(tables.level_rows(texture)) == 1 for texture in pack.textures)
     assert pack.config.output_channels == max(texture.channels for texture in pack.textures)
     assert min(texture.psnr_db or 0.0 for texture in pack.textures) > 28.0
 

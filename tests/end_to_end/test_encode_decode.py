@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack
 from viewer import cli
 from viewer.scene.images import read_image, write_png
@@ -31,7 +32,8 @@ def test_the_same_seed_gives_the_same_file(encoded_scene: Path, tmp_path: Path) 
         assert cli.main([*arguments, "--seed", "3", "--device", "cpu"]) == 0
         pack = read_pack(out)
         contents.append(
-            [texture.latents.tobytes() for texture in pack.textures] + [pack.grid_decoders[0].weights[1].tobytes()]
+            [texture.latents.tobytes() for texture in grid_parts(pack).textures]
+            + [grid_parts(pack).decoders[0].weights[1].tobytes()]
         )
     assert contents[0] == contents[1]
 
@@ -63,7 +65,7 @@ def test_paper_recipe_with_epochs(encoded_scene: Path, tmp_path: Path) -> None:
     assert cli.main([*arguments, "--epochs", "40", "--levels", "1", "--device", "cpu"]) == 0
     pack = read_pack(out)
     assert pack.config.levels == 1
-    assert pack.grid_config.decoder_inputs == 16
+    assert grid_parts(pack).config.decoder_inputs == 16
     assert pack.training["recipe"] == "paper"
 
 

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
-from ntc.codec.block_pack import latent_rows
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.model import BlockParts, block_parts
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridParts, grid_parts
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
@@ -45,9 +47,9 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     path = tmp_path_factory.mktemp("good") / "good.ntc"
     sizes = ((8, 8), (12, 4), (5, 7))
     if request.param == "grid":
-        write_pack(path, random_pack(sizes, config=CodecConfig(hidden_width=4)))
+        write_pack(path, random_pack(sizes, config=GridConfig(hidden_width=4)))
     else:
-        config = BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
+        config = BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
         write_pack(path, random_block_pack(sizes, config=config))
     return path.read_bytes()
 
@@ -75,30 +77,42 @@ def assert_whole(pack: Pack) -> None:
     """What docs/pack-format.md promises of a pack that was read."""
     assert len(pack.textures) == len(pack.grouping.groups)
     for texture in pack.textures:
-        cells = latent_cell_count(texture.width, texture.height, pack.config)
-        if isinstance(pack.config, CodecConfig):
-            assert texture.latents.shape == (cells, pack.config.latent_channels)
-        else:
-            rows = latent_rows(texture, pack.config)
-            assert texture.latents.shape == (sum(each.rows for each in rows), pack.config.cell_bytes)
-        assert np.isfinite(texture.scale).all()
-        assert np.isfinite(texture.offset).all()
         assert 0 <= texture.group < len(pack.decoders)
         assert 1 <= texture.channels <= pack.config.output_channels
-    if isinstance(pack.config, BlockCodecConfig):
-        for tables in pack.block_decoders:
-            depths = tables.depths(pack.config)
-            assert depths.max() <= LARGEST_DEPTH
-            assert (depths.sum(axis=2, dtype=np.int64).max(axis=1) <= pack.config.coefficient_bits).all()
+    if isinstance(pack.config, BlockConfig):
+        assert_whole_blocks(block_parts(pack))
     else:
-        for decoder in pack.grid_decoders:
-            assert tuple(weight.shape for weight in decoder.weights) == pack.config.layer_shapes
-            assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
+        assert_whole_grids(grid_parts(pack))
     for index, texture in enumerate(pack.textures):
         if texture.width * texture.height < 4096:
             assert np.isfinite(decode_texels(pack, index, np.array([[0.3, 0.7]]), np.array([0.5]))).all()
     "\n".join(psnr_table(pack).lines()).encode("utf-8")
     parse_metadata(metadata_json(pack))
+
+
+def assert_whole_blocks(own: BlockParts) -> None:
+    """What is true of codec `block` alone."""
+    for texture in own.textures:
+        rows = codec_of(own.config).gpu_tables(own.config).level_rows(texture)
+        assert texture.words.shape == (sum(each.rows for each in rows),)
+        assert np.isfinite(texture.axes).all()
+        assert np.isfinite(texture.mean).all()
+    for tables in own.decoders:
+        depths = tables.depths(own.config)
+        assert depths.max() <= LARGEST_DEPTH
+        assert (depths.sum(axis=2, dtype=np.int64).max(axis=1) <= own.config.coefficient_bits).all()
+
+
+def assert_whole_grids(own: GridParts) -> None:
+    """What is true of codec `grid` alone."""
+    for texture in own.textures:
+        cells = latent_cell_count(texture.width, texture.height, own.config)
+        assert texture.latents.shape == (cells, own.config.latent_channels)
+        assert np.isfinite(texture.scale).all()
+        assert np.isfinite(texture.offset).all()
+    for decoder in own.decoders:
+        assert tuple(weight.shape for weight in decoder.weights) == own.config.layer_shapes
+        assert all(np.isfinite(array).all() for array in (*decoder.weights, *decoder.biases))
 
 
 def cases(seed: int) -> Iterator[random.Random]:

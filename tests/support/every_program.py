@@ -5,13 +5,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, get_args
 
-import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scene_of, texture
@@ -25,7 +24,6 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.precision import LEVELS
-from viewer.render.resources.texel_lists import SharedBuffer
 from viewer.render.variants.measurement import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.overlay import BLOCKS, Overlay
@@ -53,12 +51,12 @@ SIDE: Final = 16
 TEXTURES: Final = 3
 
 
-def _grid(config: CodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+def _grid(config: GridConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
     made = random_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
     return replace(made, textures=tuple(replace(own, maps=config.maps) for own in made.textures))
 
 
-def _blocks(config: BlockCodecConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
+def _blocks(config: BlockConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
     return random_block_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
 
 
@@ -69,20 +67,20 @@ def _hashes(maps: tuple[MapName, ...]) -> list[str]:
 
 def packs() -> dict[str, Pack]:
     """Packs of every kind of codec, with decoders of their own and with one for all."""
-    adapted = CodecConfig(hidden_width=64, adapters=True)
-    sets = BlockCodecConfig(
+    adapted = GridConfig(hidden_width=64, adapters=True)
+    sets = BlockConfig(
         block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
     )
     return {
-        "grid": _grid(CodecConfig()),
-        "grid-one-decoder": _grid(CodecConfig(), (0, 0, 0)),
-        "grid-one-mip": _grid(CodecConfig(latent_channels=8, latent_bits=4, levels=1, hidden_width=16)),
+        "grid": _grid(GridConfig()),
+        "grid-one-decoder": _grid(GridConfig(), (0, 0, 0)),
+        "grid-one-mip": _grid(GridConfig(latent_channels=8, latent_bits=4, levels=1, hidden_width=16)),
         "grid-adapters": _grid(adapted, (0, 0, 0)),
         "grid-adapter-output": _grid(replace(adapted, adapter_output=True), (0, 0, 0)),
-        "grid-sets": _grid(CodecConfig(output_channels=11, maps=MAPS)),
-        "block": _blocks(BlockCodecConfig()),
-        "block-one-decoder": _blocks(BlockCodecConfig(), (0, 0, 0)),
-        "block-4x4": _blocks(BlockCodecConfig(block_side=4, block_words=(2,), coefficients=24)),
+        "grid-sets": _grid(GridConfig(output_channels=11, maps=MAPS)),
+        "block": _blocks(BlockConfig()),
+        "block-one-decoder": _blocks(BlockConfig(), (0, 0, 0)),
+        "block-4x4": _blocks(BlockConfig(block_side=4, block_words=(2,), coefficients=24)),
         "block-sets": _blocks(sets),
         "block-sets-one-decoder": _blocks(sets, (0, 0, 0)),
     }
@@ -180,41 +178,17 @@ def _other_views(name: str) -> Iterator[ViewState]:
             yield replace(both, material_view="lit", lighting=lighting)
 
 
-class _NoListDecoder:
-    """Decodes nothing."""
-
-    def share(self, _buffer: moderngl.Buffer) -> SharedBuffer:
-        return self
-
-    def read(self, _rows: int) -> None:
-        """There is nothing."""
-
-    def write(self, _values: Any) -> None:
-        """Nothing is kept."""
-
-    def release(self) -> None:
-        """There is nothing to free."""
-
-    def decode(self, *_: object) -> None:
-        """Nothing is decoded."""
-
-    def replace(self, _pack: Pack) -> None:
-        """Nothing is kept."""
-
-
-def _assemble(
-    recorder: ProgramRecorder,
-    renderer: Renderer,
-    opened: dict[str, Pack],
-    paths: tuple[DecodePath, ...],
-    precisions: tuple[Precision, ...],
+def _assemble_drawing(
+    context: GraphicsContext, recorder: ProgramRecorder, scene: Scene, opened: dict[str, Pack]
 ) -> None:
-    """The programs that `renderer`, which is released, decodes packs with by some paths in some precisions."""
+    """The programs that decode packs in GLSL 4.10, where nothing computes."""
+    drawing = replace(context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16)
+    renderer = Renderer(replace(context, features=drawing), scene)
     renderer.set_packs(opened)
     for name in opened:
         recorder.codec = name
         for view in _decoding_views(name):
-            if view.slot_a.path in paths and view.slot_a.precision in precisions:
+            if view.slot_a.path in ("forward", "cached") and view.slot_a.precision in ("fp32", "fp16"):
                 renderer.render(view)
     renderer.release()
 
@@ -249,15 +223,8 @@ def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
                         renderer.render(view)
                     renderer.render(ViewState(CAMERA, SIZE, Slot("grid", filter="stochastic")), whole=True)
                 renderer.release()
-            with_lists = Renderer(context, scene, list_decoders=lambda *_: _NoListDecoder())
-            _assemble(recorder, with_lists, opened, ("binned", "cached"), ("fp32",))
             for padded in (False, True):
                 cluster_programs(scene_programs(context), padded)
             pose_program(scene_programs(context))
-            # In GLSL 4.10, where nothing computes.
-            drawing = replace(
-                context.features, compute=False, weights_in_image=True, half_arithmetic=None, anisotropy=16
-            )
-            renderer = Renderer(replace(context, features=drawing), scene)
-            _assemble(recorder, renderer, opened, ("forward", "cached"), ("fp32", "fp16"))
+            _assemble_drawing(context, recorder, scene, opened)
     return tuple(recorder.found.values())

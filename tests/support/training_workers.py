@@ -10,19 +10,20 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.options import BlockOptions
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
-from ntc.training.config import TrainingConfig
-from ntc.training.encode_blocks import encoded_pack, encoding_stages
+from ntc.training.encode import encode_textures
 from ntc.training.request import TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker
 from ntc.worker.protocol import Failed
 from ntc.worker.shared_arrays import PREFIX
 from tests.unit.ntc.training.test_train import texture
 
-CODEC = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+CODEC = GridConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
 
 
 TEXTURES = (texture(32, 32), texture(33, 18, seed=1), texture(64, 64, seed=2), texture(16, 16, 1, seed=3))
@@ -40,12 +41,16 @@ ENDLESS = replace(SHORT, steps=10**7)
 FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
 
 
-BLOCKS_FROM_NOTHING = replace(FROM_NOTHING, codec=BlockCodecConfig(coefficients=24, modes=4))
+BLOCK_CODEC = BlockConfig(coefficients=24, modes=4)
 
 
-MANY_BLOCKS = TrainingRequest(
-    (texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BlockCodecConfig(coefficients=24, modes=4), SHORT
-)
+BLOCK_OPTIONS = BlockOptions(SHORT.seed, groups_apart=True)
+
+
+BLOCKS_FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, BLOCK_CODEC, BLOCK_OPTIONS)
+
+
+MANY_BLOCKS = TrainingRequest((texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BLOCK_CODEC, BLOCK_OPTIONS)
 """Takes many seconds."""
 
 
@@ -133,9 +138,6 @@ def processor_seconds(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def encoded_by_group(
-    textures: Sequence[SourceTexture], grouping: Grouping, config: BlockCodecConfig, seed: int
-) -> Pack:
+def encoded_by_group(textures: Sequence[SourceTexture], grouping: Grouping, config: BlockConfig, seed: int) -> Pack:
     """What encoding in blocks without a process gives, each group for itself."""
-    groups = range(grouping.group_count)
-    return encoded_pack(encoding_stages(textures, grouping, config, seed, groups), grouping, config, seed)
+    return encode_textures(textures, grouping, config, BlockOptions(seed, groups_apart=True))

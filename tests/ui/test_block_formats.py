@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.psnr import psnr_db
 from ntc.errors import InputError
 from ntc.metrics.compressed_textures import CompressedTexture, CompressionRequest, compress_texture
-from ntc.metrics.metrics import psnr_db
 from tests.support.driven_app import DrivenApp
 from viewer.commands import run_line
 from viewer.inspect import format_encoding

@@ -10,9 +10,10 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.maps import MAPS
 from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import mse_of_psnr, psnr_db, psnr_of_mse
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.metrics.metrics import mse_of_psnr, psnr_db, psnr_of_mse, psnr_table
+from ntc.metrics.metrics import psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from ntc.errors import InputError
-from ntc.training.threads import wait_passively
+from ntc.threads import wait_passively
 from viewer.cli.arguments import parse_arguments
 from viewer.gl.context_loss import ContextLostError
 from viewer.gl.systems import SYSTEM

@@ -27,9 +27,9 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
 
             return lambda index, level: decode_image(pack, index, level)
         case "torch":
-            from ntc.codec.torch_block import torch_codec
+            from ntc.codec.registry import codec_of
 
-            return torch_codec(pack, "cpu").decode_image
+            return codec_of(pack.config).torch_twin(pack, "cpu").decode_image
         case "gl":
             from viewer.gl.context import create_headless_context
             from viewer.render.passes.decode_texels import GlTexelDecoder

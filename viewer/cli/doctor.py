@@ -8,7 +8,7 @@ import platform
 import sys
 from typing import Any
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
 from viewer.cli.options import DoctorOptions
 from viewer.gl.context import ContextInformation, create_headless_context
@@ -74,6 +74,8 @@ def examine(device: str | None = None) -> dict[str, Any]:
     try:
         context = create_headless_context(device)
         information = context.info
+        settings = [codec_named(name).settings_type() for name in MODULES]
+        variants = dict.fromkeys(str(default_variant(context, each)) for each in settings)
         findings["opengl"] = {
             "renderer": information.renderer,
             "vendor": information.vendor,
@@ -84,7 +86,7 @@ def examine(device: str | None = None) -> dict[str, Any]:
             "anisotropy": context.features.anisotropy,
             "timer_queries": context.features.timer_queries,
             "weights_in_image": context.features.weights_in_image,
-            "decoder_variant": str(default_variant(context, CodecConfig())) + " where nothing is measured",
+            "decoder_variant": ", ".join(variants) + " where nothing is measured",
             "measured_variants": _measured(context.info)
             or ["none yet: a window, or render on a GPU, measures each codec once"],
             "half_arithmetic": context.features.half_arithmetic or "none (--precision fp32 and fp16 only)",

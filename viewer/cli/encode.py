@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.targets import BlockTarget, SizeTarget
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import CodecKind
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.device import peak_memory_bytes
+from ntc.codec.encoding import DEFAULT_BITS, EncodingChoices
 from ntc.codec.map_weights import MAP_WEIGHTS, MapWeightsName
-from ntc.codec.maps import joint_maps
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.registry import chosen_codec, codec_named
+from ntc.codec.targets import BitsTarget, SizeTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -25,15 +26,10 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig, recipe_codec, recipe_codec_kind, recipe_config
-from ntc.training.device import peak_memory_bytes
-from ntc.training.encode import train
-from ntc.training.encode_blocks import BlockProgress, BlockWork
-from ntc.training.encode_targets import encode_to_target
+from ntc.training.encode import encode_chosen
 from ntc.training.progress import TrainingProgress
 from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs
-from viewer.cli.encode_target import asked_target, given_targets, result_lines, worth_on_screen
-from viewer.cli.info import block_lines
+from viewer.cli.encode_target import encoding_choices, result_lines, worth_on_screen
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
@@ -74,35 +70,21 @@ def _check(options: EncodeOptions) -> None:
 
 def _check_codec(options: EncodeOptions) -> None:
     """Raises InputError for options that the codec does not have."""
-    if _codec_kind(options) == "grid":
-        for name, asked in given_targets(options).items():
-            raise InputError(f"--{name} {asked}: only --codec block takes it")
-        return
-    asked_target(options)
-    recipe = {} if options.recipe == EncodeOptions.recipe else {"recipe": options.recipe}
-    for name, value in (_asked_of_training(options) | recipe).items():
-        raise InputError(f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid")
-
-
-def _asked_of_training(options: EncodeOptions) -> dict[str, object]:
-    """The options that only a training has, by name, as far as they are given."""
-    device = options.device if options.device == "cuda" else None
-    own = {"steps": options.steps, "epochs": options.epochs, "state": options.state, "device": device}
-    return {name: value for name, value in own.items() if value is not None}
+    choices = encoding_choices(options)
+    for refusal in codec_named(_codec_name(options)).refusals(choices):
+        raise InputError(refusal)
 
 
 def _maps(options: EncodeOptions) -> MapChoice:
     """The maps that are asked for, or those that codec and grouping take by themselves."""
     if options.maps is not None:
         return options.maps
-    return "all" if _codec_kind(options) == "block" and options.grouping != UNIVERSAL else "base"
+    return codec_named(_codec_name(options)).default_maps if options.grouping != UNIVERSAL else "base"
 
 
-def _codec_kind(options: EncodeOptions) -> CodecKind:
-    """The codec that is named, or the one that the other options stand for."""
-    if options.codec is not None:
-        return options.codec
-    return "grid" if _asked_of_training(options) else recipe_codec_kind(options.recipe)
+def _codec_name(options: EncodeOptions) -> str:
+    """The codec that is named, or the first one that has the other options."""
+    return options.codec or chosen_codec(encoding_choices(options))
 
 
 @dataclass(frozen=True)
@@ -160,23 +142,12 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
     return tuple(np.where(view < len(source.textures), view, -1) for view in views.all_then_release())
 
 
-def training_config(options: EncodeOptions) -> TrainingConfig:
-    """The recipe with what the options override."""
-    training = replace(recipe_config(options.recipe), seed=options.seed, device=options.device)
-    if options.steps is not None:
-        return replace(training, steps=options.steps, epochs=None)
-    if options.epochs is not None:
-        return replace(training, steps=None, epochs=options.epochs)
-    return training
-
-
 class _ProgressReport:
     """Progress with ETA: a live bar on a terminal, else about twenty lines in all."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._last_line = -1
-        self._work: BlockWork = "encoding"
         self._bar = Progress(
             TextColumn("encoding"),
             BarColumn(),
@@ -196,24 +167,16 @@ class _ProgressReport:
         self._bar.stop()
 
     def __call__(self, progress: TrainingProgress) -> None:
-        status = (
-            f"step {progress.step}/{progress.steps}  PSNR {progress.mean_psnr_db:.2f} dB  "
-            f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
+        parts = [f"{progress.work} {progress.step}/{progress.steps}"]
+        if progress.psnr_db:
+            parts.append(f"PSNR {progress.mean_psnr_db:.2f} dB")
+        status = "  ".join(
+            [*parts, f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"]
         )
         if progress.note:
             self._console.print(progress.note, highlight=False)
         if self._console.is_terminal or not progress.note:
-            self._show(progress.step / max(1, progress.steps), status)
-
-    def blocks(self, progress: BlockProgress) -> None:
-        """A report of codec `block`."""
-        status = (
-            f"{progress.work} texture {progress.done}/{progress.textures}  PSNR {progress.mean_psnr_db:.2f} dB  "
-            f"{progress.seconds_left:.0f} s left"
-        )
-        if progress.work != self._work:
-            self._work, self._last_line = progress.work, -1
-        self._show(progress.done / progress.textures, status)
+            self._show(progress.share, status)
 
     def _show(self, share: float, status: str) -> None:
         if self._console.is_terminal:
@@ -226,81 +189,61 @@ class _ProgressReport:
 def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
+    name = _codec_name(options)
     if is_by_jobs(options):
-        return encode_by_jobs(options, _codec_kind(options), _maps(options), training_config(options))
+        return encode_by_jobs(options, name, _maps(options))
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
     inputs = grouping_inputs(source, options)
     grouping = make_grouping(options.grouping_config(), source.textures, inputs)
-    kind = _codec_kind(options)
-    if kind == "block":
-        target = asked_target(options)
-        if isinstance(target, SizeTarget) and options.views is not None:
-            texels = [width * height for width, height in (texture.size for texture in source.textures)]
-            views = inputs.views or _views(source, options)
-            target = replace(target, worth=worth_on_screen(views, texels))
-        return encode_in_blocks(options, source.textures, grouping, target, console)
-    if options.codec is None and recipe_codec_kind(options.recipe) != kind:
-        asked = ", ".join(f"--{name}" for name in _asked_of_training(options))
-        console.print(f"note: {asked}: trains codec grid; without, codec block encodes in seconds", highlight=False)
-    return _train(options, source.textures, grouping, console)
+    choices = encoding_choices(options)
+    if isinstance(choices.target, SizeTarget) and options.views is not None:
+        texels = [width * height for width, height in (texture.size for texture in source.textures)]
+        views = inputs.views or _views(source, options)
+        choices = replace(choices, target=replace(choices.target, worth=worth_on_screen(views, texels)))
+    # Options that no codec but a later one has, with none named: the user may not know that it is another one.
+    usual = chosen_codec(EncodingChoices())
+    if options.codec is None and name != usual and choices.recipe == EncodingChoices().recipe:
+        given = ", ".join(refusal.split()[0] for refusal in codec_named(usual).refusals(choices))
+        console.print(f"note: {given}: trains codec {name}; without, codec {usual} encodes in seconds", highlight=False)
+    return _encode(options, name, choices, source.textures, grouping, console)
 
 
-def _train(options: EncodeOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, console: Console) -> int:
-    maps, channels = joint_maps((texture.maps, texture.channels) for texture in textures)
-    codec = recipe_codec(options.recipe, channels, options.levels, maps)
+def _encode(
+    options: EncodeOptions,
+    name: str,
+    choices: EncodingChoices,
+    textures: tuple[SourceTexture, ...],
+    grouping: Grouping,
+    console: Console,
+) -> int:
+    """Encode, and write the pack. Raises InputError for what cannot be reached."""
+    codec = codec_named(name)
+    how = f"recipe {choices.recipe}" if codec.trains else f"codec {name}"
     console.print(
-        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), recipe {options.recipe}",
-        highlight=False,
+        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), {how}", highlight=False
     )
-    training = training_config(options)
-    # Written where the training diverges to NaN.
+    # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
     with _ProgressReport(console) as report:
         began = time.monotonic()
         with deferred_interrupt() as interrupted:
             try:
-                pack = train(textures, grouping, codec, training, report, interrupted, options.state, rescued_state)
+                pack = encode_chosen(textures, grouping, codec, choices, report, interrupted, rescued_state)
             except TrainingCancelledError:
                 # What a shell expects of Ctrl-C.
                 raise KeyboardInterrupt from None
-    seconds = time.monotonic() - began
-    write_or_rescue(options.out, pack)
-    lines = [*psnr_table(pack).lines(), _effort(pack, seconds), f"wrote {options.out}"]
-    sys.stdout.write("\n".join(lines) + "\n")
-    return 0
-
-
-def encode_in_blocks(
-    options: EncodeOptions,
-    textures: tuple[SourceTexture, ...],
-    grouping: Grouping,
-    target: BlockTarget,
-    console: Console,
-) -> int:
-    """Encode in codec `block`, and write the pack. Raises InputError for what cannot be reached."""
-    console.print(
-        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), codec block", highlight=False
-    )
-    with _ProgressReport(console) as report:
-        began = time.monotonic()
-        with deferred_interrupt() as interrupted:
-            try:
-                pack = encode_to_target(
-                    textures, grouping, target, options.levels, options.seed, report.blocks, interrupted
-                )
-            except TrainingCancelledError:
-                raise KeyboardInterrupt from None
-            stopped = interrupted()
+            stopped = interrupted() and not codec.trains
     seconds = time.monotonic() - began
     write_or_rescue(options.out, pack)
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
+    came = [] if codec.trains else result_lines(choices.target or BitsTarget(DEFAULT_BITS), pack, options.out)
     lines = [
         *psnr_table(pack).lines(),
-        *block_lines(pack.config),
-        *result_lines(target, pack, options.out),
-        f"encoding: {seconds:.1f} s on cpu",
+        *codec.settings_lines(pack.config),
+        *came,
+        _effort(pack, seconds) if codec.trains else f"encoding: {seconds:.1f} s on cpu",
         f"wrote {options.out}",
     ]
     sys.stdout.write("\n".join(lines) + "\n")

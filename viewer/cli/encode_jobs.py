@@ -7,15 +7,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.block.targets import BitsTarget
-from ntc.codec.config import CodecKind
+from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
 from ntc.library.index import is_library, read_index
 from ntc.library.reading import in_order, read_shards
 from ntc.pack.file import write_pack
-from ntc.training.config import TrainingConfig
-from ntc.training.threads import usable_cores
-from viewer.cli.encode_target import asked_target
+from ntc.threads import usable_cores
+from viewer.cli.encode_target import encoding_choices
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.encoding.plan import Asked
@@ -62,15 +60,15 @@ def _check(options: EncodeOptions) -> None:
         )
 
 
-def _asked(options: EncodeOptions, codec: CodecKind, maps: MapChoice, training: TrainingConfig) -> Asked:
-    target = BitsTarget(1.0) if codec == "grid" else asked_target(options)
-    if not isinstance(target, BitsTarget):
+def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
+    choices = encoding_choices(options)
+    if choices.target is not None and not isinstance(choices.target, BitsTarget):
         name = "quality" if options.quality is not None else "size"
         raise InputError(f"--{name}: needs all textures at once; ask for --bits, or leave --workers and --ray out")
     reading = Reading(options.texture_size, maps, options.map_weights)
     one_pack = options.out.suffix == PACK_SUFFIX
     grouping = options.grouping_config()
-    return Asked(reading, grouping, codec, target, options.levels, training, options.labels, one_pack)
+    return Asked(reading, grouping, codec, choices, options.labels, one_pack)
 
 
 def _executor(options: EncodeOptions) -> Executor[WorkJob, WorkResult]:
@@ -119,13 +117,13 @@ class _ProgressReport:
             self._console.print(f"{progress.phase} {progress.share:4.0%}  {status}", highlight=False, markup=False)
 
 
-def encode_by_jobs(options: EncodeOptions, codec: CodecKind, maps: MapChoice, training: TrainingConfig) -> int:
+def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
     """Encode the textures that `options` name. Raises InputError for bad input, KeyboardInterrupt after Ctrl-C.
 
     The exit status is 1 where textures are missing: they are named.
     """
     _check(options)
-    asked = _asked(options, codec, maps, training)
+    asked = _asked(options, codec, maps)
     refs = texture_refs(options.source, maps)
     console = Console(stderr=True, soft_wrap=True)
     folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if asked.one_pack else options.out

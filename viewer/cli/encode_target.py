@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.targets import PRESETS, BitsTarget, BlockTarget, QualityTarget, SizeTarget
+from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import Pack
+from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from ntc.training.config import DEFAULT_BITS
 from viewer.cli.options import EncodeOptions
 
 MOST_NAMES = 5
@@ -28,8 +28,8 @@ def given_targets(options: EncodeOptions) -> dict[str, str]:
     return found if options.preset is None else {**found, "preset": options.preset}
 
 
-def asked_target(options: EncodeOptions) -> BlockTarget:
-    """What to come to. Raises InputError for two at once, and for what can never be reached."""
+def asked_target(options: EncodeOptions) -> Target | None:
+    """The target that is named. Raises InputError for two at once, and for what can never be reached."""
     given = list(given_targets(options))
     if len(given) > 1:
         raise InputError(f"{' and '.join(f'--{name}' for name in given)} exclude each other: give one of them")
@@ -39,7 +39,21 @@ def asked_target(options: EncodeOptions) -> BlockTarget:
         return SizeTarget(options.size)
     if options.preset is not None:
         return PRESETS[options.preset]
-    return BitsTarget(DEFAULT_BITS if options.bits is None else options.bits)
+    return None if options.bits is None else BitsTarget(options.bits)
+
+
+def encoding_choices(options: EncodeOptions) -> EncodingChoices:
+    """What is asked of the codec. Raises InputError as `asked_target` does."""
+    return EncodingChoices(
+        options.recipe,
+        options.steps,
+        options.epochs,
+        options.device,
+        options.state,
+        asked_target(options),
+        options.levels,
+        options.seed,
+    )
 
 
 def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -> tuple[float, ...]:
@@ -53,7 +67,7 @@ def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -
     return tuple(worth.tolist())
 
 
-def result_lines(target: BlockTarget, pack: Pack, out: Path) -> list[str]:
+def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
     """What was asked, what came and what was not reached, of `pack` written to `out`."""
     came = bits_with_mips(pack)
     bits = f"bits: {came:.2f} per texel of all mips"

@@ -9,9 +9,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
 from ntc.errors import InputError
 from ntc.io import write_text
-from ntc.metrics.metrics import mse_of_psnr, psnr_of_mse
 from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
 from viewer.cli.sources import ShownProgress, load_with_progress

@@ -2,18 +2,20 @@
 
 import json
 import sys
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from ntc.accuracy.error_bound import ErrorBound, pack_bounds
-from ntc.accuracy.precision_choice import sampled_bound
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig, Precision
-from ntc.codec.model import AnyCodec, Pack
+from ntc.codec.codec import SAMPLED_TEXELS, CertifiedError
+from ntc.codec.config import Precision
+from ntc.codec.model import Pack
+from ntc.codec.psnr import finite_or_none
+from ntc.codec.registry import codec_of
+from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from ntc.library.index import is_library
-from ntc.metrics.metrics import finite_or_none, psnr_table
+from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack
 from ntc.pack.other_formats import beginning_of, other_format, read_ntex
 from viewer.cli.info_all import info_all
@@ -26,27 +28,6 @@ from viewer.scene.json_text import printable
 from viewer.scene.report import report_json, report_lines
 from viewer.scene.scene_files import PACK_SUFFIX
 
-SAMPLED_TEXELS = 2048
-
-
-@dataclass(frozen=True)
-class PackBound:
-    """Certified error bounds of a pack at one precision, in [0, 1]."""
-
-    whole: ErrorBound
-    """For every possible texel."""
-    sampled: float
-    """The largest bound among SAMPLED_TEXELS sampled texels."""
-
-
-def certified(pack: Pack) -> dict[Precision, PackBound]:
-    """Error bounds by precision, computed from the pack alone: the same on every machine."""
-    return {
-        precision: PackBound(bound, sampled_bound(pack, precision, SAMPLED_TEXELS))
-        for precision, bound in pack_bounds(pack).items()
-    }
-
-
 BOUND_COLUMNS = (
     Column("precision", "precision"),
     Column("error", "any texel"),
@@ -56,28 +37,28 @@ BOUND_COLUMNS = (
 )
 
 
-def bounds_json(bounds: dict[Precision, PackBound]) -> dict[str, Any]:
+def bounds_json(bounds: Mapping[Precision, CertifiedError]) -> dict[str, Any]:
     """Certified bounds by precision, the worst of all textures (docs/accuracy.md). `largest_sum` is null beyond fp32."""
     return {
         precision: {
-            "error": bound.whole.error,
+            "error": bound.error,
             "sampled_texels_error": bound.sampled,
-            "largest_sum": finite_or_none(max(bound.whole.activations)),
-            "may_overflow": bound.whole.overflows,
+            "largest_sum": finite_or_none(bound.largest_sum),
+            "may_overflow": bound.overflows,
         }
         for precision, bound in bounds.items()
     }
 
 
-def bounds_lines(bounds: dict[Precision, PackBound]) -> list[str]:
+def bounds_lines(bounds: Mapping[Precision, CertifiedError]) -> list[str]:
     """`bounds_json` as lines of text."""
     rows = [
         {
             "precision": precision,
-            "error": f"{bound.whole.error:.1e}" if bound.whole.error < 1.0 else "1 (nothing)",
+            "error": f"{bound.error:.1e}" if bound.error < 1.0 else "1 (nothing)",
             "sampled": f"{bound.sampled:.1e}",
-            "sum": f"{max(bound.whole.activations):.1e}",
-            "overflow": "may" if bound.whole.overflows else "never",
+            "sum": f"{bound.largest_sum:.1e}",
+            "overflow": "may" if bound.overflows else "never",
         }
         for precision, bound in bounds.items()
     ]
@@ -85,35 +66,16 @@ def bounds_lines(bounds: dict[Precision, PackBound]) -> list[str]:
     return [title, *Table(BOUND_COLUMNS, rows).text().splitlines()]
 
 
-BOUNDS_ARE_FOR_GRID = (
-    "certified bounds of the error: for codec grid alone; codec block decodes in fp32 at every precision"
-)
-
-
-def codec_json(config: AnyCodec) -> dict[str, Any]:
+def codec_json(settings: CodecSettings) -> dict[str, Any]:
     """The codec's settings, what it is called, and what a decode costs."""
-    content = {"kind": config.kind, **asdict(config), "multiply_adds": config.multiply_adds}
-    if isinstance(config, BlockCodecConfig):
-        content["bits_per_texel_of_codes"] = config.mean_words * 32.0 / config.block_texels
-    return content
-
-
-def block_lines(config: AnyCodec) -> list[str]:
-    """A line about the settings of codec `block`; nothing for codec `grid`, whose shape stands with its decoders."""
-    if not isinstance(config, BlockCodecConfig):
-        return []
-    side = config.block_side
-    *others, last = map(str, config.block_words)
-    sizes = f"{', '.join(others)} or {last}" if others else last
-    return [
-        f"codec block: blocks of {side}x{side} texels, codes of {sizes} words of 32 bits, "
-        f"{config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
-        f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
-    ]
+    fields = asdict(cast(Any, settings))
+    own = codec_of(settings).settings_json(settings)
+    return {"kind": settings.kind, **fields, "multiply_adds": settings.multiply_adds, **own}
 
 
 def pack_json(pack: Pack) -> dict[str, Any]:
     """What `info F.ntc --json` prints."""
+    bounds = codec_of(pack.config).certified_errors(pack)
     return {
         "file": str(pack.path),
         "grouping": pack.grouping.name,
@@ -122,27 +84,21 @@ def pack_json(pack: Pack) -> dict[str, Any]:
         "training": dict(pack.training),
         "codec": codec_json(pack.config),
         **psnr_table(pack).json(),
-        "certified_error": bounds_json(certified(pack)) if isinstance(pack.config, CodecConfig) else None,
+        "certified_error": bounds_json(bounds) if bounds else None,
     }
 
 
 def pack_lines(pack: Pack) -> list[str]:
     """What `info F.ntc` prints."""
-    config = pack.config
-    if isinstance(config, CodecConfig):
-        shape = " " + "-".join(
-            str(side) for side in (config.decoder_inputs, *(rows for rows, _ in config.layer_shapes))
-        )
-        accuracy = bounds_lines(certified(pack))
-    else:
-        shape, accuracy = "", [BOUNDS_ARE_FOR_GRID]
+    codec = codec_of(pack.config)
+    bounds, shape = codec.certified_errors(pack), codec.decoder_text(pack.config)
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [
         f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders{shape}, grouping {printable(pack.grouping.name)}",
-        *block_lines(config),
+        *codec.settings_lines(pack.config),
         f"training: {printable(training)}",
         *psnr_table(pack).lines(),
-        *accuracy,
+        *(bounds_lines(bounds) if bounds else [codec.uncertified]),
     ]
 
 

@@ -1,16 +1,11 @@
 """`ntc-viewer library assign`: textures that a library lacks, encoded with decoders that it has."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from ntc.api.frozen import encode_with_decoders, measured_drift
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.universal import UNIVERSAL
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.library.index import LibraryIndex, read_index
 from ntc.library.joining import SETTINGS
@@ -22,8 +17,6 @@ from viewer.scene.source_textures import MapChoice
 
 MOST_DECODERS = 64
 """That a texture is tried with; of more, so many evenly spread ones."""
-COMPARED = 16
-"""Textures that are also encoded in a fresh group, to tell the drift."""
 
 
 def _shards(index: LibraryIndex) -> list[Shard]:
@@ -38,13 +31,10 @@ def _shards(index: LibraryIndex) -> list[Shard]:
     return [shard for shard in index.shards.values() if shard.settings == most]
 
 
-def _decoders(index: LibraryIndex, shards: list[Shard]) -> Iterator[tuple[Pack, BlockDecoder]]:
-    """(its pack, decoder) of up to MOST_DECODERS decoders. Raises InputError for codec `grid`."""
+def _packs(index: LibraryIndex, shards: list[Shard]) -> list[Pack]:
+    """Packs with up to MOST_DECODERS decoders or a few more, spread evenly over `shards`."""
     step = max(1, len(shards) // MOST_DECODERS)
-    packs = [read_pack(index.path(shard)) for shard in shards[::step]]
-    found = [(pack, decoder) for pack in packs for decoder in pack.block_decoders]
-    chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), MOST_DECODERS)).astype(int))
-    yield from (found[place] for place in chosen)
+    return [read_pack(index.path(shard)) for shard in shards[::step]]
 
 
 def assign(folder: Path, source: Path) -> list[str]:
@@ -56,23 +46,20 @@ def assign(folder: Path, source: Path) -> list[str]:
     read_index(folder)
     with LibraryWriter(folder) as writer:
         shards = _shards(writer.index)
-        pairs = list(_decoders(writer.index, shards))
-        if not pairs:
+        packs = _packs(writer.index, shards)
+        if not any(pack.decoders for pack in packs):
             raise InputError(f"{folder}: holds no decoder to encode with; encode a first set of textures into it")
-        first = pairs[0][0]
-        config: BlockCodecConfig = first.block_config
+        config = packs[0].config
         maps: MapChoice = "base" if config.maps == ("base",) else "all"
         textures = read_source(source, None, maps).textures
         missing = [each for each in textures if not writer.index.holds(shards[0].settings, each.pixel_hash)]
         if not missing:
             return [f"{source}: the library holds all {len(textures)} textures"]
-        decoders = [decoder for _, decoder in pairs]
-        pack = encode_with_decoders(missing, decoders, config, first.grouping.name)
-        drift = measured_drift(missing, decoders, config, COMPARED)
-        record = {**pack.training, SETTINGS: shards[0].settings}
-        writer.add_pack(replace(pack, training=record))
+        found = codec_of(config).encode_with_decoders(missing, packs, MOST_DECODERS)
+        record = {**found.pack.training, SETTINGS: shards[0].settings}
+        writer.add_pack(replace(found.pack, training=record))
     return [
-        f"{source}: {len(missing)} of {len(textures)} textures were added, with {len(pack.decoders)} of {len(decoders)} decoders",
-        f"drift: {drift.frozen_db:.2f} dB with the library's decoders, {drift.fresh_db:.2f} dB in a fresh group: "
-        f"{drift.loss_db:.2f} dB lost ({drift.textures} textures compared at equal bits)",
+        f"{source}: {len(missing)} of {len(textures)} textures were added, with {len(found.pack.decoders)} of {found.tried} decoders",
+        f"drift: {found.frozen_db:.2f} dB with the library's decoders, {found.fresh_db:.2f} dB in a fresh group: "
+        f"{found.fresh_db - found.frozen_db:.2f} dB lost ({found.compared} textures compared at equal bits)",
     ]

@@ -7,16 +7,17 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from ntc.codec.block.targets import PresetName
-from ntc.codec.config import CodecKind, FeatureName, GroupingConfig, GroupingName, PrecisionChoice, RecipeName
+from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
+from ntc.codec.encoding import RecipeName
 from ntc.codec.map_weights import MapWeightsName
+from ntc.codec.registry import CodecName
+from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
 from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
-    DecodeWith,
     Lighting,
     MaterialView,
     PathChoice,
@@ -97,10 +98,6 @@ class DecoderOptions:
     decoder_variant: str = ""
     """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
     NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
-    decode_with: DecodeWith | None = None
-    """What decodes for paths cached and binned: glsl, the shaders; torch on the CUDA device that draws, which takes networks by
-    its matrix units but with fp32; or torch-cpu, the same arithmetic on the processor, to try it. None: glsl, in the window as
-    settings.json says."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +241,7 @@ class EncodeOptions:
     """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
-    codec: CodecKind | None = None
+    codec: CodecName | None = None
     """block: blocks of 8x8 texels under a transform, in closed form, in seconds. grid: latents and a network, trained. None: block
     for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training."""
     bits: float | None = None

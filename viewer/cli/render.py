@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.psnr import finite_or_none
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.block_compression import named_format
 from ntc.metrics.compressed_textures import CompressedTextures
-from ntc.metrics.metrics import finite_or_none
 from viewer.capture.aovs import material_aovs, write_aovs
 from viewer.capture.overlay_picture import error_overlay, with_color_bar
 from viewer.cli.map_errors import map_error_statistics, write_map_errors
@@ -150,8 +150,6 @@ def _check(options: RenderOptions) -> None:
         raise InputError("--error-by-map: the view base shows one map alone; add --view lit, orm or another one")
     if not 0.0 <= options.opacity <= 1.0:
         raise InputError(f"--opacity {options.opacity}: must be 0 to 1")
-    if options.decode_with not in (None, "glsl") and options.path not in ("cached", "binned"):
-        raise InputError(f"--decode-with {options.decode_with}: only --path cached and binned have it")
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
 
@@ -202,7 +200,7 @@ def _opened(options: RenderOptions) -> Session:
         lighting=lighting,
     )
     shown = {source: packs[source]} if source in packs else {}
-    initial = InitialView(decoder_variant=options.decoder_variant, decode_with=options.decode_with or "glsl")
+    initial = InitialView(decoder_variant=options.decoder_variant)
     session = new_session(scene, shown, ViewerSettings(), initial)
     if compressed is not None:
         apply_event(session, TexturesCompressed(session.scene, compressed.block_format, compressed))

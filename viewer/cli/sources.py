@@ -10,9 +10,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress, TextColumn
 
-from ntc.accuracy.precision_choice import chosen_precision
 from ntc.codec.config import Precision, PrecisionChoice
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.library.index import is_library
 from ntc.metrics.block_compression import BlockFormat
@@ -171,6 +171,8 @@ def resolve_precision(
         return choice
     if pack is None:
         return "fp32"
-    chosen = chosen_precision(pack, EVERYWHERE[::-1] if fastest_first is None else fastest_first(pack))
+    chosen = codec_of(pack.config).chosen_precision(
+        pack, EVERYWHERE[::-1] if fastest_first is None else fastest_first(pack)
+    )
     sys.stdout.write(f"precision {chosen.precision}: {chosen.reason}\n")
     return chosen.precision

@@ -52,8 +52,7 @@ def _initial(options: ViewOptions, source: str, precision: PrecisionChoice) -> I
     if options.decoder_variant:
         # Refused before a window opens.
         VariantChoice(options.decoder_variant)
-    own = {"decoder_variant": options.decoder_variant, "decode_with": options.decode_with}
-    return InitialView(source, options.path, precision, options.filter, **own)  # type: ignore[arg-type]
+    return InitialView(source, options.path, precision, options.filter, decoder_variant=options.decoder_variant)
 
 
 def play_headless(options: ViewOptions, pictures: Path) -> int:

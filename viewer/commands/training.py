@@ -5,8 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from ntc.codec.config import CodecKind, GroupingName, RecipeName
+from ntc.codec.config import GroupingName
+from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
+from ntc.codec.registry import CodecName, codec_named
 from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, gesture, switch
@@ -147,9 +149,9 @@ def encode(
     bits: Bits = _DEFAULT.bits,
 ) -> Effect:
     settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=size)
-    kind: CodecKind | None = None if codec == "auto" else codec
-    if kind == "block" and recipe == "paper":
-        raise InputError("recipe paper: trains codec grid; leave it out, or take codec grid")
+    kind: CodecName | None = None if codec == "auto" else codec
+    if kind is not None and recipe != _DEFAULT.recipe and not codec_named(kind).trains:
+        raise InputError(f"recipe {recipe}: trains codec grid; leave it out, or take codec grid")
     return _start(context, EncodeScene(replace(settings, codec=kind, bits=bits)))
 
 

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.block.rate import TextureSet, config_for_bits
-from ntc.codec.block.targets import BitsTarget
-from ntc.codec.block.universal import UNIVERSAL, universal_channels
-from ntc.codec.config import DEFAULT_CLUSTERS, CodecKind, GroupingConfig
+from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig
+from ntc.codec.encoding import EncodingChoices, EncodingOptions
 from ntc.codec.maps import MapName, joint_maps
-from ntc.codec.model import AnyCodec, Grouping
+from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_named, codec_of
+from ntc.codec.settings import CodecSettings
+from ntc.codec.texture_set import TextureSet, common_channels
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.library.joining import settings_key
-from ntc.training.config import TrainingConfig, recipe_codec
 from viewer.encoding.sources import Reading, blank
 from viewer.encoding.work import EncodeJob, Looked
 
@@ -43,12 +43,9 @@ class Asked:
 
     reading: Reading
     grouping: GroupingConfig
-    codec: CodecKind
-    target: BitsTarget
-    """Of codec `block`."""
-    levels: int | None
-    training: TrainingConfig
-    """Its seed counts for codec `block` too."""
+    codec: str
+    """Its name."""
+    choices: EncodingChoices
     labels: Path | None = None
     one_pack: bool = False
     """Whether all is to become one pack, whose textures share the settings of one codec."""
@@ -85,22 +82,24 @@ def _grouping(asked: Asked, textures: Sequence[Looked]) -> Grouping:
     return make_grouping(config, stand_ins, GroupingInputs(labels=labels, features=FeatureOptions(known=known)))
 
 
-def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> AnyCodec:
-    if asked.codec == "grid":
-        return recipe_codec(asked.training.recipe, kind.channels, asked.levels, kind.maps)
-    known = TextureSet(sizes, groups, kind.channels, asked.levels, kind.maps)
-    return config_for_bits(asked.target.bits, known, asked.target.block_side, asked.target.multiply_adds)
+def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
+    known = TextureSet(sizes, groups, kind.channels, asked.choices.levels, kind.maps)
+    return codec_named(asked.codec).settings_for(known, asked.choices)
 
 
-def _library_codec(asked: Asked, kind: _Kind) -> AnyCodec:
+def _library_codec(asked: Asked, kind: _Kind) -> CodecSettings:
     alone = {UNIVERSAL: 0, "baseline": LIBRARY_GROUP}
     return _codec(asked, kind, [LIBRARY_TEXTURE] * LIBRARY_GROUP, alone.get(asked.grouping.name, 1))
 
 
-def _settings(asked: Asked, config: AnyCodec) -> str:
+def _options(asked: Asked) -> EncodingOptions:
+    return codec_named(asked.codec).job_options_for(asked.choices)
+
+
+def _settings(asked: Asked, config: CodecSettings) -> str:
     """Key of everything that decides about a texture's numbers besides its pixels and those of its group."""
     grouping = replace(asked.grouping, clusters=None)
-    training = asdict(asked.training) if asked.codec == "grid" else {"seed": asked.training.seed}
+    training = codec_of(config).recorded_options(_options(asked))
     wanted = {"reading": asdict(asked.reading), "grouping": asdict(grouping), "training": training}
     return settings_key(config, asked.grouping.name, wanted)
 
@@ -124,7 +123,7 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     ]
     sizes = [(each.width, each.height) for each in textures]
     decoders = 0 if grouping.name == UNIVERSAL else sum(len({group for _, group in part}) for _, part in parts)
-    configs: dict[_Kind, AnyCodec] = {}
+    configs: dict[_Kind, CodecSettings] = {}
     for kind, _ in parts:
         if kind not in configs:
             configs[kind] = _codec(asked, kind, sizes, decoders) if asked.one_pack else _library_codec(asked, kind)
@@ -133,7 +132,7 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     for kind, part in parts:
         own = Grouping.of_labels(grouping.name, [group for _, group in part], grouping.parameters)
         chosen = tuple(textures[index] for index, _ in part)
-        jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], asked.training, keys[kind]))
+        jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], _options(asked), keys[kind]))
     return jobs
 
 
@@ -143,7 +142,7 @@ def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[in
     found: dict[_Kind, list[int]] = {}
     for index, each in enumerate(textures):
         base_alone = each.maps == ("base",)
-        channels = universal_channels(each.channels) if base_alone else each.channels
+        channels = common_channels(each.channels) if base_alone else each.channels
         found.setdefault(_Kind(each.maps, channels), []).append(index)
     return found
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from ntc.codec.block.config import BlockCodecConfig
 from ntc.codec.config import FeatureName
+from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import MapName
-from ntc.codec.model import AnyCodec, Grouping
+from ntc.codec.model import Grouping
+from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import raw_features
@@ -16,9 +17,7 @@ from ntc.library.joining import SETTINGS
 from ntc.library.records import Shard
 from ntc.library.writer import shard_of
 from ntc.pack.file import pack_bytes
-from ntc.training.config import TrainingConfig
-from ntc.training.encode import train
-from ntc.training.encode_blocks import encode_blocks
+from ntc.training.encode import encode_textures
 from viewer.encoding.sources import Reading, TextureRef, read_texture, stamp_of
 
 
@@ -57,9 +56,8 @@ class EncodeJob:
     reading: Reading
     grouping: Grouping
     """Of these textures."""
-    config: AnyCodec
-    training: TrainingConfig
-    """Of it codec `block` takes the seed alone."""
+    config: CodecSettings
+    options: EncodingOptions
     settings: str
     """Key of all this (`ntc.library.joining.settings_key`)."""
 
@@ -140,10 +138,7 @@ def _encoded(job: EncodeJob) -> Encoded | Unread:
             textures.append(texture)
     if problems:
         return Unread(problems)
-    if isinstance(job.config, BlockCodecConfig):
-        pack = encode_blocks(textures, job.grouping, job.config, job.training.seed, threads=1)
-    else:
-        pack = train(textures, job.grouping, job.config, job.training)
+    pack = encode_textures(textures, job.grouping, job.config, job.options)
     pack = replace(pack, training={**pack.training, SETTINGS: job.settings})
     data = pack_bytes(pack)
     return Encoded(shard_of(pack, data), data)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
+from ntc.codec.psnr import psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
-from ntc.metrics.metrics import psnr_of_mse
 from viewer.render.resources.layout import materials_of, texture_ids_of
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_texels, texel_centres
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.compressed_textures import CompressedTexture
-from ntc.metrics.metrics import psnr_db
 from viewer.jobs.job import JobReport
 from viewer.scene.model import SceneTexture
 from viewer.scene.source_textures import reduce_texture

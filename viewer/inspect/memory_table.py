@@ -7,6 +7,7 @@ from functools import lru_cache
 from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.metrics.block_compression import compressed_bytes
 from ntc.metrics.compressed_textures import CompressedTextures, kind_of
 from ntc.metrics.metrics import psnr_table
@@ -108,7 +109,7 @@ def pack_memory(
             "pack: decoders",
             table.decoder_bytes,
             table.decoder_bytes / original,
-            "half precision" if pack.config.kind == "grid" else "bases and bit allocations",
+            codec_of(pack.config).table_text,
         ),
     ]
     if table.adapter_bytes:

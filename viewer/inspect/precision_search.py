@@ -3,9 +3,10 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from ntc.accuracy.precision_choice import ChosenPrecision, chosen_precision
+from ntc.codec.codec import ChosenPrecision
 from ntc.codec.config import Precision
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from viewer.jobs.background import Background
 from viewer.jobs.job import JobReport
 from viewer.state.events import EmitEvent, Notification, PrecisionFound
@@ -43,4 +44,4 @@ class PrecisionSearch:
             self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
     def _found(self, pack: Pack, fastest_first: Sequence[Precision], _report: JobReport) -> ChosenPrecision:
-        return chosen_precision(pack, fastest_first)
+        return codec_of(pack.config).chosen_precision(pack, fastest_first)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
@@ -57,7 +58,9 @@ def texture_rows(
         width, height = texture.size
         index = match.texture_index[number] if match is not None else -1
         encoded = pack.textures[index] if pack is not None and index >= 0 else None
-        bits = 8.0 * len(encoded.latents) * pack.config.cell_bytes / (width * height) if encoded and pack else None
+        bits = None
+        if encoded is not None and pack is not None:
+            bits = 8.0 * codec_of(pack.config).texture_bytes(encoded, pack.config).latents / (width * height)
         psnr = encoded.psnr_db if encoded is not None else None
         rows.append(
             TextureRow(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
-from ntc.errors import InputError
 from ntc.pack.diff import changed_groups
 from ntc.pack.match import PackMatch
 from viewer.gl.context import GraphicsContext
@@ -20,7 +19,6 @@ from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.passes.decode_forward import DecodeForwardPass
-from viewer.render.passes.decode_listed import DecodeListedPass
 from viewer.render.passes.decode_pass import DecodePass
 from viewer.render.passes.decode_sampled import DecodeSampledPass
 from viewer.render.passes.visible_latents import NeededLevelsPass, VisibleLatentsPass
@@ -29,11 +27,9 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.latent_update import LatentUpdate
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.texel_lists import ListDecoder, MakeListDecoder, TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
-from viewer.render.tile_cache.decode_cached import FOLDER as TILES_FOLDER
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.drawn_cache import DrawnTileCache
 from viewer.render.tile_cache.tile_table import TileTable
@@ -56,8 +52,6 @@ class RenderContext:
     """None: all latents of a pack are uploaded at once."""
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
-    list_decoders: MakeListDecoder | None = None
-    """Makes what decodes tiles of path `cached` and pixels of path `binned`; None: GLSL does."""
     variants: VariantChoice = field(default_factory=VariantChoice)
     """How the decoding shaders of each pack are laid out."""
 
@@ -134,7 +128,6 @@ class GpuPack:
         self._precision = precision
         self._ranges: DecoderRanges | None = None
         self._latents: dict[Plane, VisibleLatentsPass] = {}
-        self._lists: ListDecoder | None = None
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
         """Of the paths that decode every pixel."""
         self._caches: dict[Plane, CachedPath] = {}
@@ -158,16 +151,6 @@ class GpuPack:
         if self._ranges is None:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision, self._variant)
         return self._ranges
-
-    @property
-    def lists(self) -> ListDecoder | None:
-        """What decodes lists of this pack's texels in place of GLSL; made when first asked for. Raises InputError."""
-        make = self.context.list_decoders
-        if make is not None and not self.context.graphics.features.compute:
-            raise InputError("decoding elsewhere than in GLSL needs OpenGL 4.3; without it decode with glsl")
-        if self._lists is None and make is not None:
-            self._lists = make(self.pack, self.match.texture_index, self._precision)
-        return self._lists
 
     def decoder(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> Decoder:
         """What draws a plane that the pack holds by a path, not `auto`, with a filter that it has; made when it is first asked for.
@@ -268,8 +251,6 @@ class GpuPack:
         if not update.latents.fits:
             self.buffers.note_latents()
         self.pack, self.version = update.version.pack, update.version.number
-        if self._lists is not None:
-            self._lists.replace(self.pack)
         for cache in self._caches.values():
             cache.mark_stale(textures)
         if regrouped:
@@ -314,16 +295,11 @@ def deferred_pass(
 def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> DecodePass:
     """Decode path `binned`."""
     graphics, reading = pack.context.graphics, pack.reading(plane)
-    if pack.lists is not None:
-        return DecodeListedPass(graphics, pack.programs, pack.buffers, pack.lists, reading, texel_filter)
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
 
 def _cached(pack: GpuPack, plane: Plane) -> CachedPath:
-    context, reading, decoder = pack.context, pack.reading(plane), pack.lists
-    lists = None
-    if decoder is not None:
-        lists = TexelLists(context.graphics, pack.programs, TILES_FOLDER, reading.defines(), decoder, plane)
+    context = pack.context
     kind = DecodeCachedPass if context.graphics.features.compute else DrawnTileCache
     cache = kind(
         context.graphics,
@@ -331,10 +307,9 @@ def _cached(pack: GpuPack, plane: Plane) -> CachedPath:
         pack.buffers,
         pack.ranges,
         TileTable.of(context.scene.materials, pack.pack, pack.match, plane),
-        reading,
+        pack.reading(plane),
         context.tile_cache,
         context.tile_budget,
-        lists,
     )
     return CachedPath(cache, context.timer, context.tile_budget)
 

@@ -30,7 +30,6 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.texel_lists import MakeListDecoder
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
@@ -56,7 +55,6 @@ class Renderer:
         latents: LatentBudget | None = None,
         emulate_half: bool = False,
         update_bytes: int = UPDATE_BYTES,
-        list_decoders: MakeListDecoder | None = None,
         variants: VariantChoice | None = None,
     ) -> None:
         """`update_bytes` is the upload budget of a frame for packs that replace others; the rest is that of the RenderContext.
@@ -84,7 +82,7 @@ class Renderer:
         self.tile_budget = TileBudget(tiles)
         """Receives measured frame times (`note_frame`)."""
         shared = (context, scene, self._scene_buffers, self._timer, tiles, self.tile_budget)
-        own = (latents or LatentBudget(), emulate_half, list_decoders, variants or VariantChoice())
+        own = (latents or LatentBudget(), emulate_half, variants or VariantChoice())
         render_context = RenderContext(*shared, *own)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""

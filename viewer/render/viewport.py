@@ -19,7 +19,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.gl.ui_textures import Thumbnails
 from viewer.jobs.background import Background
-from viewer.render.back_ends import list_decoders
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
 from viewer.render.pass_scheduler import ToCome
@@ -214,14 +213,7 @@ class Viewport:
             try:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
-                    lists = list_decoders(session.decode_with or session.settings.decode_with)
-                    made = Renderer(
-                        self._context,
-                        session.scene,
-                        tile_cache=tiles,
-                        list_decoders=lists,
-                        variants=self.variants,
-                    )
+                    made = Renderer(self._context, session.scene, tile_cache=tiles, variants=self.variants)
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
             except InputError as error:
                 self._context.reset.check_after(error)

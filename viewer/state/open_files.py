@@ -32,7 +32,6 @@ from viewer.state.settings import ViewerSettings, with_recent
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
     REFERENCE,
-    DecodeWith,
     Lighting,
     MaterialView,
     PathChoice,
@@ -58,8 +57,6 @@ class InitialView:
     lighting: Lighting = DEFAULT_LIGHTING
     decoder_variant: str = ""
     """As `Session.decoder_variant`."""
-    decode_with: DecodeWith | None = None
-    """As `Session.decode_with`."""
 
 
 def new_session(
@@ -71,7 +68,7 @@ def new_session(
     """
     scene, problem = _with_cameras(scene)
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
-    session.decoder_variant, session.decode_with = initial.decoder_variant, initial.decode_with
+    session.decoder_variant = initial.decoder_variant
     session.window = WindowState(show_panels=settings.show_panels, picture_size=settings.window_size)
     session.precision_searches = frozenset(("a",) if initial.precision == "auto" else ())
     block_format = named_format(initial.grouping)

@@ -17,7 +17,7 @@ from viewer.state.camera_motion import Motion
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.question import Question
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, DecodeWith, Side, Slot, ViewState
+from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Side, Slot, ViewState
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
@@ -174,8 +174,6 @@ class Session:
     """Whether a place in the scene is looked for that shows more than a view of all of it."""
     decoder_variant: str = ""
     """How decoders are laid out on the GPU, as the command line asks (`VariantChoice`); empty: as the environment says."""
-    decode_with: DecodeWith | None = None
-    """What decodes lists of texels, as the command line asks; None: as the settings say."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
     """Precisions and decode paths that the graphics driver cannot compute in, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)

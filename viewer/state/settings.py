@@ -20,8 +20,6 @@ SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
 Anisotropy = Literal[1, 2, 4, 8, 16]
-DecodeWith = Literal["glsl", "torch", "torch-cpu"]
-"""What decodes for the paths `cached` and `binned`: GLSL, torch on a CUDA device, or its twin on the CPU."""
 TexelFilter = Literal["exact", "stochastic"]
 """Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
 ANISOTROPIES = get_args(Anisotropy)
@@ -67,8 +65,6 @@ class ViewerSettings:
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     tile_cache_megabytes: Annotated[int, Meta(ge=TILE_CACHE_MEGABYTES[0], le=TILE_CACHE_MEGABYTES[1])] = 256
     """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
-    decode_with: DecodeWith = "glsl"
-    """Read when a scene opens."""
     live_figures: bool = True
     """Draw the hidden slot and compare A with B while the view does not change."""
     prepare_encoding: bool = True

@@ -14,7 +14,6 @@ from viewer.state.overlay import BlockName as BlockName
 from viewer.state.overlay import Overlay as Overlay
 from viewer.state.overlay import OverlayKind as OverlayKind
 from viewer.state.settings import GAIN_RANGE
-from viewer.state.settings import DecodeWith as DecodeWith
 from viewer.state.settings import TexelFilter as TexelFilter
 from viewer.state.zoom import WHOLE, Zoom
 

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from ntc.codec.config import CodecKind
 from ntc.codec.model import Pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
@@ -50,7 +49,7 @@ class ActiveRun:
     """Monotonic seconds."""
 
     @property
-    def codec_kind(self) -> CodecKind | None:
+    def codec_kind(self) -> str | None:
         """Codec of the pack that it makes; None while it is prepared."""
         return None if self.request is None else self.request.codec.kind
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import GroupingConfig
+from ntc.codec.config import UNIVERSAL, GroupingConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError

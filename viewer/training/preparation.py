@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-from ntc.codec.block.rate import config_for_bits, texture_set
-from ntc.codec.block.universal import UNIVERSAL
-from ntc.codec.config import GroupingConfig
+from ntc.codec.config import UNIVERSAL, GroupingConfig
 from ntc.codec.maps import BASE_ALONE
-from ntc.codec.model import AnyCodec, Pack
+from ntc.codec.model import Pack
+from ntc.codec.registry import codec_named, codec_of
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.training.config import recipe_codec, recipe_config
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import moved_texture, unchanged_groups
 from viewer.jobs.job import JobReport
@@ -74,9 +73,9 @@ def settings_text(job: TrainingJob) -> str:
     settings, budget = job.settings, budget_text(job.settings.budget)
     if not isinstance(job, EncodeScene):
         return f"{settings.recipe}, {budget}"
-    if settings.codec_kind == "block":
-        return f"{settings.texture_size} texels, block, {settings.bits:g} bits per texel, {budget}"
-    return f"{settings.texture_size} texels, grid, {settings.recipe}, {budget}"
+    kind = settings.codec_kind
+    how = settings.recipe if codec_named(kind).trains else f"{settings.bits:g} bits per texel"
+    return f"{settings.texture_size} texels, {kind}, {how}, {budget}"
 
 
 def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:
@@ -107,13 +106,14 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
     else:
         textures = _textures_of(base, scene, report)
     dirty = job.groups if isinstance(job, RetrainGroups) else None
-    training = recipe_config(job.settings.recipe)
-    return TrainingRequest(textures, grouping, base.config, training, job.settings.budget, base, dirty)
+    options = codec_of(base.config).live_options_for(job.settings.choices)
+    return TrainingRequest(textures, grouping, base.config, options, job.settings.budget, base, dirty)
 
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
-    # The decoder that ships serves base colours alone, and materials are encoded fastest in codec `block`.
-    maps: MapChoice = "all" if settings.codec_kind == "block" and settings.strategy != UNIVERSAL else "base"
+    codec = codec_named(settings.codec_kind)
+    # The decoder that ships serves base colours alone.
+    maps: MapChoice = codec.default_maps if settings.strategy != UNIVERSAL else "base"
     with GroupingProcess(_grouping_config(settings)) as process:
         textures = tuple(
             _reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None, maps)
@@ -124,13 +124,9 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
             )
         _check_clusters(settings, textures)
         grouping = process.find(textures, scene.path, report)
-    codec: AnyCodec
-    if settings.codec_kind == "block":
-        codec = config_for_bits(settings.bits, texture_set(textures, grouping.stored_decoders))
-    else:
-        channels = max(texture.pixels.shape[2] for texture in textures)
-        codec = recipe_codec(settings.recipe, channels, None)
-    return TrainingRequest(textures, grouping, codec, recipe_config(settings.recipe), settings.budget)
+    config = codec.settings_for(texture_set(textures, grouping.stored_decoders), settings.choices)
+    options = codec.live_options_for(settings.choices)
+    return TrainingRequest(textures, grouping, config, options, settings.budget)
 
 
 def _reduced(texture: SourceTexture, size: int, report: JobReport) -> SourceTexture:

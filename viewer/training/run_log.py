@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_of_mse
 from ntc.errors import InputError
-from ntc.metrics.metrics import psnr_of_mse
 from ntc.training.progress import TrainingProgress
 
 MOST_POINTS = 400

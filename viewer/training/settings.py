@@ -4,10 +4,11 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ntc.codec.config import CodecKind, GroupingName, RecipeName
+from ntc.codec.config import GroupingName
+from ntc.codec.encoding import DEFAULT_BITS, Budget, EncodingChoices, QualityBudget, RecipeName, StepBudget, TimeBudget
+from ntc.codec.registry import chosen_codec, codec_named
+from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
-from ntc.training.config import DEFAULT_BITS, recipe_codec_kind
-from ntc.training.request import Budget, QualityBudget, StepBudget, TimeBudget
 
 BudgetUnit = Literal["steps", "s", "dB"]
 BUDGET_UNITS: tuple[BudgetUnit, ...] = get_args(BudgetUnit)
@@ -59,17 +60,22 @@ class TrainingSettings:
     """Most texels of a texture along one side; smaller ones stay as they are."""
     recipe: RecipeName = "best"
     budget: Budget = DEFAULT_BUDGET
-    codec: CodecKind | None = None
+    codec: str | None = None
     """Of a pack from nothing. None: what recipe and budget stand for."""
     bits: float = DEFAULT_BITS
-    """Codec `block`: bits per texel to come nearest to, of a pack from nothing."""
+    """Bits per texel to come nearest to, of a pack from nothing, in a codec that is encoded to a target."""
 
     @property
-    def codec_kind(self) -> CodecKind:
-        """`codec`, else `block` for recipe `best` and `grid` for `paper` and for a budget of steps, which only training takes."""
-        if self.codec is not None:
-            return self.codec
-        return "grid" if isinstance(self.budget, StepBudget) else recipe_codec_kind(self.recipe)
+    def codec_kind(self) -> str:
+        """Name of the codec: the one that is asked for, else the first that has recipe and budget."""
+        steps = self.budget.steps if isinstance(self.budget, StepBudget) else None
+        return self.codec or chosen_codec(EncodingChoices(self.recipe, steps))
+
+    @property
+    def choices(self) -> EncodingChoices:
+        """What is asked of the codec."""
+        target = None if codec_named(self.codec_kind).trains else BitsTarget(self.bits)
+        return EncodingChoices(self.recipe, target=target)
 
     @property
     def grouping_text(self) -> str:

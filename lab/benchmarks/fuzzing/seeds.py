@@ -15,7 +15,7 @@ import numpy as np
 import zstandard
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.meshopt_twins import meshopt_twin
@@ -141,9 +141,9 @@ def _meshopt_scenes() -> Iterator[bytes]:
 def packs() -> Iterator[bytes]:
     """Packs of different codecs."""
     configs = (
-        CodecConfig(hidden_width=4),
-        CodecConfig(hidden_width=4, levels=1),
-        CodecConfig(hidden_width=4, adapters=True),
+        GridConfig(hidden_width=4),
+        GridConfig(hidden_width=4, levels=1),
+        GridConfig(hidden_width=4, adapters=True),
     )
     with tempfile.TemporaryDirectory() as folder:
         for number, config in enumerate(configs):

@@ -32,7 +32,10 @@ WATCHED = [
     "ntc.pack.file",
     "ntc.pack.schema",
     "ntc.codec.model",
-    "ntc.codec.quantize",
+    "ntc.codec.block.storage",
+    "ntc.codec.block.tensors",
+    "ntc.codec.grid.quantize",
+    "ntc.codec.grid.tensors",
 ]
 WATCHED_SCRIPTS = [
     "viewer.commands",

@@ -15,13 +15,17 @@ from typing import Annotated, TypeVar
 import torch
 import tyro
 
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.groups import fitted_groups
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.model import Grouping
+from ntc.codec.psnr import PsnrSummary
+from ntc.codec.registry import codec_of
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.features import feature_matrix
 from ntc.io import write_text
-from ntc.metrics.metrics import PsnrSummary
-from ntc.training.encode_blocks import encode_blocks, fitted_groups
+from ntc.training.encode import encode_textures
 from viewer.scene.images import read_image
 
 BITS = 2.0
@@ -70,13 +74,16 @@ def main(options: Options) -> None:
     for name, decoders in (("universal", 0), ("single", 1)):
         grouping = Grouping(name, (0,) * len(textures))
         config = config_for_bits(BITS, texture_set(textures, decoders, None))
-        _, fitting = _timed(partial(fitted_groups, textures, grouping, config, 0))
-        pack, whole = _timed(partial(encode_blocks, textures, grouping, config, threads=1))
+        _, fitting = _timed(partial(fitted_groups, textures, grouping, (0,), config, 0))
+        pack, whole = _timed(partial(encode_textures, textures, grouping, config, BlockOptions(threads=1)))
         summary = PsnrSummary.of([texture.psnr_db or 0.0 for texture in pack.textures])
         figures[name] = {
             "fit_seconds_a_group": fitting,
             "encode_seconds_a_megatexel": (whole - fitting) / texels * 1e6,
-            "code_bytes_a_texel": sum(texture.latents.nbytes for texture in pack.textures) / texels,
+            "code_bytes_a_texel": sum(
+                codec_of(config).texture_bytes(texture, config).latents for texture in pack.textures
+            )
+            / texels,
             "psnr_db": summary.of_mean_mse_db if summary else None,
         }
     text = json.dumps(figures, indent=2) + "\n"

@@ -16,7 +16,7 @@ from typing import Annotated
 import tyro
 
 from lab.bench.random_pack import random_block_pack
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.io import write_text
 from ntc.library.index import is_library, read_index
 from ntc.library.writer import LibraryWriter
@@ -27,7 +27,7 @@ from viewer.state.pack_files import open_packs, wanted_textures
 
 A_SHARD = 500
 RUNS = 5
-CODEC = BlockCodecConfig(block_words=(4,), coefficients=16, modes=2)
+CODEC = BlockConfig(block_words=(4,), coefficients=16, modes=2)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.model import Grouping
 from ntc.pack.file import read_pack, write_pack
 from viewer.gl.context import create_headless_context
@@ -60,10 +60,10 @@ def measured(scene_path: Path, camera: str, pack_path: Path | None, whole: bool 
 
 def write_stand_in(scene: Scene, path: Path) -> None:
     """A pack of base colours, each texture all in its mean colour: nothing is trained."""
-    from ntc.training.snapshot import mean_colour_pack
+    from ntc.codec.block.start import mean_colour_pack
 
     textures = source_textures(scene, PACK_SIDE)
-    write_pack(path, mean_colour_pack(textures, Grouping("single", (0,) * len(textures)), BlockCodecConfig()))
+    write_pack(path, mean_colour_pack(textures, Grouping("single", (0,) * len(textures)), BlockConfig()))
 
 
 def main() -> None:

@@ -6,10 +6,10 @@ from typing import Final, get_args
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack
-from ntc.training.config import recipe_codec
 from viewer.gl.context import GraphicsContext
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
@@ -17,11 +17,11 @@ from viewer.render.resources.precision import LEVELS
 from viewer.scene.load import load_scene
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
-CODECS: Final[dict[str, CodecConfig | BlockCodecConfig]] = {
+CODECS: Final[dict[str, GridConfig | BlockConfig]] = {
     "paper": recipe_codec("paper", 3, None),
-    "adapters": CodecConfig(adapters=True),
+    "adapters": GridConfig(adapters=True),
     "grid of best": recipe_codec("best", 3, None),
-    "block": BlockCodecConfig(),
+    "block": BlockConfig(),
 }
 """By a short name: codec `grid` of both recipes, with adapters that leave the output layer shared, and codec `block`."""
 SIZE: Final = (16, 16)
@@ -39,7 +39,7 @@ class DecodingProgram:
     program: AssembledProgram
 
     @property
-    def config(self) -> CodecConfig | BlockCodecConfig:
+    def config(self) -> GridConfig | BlockConfig:
         """The codec's settings."""
         return CODECS[self.codec]
 
@@ -52,16 +52,16 @@ def gpu_of(context: GraphicsContext) -> GraphicsContext:
     return replace(context, features=features, info=replace(context.info, renderer="AMD Radeon", vendor="AMD"))
 
 
-def _pack(config: CodecConfig | BlockCodecConfig, groups: tuple[int, ...], hashes: list[str]) -> Pack:
+def _pack(config: GridConfig | BlockConfig, groups: tuple[int, ...], hashes: list[str]) -> Pack:
     sizes = [(32, 32)] * len(hashes)
-    if isinstance(config, CodecConfig):
+    if isinstance(config, GridConfig):
         return random_pack(sizes, groups, config, hashes)
     return random_block_pack(sizes, groups, config, hashes)
 
 
 def _slots(name: str) -> Iterator[tuple[str, Slot]]:
     """Each path, and each precision in which the codec `name` is decoded by another program."""
-    precisions: tuple[Precision, ...] = tuple(LEVELS) if isinstance(CODECS[name], CodecConfig) else ("fp32",)
+    precisions: tuple[Precision, ...] = tuple(LEVELS) if isinstance(CODECS[name], GridConfig) else ("fp32",)
     for path in get_args(DecodePath):
         for precision in precisions:
             yield path, Slot(name, path, precision)

@@ -16,10 +16,10 @@ from lab.benchmarks.measuring import report
 from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, decoding_programs
 from lab.benchmarks.shaders.machine_code import MachineCode
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import GPU, DecoderVariant
+from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import create_headless_context
-from viewer.render.resources.variant import GPU, DecoderVariant
 
 SEVERAL: Final = ("deferred, shared", "binned", "cached")
 """Paths whose invocations decode as many pixels as `DecoderVariant` says."""
@@ -28,7 +28,7 @@ SEVERAL: Final = ("deferred, shared", "binned", "cached")
 def network_loops(found: DecodingProgram, variant: DecoderVariant) -> tuple[tuple[int, ...], int]:
     """How often the loops over both hidden layers run, none for codec `block`, and the pixels of one invocation."""
     config = found.config
-    if not isinstance(config, CodecConfig):
+    if not isinstance(config, GridConfig):
         return (), 1
     blocks = config.hidden_width // 4
     if found.path not in SEVERAL:

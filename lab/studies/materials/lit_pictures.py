@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 
 from lab.studies.materials.own_codec import LARGEST_BITS, grouped_by_maps
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_db
+from ntc.codec.texture_set import texture_set
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.image_quality import flip
-from ntc.metrics.metrics import psnr_db
-from ntc.training.encode_blocks import encode_blocks
+from ntc.training.encode import encode_textures
 from viewer.cli.sources import compress_scene
 from viewer.cli.table import Column, Table
 from viewer.gl.context import GraphicsContext, create_headless_context
@@ -71,7 +73,7 @@ def pack_of_bits(scene: Scene, bits: float) -> Pack:
     textures = source_textures(scene, None, "all")
     grouping = grouped_by_maps(textures)
     config = config_for_bits(min(bits, LARGEST_BITS), texture_set(textures, grouping.group_count))
-    return encode_blocks(textures, grouping, config)
+    return encode_textures(textures, grouping, config, BlockOptions())
 
 
 def compare(context: GraphicsContext, scene: Scene, size: tuple[int, int], most: int) -> list[dict[str, Any]]:

@@ -7,14 +7,16 @@ from lab.studies.materials.coding import CodedMaps, Coding, Part, joined, mean_p
 from lab.studies.materials.hardware import present_parts
 from lab.studies.set_quality import pack_bits_per_texel, texels_with_mips
 from lab.studies.settings import BlockSide
-from ntc.codec.block.rate import config_for_bits, texture_set
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.options import BlockOptions
 from ntc.codec.map_weights import EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsName
 from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import Grouping
+from ntc.codec.registry import codec_of
+from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_block import torch_codec
 from ntc.grouping.by_maps import kinds_of
-from ntc.training.encode_blocks import encode_blocks
+from ntc.training.encode import encode_textures
 
 LARGEST_BITS = 15.0
 """More take blocks of 4x4 texels: codes of 8x8 texels have no more than 16 bits a texel, those of base colours alone 8."""
@@ -43,8 +45,8 @@ def _encoded(textures: Sequence[SourceTexture], bits: float) -> tuple[list[Coded
     """(each texture decoded, stored bits in all) where textures of one kind share a decoder."""
     grouping = grouped_by_maps(textures)
     config = config_for_bits(bits, texture_set(textures, grouping.group_count), _side(textures, bits))
-    pack = encode_blocks(textures, grouping, config)
-    codec = torch_codec(pack, "cpu")
+    pack = encode_textures(textures, grouping, config, BlockOptions())
+    codec = codec_of(pack.config).torch_twin(pack, "cpu")
     coded = [
         CodedMaps.of(texture.maps, codec.decode_image(index), texture.pixels) for index, texture in enumerate(textures)
     ]

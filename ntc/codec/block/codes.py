@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
 
 
-def bit_offsets(depths: NDArray[np.integer], config: BlockCodecConfig) -> NDArray[np.int64]:
+def bit_offsets(depths: NDArray[np.integer], config: BlockConfig) -> NDArray[np.int64]:
     """int64 of the shape of `depths` [..., coefficients]: where each coefficient's bits begin in a code,
     after the bits of the mode."""
     wide = depths.astype(np.int64)
@@ -19,7 +19,7 @@ def packed_codes(
     sizes: NDArray[np.int64],
     indices: NDArray[np.uint32],
     depths: NDArray[np.integer],
-    config: BlockCodecConfig,
+    config: BlockConfig,
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 of modes [blocks], size classes [blocks] and stored indices [blocks, coefficients].
 
@@ -41,7 +41,7 @@ def packed_codes(
 
 
 def unpacked_codes(
-    codes: NDArray[np.uint32], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockCodecConfig
+    codes: NDArray[np.uint32], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockConfig
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint32]]:
     """(modes [blocks], depths [blocks, coefficients], stored indices [blocks, coefficients]) of `codes` [blocks, words of the largest
     code] of size classes `sizes` [blocks]."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_channels
+from ntc.codec.settings import CodecSettings
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
@@ -22,13 +23,13 @@ SCALE_ORIGIN = 192
 
 
 @dataclass(frozen=True)
-class BlockCodecConfig:
+class BlockConfig(CodecSettings):
     """The shape of block codes and of the tables that a group shares, the same for every texture of a pack.
 
     A block is a latent cell: `downscale` and `smallest_top_cells` mean what they mean of codec `grid`.
     """
 
-    kind: ClassVar[Literal["block"]] = "block"
+    kind: ClassVar[str] = "block"
 
     block_side: Literal[4, 8] = 8
     """Texels of a block along one side."""

@@ -2,16 +2,19 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockCodecConfig
+from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
 from ntc.codec.block.trellis import share_out_bits
+from ntc.codec.model import Decoder, EncodedTexture, Pack
+from ntc.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
-class BlockDecoder:
+class BlockDecoder(Decoder):
     """What the textures of a group share."""
 
     basis: NDArray[np.int8]
@@ -22,7 +25,7 @@ class BlockDecoder:
     scales: NDArray[np.uint8]
     """[modes, coefficients] uint8: logarithmic scale of each coefficient's levels (`scale_values`)."""
 
-    def depths(self, config: BlockCodecConfig) -> NDArray[np.uint8]:
+    def depths(self, config: BlockConfig) -> NDArray[np.uint8]:
         """[sizes of codes, modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH; they follow from the scales."""
         return _depths(np.ascontiguousarray(self.scales, np.uint8).tobytes(), len(self.scales), config.coefficient_bits)
 
@@ -31,26 +34,39 @@ class BlockDecoder:
         """[coefficients] uint8: the first channel that each row is not 0 in; 0 for a row of zeros."""
         return np.asarray(self.basis.any(axis=1).argmax(axis=1), np.uint8)
 
-    def stored_bits(self, config: BlockCodecConfig) -> int:
+    def stored_bits(self, config: BlockConfig) -> int:
         """Bits of the tables in a pack."""
         return 8 * len(self.basis) * config.row_bytes + 32 * self.basis_scale.size + 8 * self.scales.size
 
 
-@dataclass(frozen=True, eq=False)
-class BlockTexture:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BlockTexture(EncodedTexture):
     """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
 
-    width: int
-    """Texels of mip 0 along u."""
-    height: int
-    """Texels of mip 0 along v."""
     words: NDArray[np.uint32]
-    """[words of all levels] uint32: directories and codes (`ntc.codec.block.storage`)."""
+    """[words] uint32: directories and codes of all levels (`ntc.codec.block.storage`)."""
     mean: NDArray[np.float32]
     """[channels] float32, in the texture's colour space, 0 to 1."""
     axes: NDArray[np.float32]
     """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast; 0 where row and
     column are channels of different planes (`ntc.codec.maps.plane_channels`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockParts:
+    """A pack of codec `block`, with its parts as what they are."""
+
+    config: BlockConfig
+    textures: tuple[BlockTexture, ...]
+    decoders: tuple[BlockDecoder, ...]
+
+
+def block_parts(pack: Pack) -> BlockParts:
+    """The parts of a pack of codec `block`. Raises InputError for another codec."""
+    if not isinstance(pack.config, BlockConfig):
+        raise InputError(f"{pack.name}: codec {pack.config.kind} has no basis; use a pack of codec block here")
+    textures, decoders = cast(tuple[BlockTexture, ...], pack.textures), cast(tuple[BlockDecoder, ...], pack.decoders)
+    return BlockParts(pack.config, textures, decoders)
 
 
 @lru_cache(maxsize=256)

@@ -3,18 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.blocks import image_of
 from ntc.codec.block.codes import unpacked_codes
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
 from ntc.codec.block.trellis import branch_tables, level_table
-from ntc.codec.latents import latent_levels
+from ntc.codec.config import WrapMode
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.sampling import bilinear, clamped_lod, trilinear
 
 Array = NDArray[np.float64]
 
 
-def decode_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
+def decode_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> Array:
     """[blocks, coefficients] float64 that the codes of blocks stand for.
 
     Any words are valid codes: whatever a file holds decodes to finite numbers.
@@ -35,7 +36,7 @@ def decode_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: Block
     return values
 
 
-def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockCodecConfig) -> Array:
+def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> Array:
     """[blocks, texels of a block, channels] float64, not clamped, in the texture's colour space: what codes decode to."""
     coefficients = decode_coefficients(stored, decoder, config) * decoder.basis_scale.astype(np.float64)
     normalised = np.einsum("nk,ktc->ntc", coefficients, decoder.basis.astype(np.float64), optimize=True)
@@ -43,7 +44,7 @@ def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecode
     return values
 
 
-def texture_codes(texture: BlockTexture, config: BlockCodecConfig, level: int) -> BlockCodes:
+def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:
     """The codes of all blocks of mip `level`. Raises ValueError for words that no encoder writes."""
     levels = latent_levels(texture.width, texture.height, config)
     rows = level_rows(texture.words, levels, config)[level]
@@ -53,7 +54,7 @@ def texture_codes(texture: BlockTexture, config: BlockCodecConfig, level: int) -
 def texel_values(
     texture: BlockTexture,
     decoder: BlockDecoder,
-    config: BlockCodecConfig,
+    config: BlockConfig,
     level: int,
     column: NDArray[np.int64],
     row: NDArray[np.int64],
@@ -67,7 +68,7 @@ def texel_values(
     return np.asarray(values[place.reshape(-1), row % side * side + column % side])
 
 
-def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig, level: int) -> Array:
+def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int) -> Array:
     """[blocks, texels of a block, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
     values = block_values(texture, texture_codes(texture, config, level), decoder, config)
     shown: Array = np.clip(values, 0.0, 1.0)
@@ -75,10 +76,36 @@ def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockCod
 
 
 def decode_image(
-    texture: BlockTexture, decoder: BlockDecoder, config: BlockCodecConfig, level: int = 0
+    texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
     geometry = latent_levels(texture.width, texture.height, config)[level]
     values = image_of(decode_blocks(texture, decoder, config, level), geometry, config.block_side)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels
+
+
+def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDArray[np.floating]:
+    """[height, width, C]: the inverse of `blocks_of` for the blocks [rows * columns, side * side, C] of `level`."""
+    parts = blocks.reshape(level.height, level.width, side, side, -1).transpose(0, 2, 1, 3, 4)
+    return parts.reshape(level.height * side, level.width * side, -1)[: level.texel_height, : level.texel_width]
+
+
+def lookup_values(
+    texture: BlockTexture,
+    decoder: BlockDecoder,
+    config: BlockConfig,
+    uv: Array,
+    lod: Array,
+    wrap: tuple[WrapMode, WrapMode],
+) -> Array:
+    """[N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: decoded texels are blended."""
+    levels = latent_levels(texture.width, texture.height, config)
+
+    def of_level(level: LatentLevel, at: Array) -> Array:
+        def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:
+            return texel_values(texture, decoder, config, levels.index(level), column, row)
+
+        return bilinear(texel, (level.texel_width, level.texel_height), at, wrap)
+
+    return trilinear(levels, of_level, config.output_channels, uv, clamped_lod(lod, len(levels)), wrap)

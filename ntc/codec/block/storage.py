@@ -11,17 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import DIRECTORY_RUN, BlockCodecConfig
+from ntc.codec.block.config import DIRECTORY_RUN, BlockConfig
+from ntc.codec.gpu import StoredRows
 from ntc.codec.latents import LatentLevel
 
 Words = NDArray[np.uint32]
-
-
-class StoredRows(NamedTuple):
-    """A level's part of a texture's stored words."""
-
-    first: int
-    rows: int
 
 
 class BlockCodes(NamedTuple):
@@ -30,15 +24,15 @@ class BlockCodes(NamedTuple):
     codes: Words
     """[blocks, words of the largest code] uint32; what lies beyond a block's size is not its own."""
     sizes: NDArray[np.int64]
-    """[blocks] size class: which of `BlockCodecConfig.block_words`."""
+    """[blocks] size class: which of `BlockConfig.block_words`."""
 
 
-def directory_words(blocks: int, config: BlockCodecConfig) -> int:
+def directory_words(blocks: int, config: BlockConfig) -> int:
     """Words of the directory of a level of so many blocks."""
     return 2 * -(-blocks // DIRECTORY_RUN) if len(config.block_words) > 1 else 0
 
 
-def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: BlockCodecConfig) -> Words:
+def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: BlockConfig) -> Words:
     """[words] uint32: the codes of all blocks of all `levels` as they are stored."""
     lengths = np.array(config.block_words, np.int64)[codes.sizes]
     parts: list[Words] = []
@@ -57,7 +51,7 @@ def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: Block
     return np.concatenate(parts).astype(np.uint32)
 
 
-def _level_sizes(words: Words, blocks: int, config: BlockCodecConfig) -> NDArray[np.int64]:
+def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.int64]:
     """[blocks] size classes of a level whose stored words begin `words`. Raises ValueError where they end too early."""
     directory = directory_words(blocks, config)
     # Before anything of the size of the level is allocated.
@@ -69,7 +63,7 @@ def _level_sizes(words: Words, blocks: int, config: BlockCodecConfig) -> NDArray
     return classes.reshape(-1)[:blocks].astype(np.int64)
 
 
-def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockCodecConfig) -> tuple[StoredRows, ...]:
+def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig) -> tuple[StoredRows, ...]:
     """Where each of `levels` lies in a texture's stored `words` [words] uint32.
 
     Raises ValueError for words that are not what `stored_words` gives: wrong places in a directory, unknown classes, wrong length.
@@ -92,7 +86,7 @@ def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockCodecCo
     return tuple(found)
 
 
-def level_codes(words: Words, level: LatentLevel, config: BlockCodecConfig) -> BlockCodes:
+def level_codes(words: Words, level: LatentLevel, config: BlockConfig) -> BlockCodes:
     """The codes of all blocks of a level; `words` begin with the level's directory."""
     sizes = _level_sizes(words, level.cells, config)
     lengths = np.array(config.block_words, np.int64)[sizes]

@@ -9,32 +9,20 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.config import UNIVERSAL
 from ntc.errors import InputError
 
-UNIVERSAL = "universal"
-"""The grouping whose packs hold no decoder."""
 VERSION = 1
 """Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
-UNIVERSAL_CONFIG = BlockCodecConfig(coefficients=192, modes=64)
+UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
 """What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
-MOST_CHANNELS = 4
-
-
-def universal_parameters() -> dict[str, int]:
-    """What a pack's grouping records."""
-    return {"version": VERSION}
 
 
 def tables_path(version: int, channels: int) -> Path:
     """Where the tables for textures of up to `channels` channels lie."""
     return Path(__file__).with_name(f"universal_{version}_{channels}.safetensors")
-
-
-def universal_channels(channels: int) -> int:
-    """Channels of the tables that serve textures of `channels` channels: one set without alpha, one with it."""
-    return 3 if channels <= 3 else MOST_CHANNELS
 
 
 @lru_cache(maxsize=2)

@@ -5,12 +5,15 @@ layout(local_size_x = BIN_GROUP) in;
 #include "common/work_groups.glsl"
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
-#include "passes/decode_cached/store.glsl"
-#include "generated/shared_network.glsl"
+#include "generated/shared_decoder.glsl"
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
     TileRecord tiles[];
 };
+layout(std430, binding = BINDING_TILE_ENTRIES) writeonly buffer TileEntries {
+    uint tile_entries[];
+};
+layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
@@ -24,7 +27,13 @@ TileRecord own_tile(int p, out ivec2 place, out bool inside) {
     return tiles[first_tile + number / PAGE_TEXELS];
 }
 
-#if CODEC_BLOCK
+void store_texel(TileRecord tile, ivec2 place, vec4 value) {
+    ivec3 at = ivec3(page_corner(tile.page) + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS));
+    imageStore(atlas, at, stored_texel(tile, value));
+    if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
+}
+
+#if DECODES_QUADS
 // Four texels that one invocation decodes: those at `first`, `first + right`, `first + down`, and both steps from it.
 struct Quad {
     ivec2 first;    // on the page
@@ -111,7 +120,7 @@ void main() {
         store_texel(tile, place_in(quad, number), value);
     }
 }
-#else
+#elif SHARES_DECODERS
 void main() {
     fetch_decoder();
     int adapters[PIXELS];
@@ -145,6 +154,22 @@ void main() {
         vec4 value = decoded[0];
         for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
         store_texel(tile, place, limit_output(value));
+    }
+}
+#else
+void main() {
+    int count = min(network_blocks * PIXELS, PIXELS);
+    for (int p = 0; p < count; ++p) {
+        ivec2 place;
+        bool inside;
+        TileRecord tile = own_tile(p, place, inside);
+        if (!inside) continue;
+        TextureRecord record = textures[tile.texture_id];
+        LevelRecord level = levels[record.first_level + tile.level];
+        ivec2 size = ivec2(level.texel_width, level.texel_height);
+        ivec2 texel = texel_of(tile, place, size);
+        uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
+        store_texel(tile, place, decode_at(record, uv, float(tile.level), ivec2(tile.wrap_u, tile.wrap_v), true));
     }
 }
 #endif

@@ -1,5 +1,6 @@
 #version 430
 // Decodes tiles, with their borders, into their pages on one layer of the atlas without compute shaders: a fragment for each texel.
+#include "generated/layout.glsl"
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
 

@@ -1,5 +1,6 @@
 #version 430
 // The pages of tiles on one layer of the atlas, a square for each.
+#include "generated/layout.glsl"
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
 

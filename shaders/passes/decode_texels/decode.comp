@@ -1,5 +1,6 @@
 #version 430
 // Decodes single texels: for `ntc-viewer decode --backend gl` and for comparing with the reference.
+#include "generated/layout.glsl"
 layout(local_size_x = 64) in;
 #include "ntc/decode.glsl"
 

@@ -3,7 +3,7 @@
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"
-#include "generated/shared_network.glsl"
+#include "generated/shared_decoder.glsl"
 
 layout(std430, binding = BINDING_RESULTS) writeonly buffer Results {
     vec4 results[];

@@ -16,10 +16,10 @@ import trimesh
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import map_slices
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.block_compression import decompress
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack
 from tests.end_to_end.export.material_scene import materials_scene, waves
 from tests.support.meshopt_twins import meshopt_twin

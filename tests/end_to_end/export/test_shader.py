@@ -14,8 +14,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import MAPS, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
@@ -27,7 +28,7 @@ TEXELS = 100_000
 TOLERANCE = 1e-4
 SIZES = ((256, 128), (40, 24), (17, 33))
 WRAP_MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
-MATERIALS = BlockCodecConfig(maps=MAPS, output_channels=11, block_words=(4, 8, 12), coefficients=120, modes=16)
+MATERIALS = BlockConfig(maps=MAPS, output_channels=11, block_words=(4, 8, 12), coefficients=120, modes=16)
 PACKS: dict[str, Callable[[], Pack]] = {
     "grid": lambda: random_pack(SIZES),
     "block": lambda: random_block_pack(SIZES),
@@ -35,20 +36,20 @@ PACKS: dict[str, Callable[[], Pack]] = {
 }
 VARIANTS: dict[str, Callable[[], Pack]] = {
     "grid of 4-bit latents with adapters": lambda: random_pack(
-        config=CodecConfig(
+        config=GridConfig(
             latent_channels=8, latent_bits=4, hidden_width=16, adapters=True, adapter_output=True, weight_bits=16
         )
     ),
     "grid of one level and one channel": lambda: random_pack(
-        config=CodecConfig(levels=1, output_channels=1, hidden_width=16)
+        config=GridConfig(levels=1, output_channels=1, hidden_width=16)
     ),
     "grid of 4 channels with adapters": lambda: random_pack(
-        config=CodecConfig(output_channels=4, hidden_width=16, adapters=True)
+        config=GridConfig(output_channels=4, hidden_width=16, adapters=True)
     ),
     "block of 4x4 texels, one size, 4 channels": lambda: random_block_pack(
-        config=BlockCodecConfig(block_side=4, block_words=(3,), coefficients=24, modes=8, output_channels=4)
+        config=BlockConfig(block_side=4, block_words=(3,), coefficients=24, modes=8, output_channels=4)
     ),
-    "block of one channel": lambda: random_block_pack(config=BlockCodecConfig(output_channels=1, coefficients=48)),
+    "block of one channel": lambda: random_block_pack(config=BlockConfig(output_channels=1, coefficients=48)),
 }
 REQUESTS = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture", "<i4"), ("wrap", "<i4", (2,))])
 CUDA_KERNEL = """

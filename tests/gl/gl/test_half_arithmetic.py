@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.accuracy.half_reference import decode_texels_in_half, to_half
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.accuracy.half_reference import decode_texels_in_half, to_half
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from ntc.errors import InputError
@@ -23,8 +23,8 @@ from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.precision import precision_defines
 from viewer.state.view_state import Precision
 
-PLAIN = CodecConfig(hidden_width=16, output_channels=4)
-ADAPTED = CodecConfig(
+PLAIN = GridConfig(hidden_width=16, output_channels=4)
+ADAPTED = GridConfig(
     hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16
 )
 COURTYARD = Path(__file__).parents[2] / "golden" / "courtyard.grid.ntc"
@@ -112,9 +112,7 @@ def differences(
 @pytest.mark.parametrize("precision", MODES)
 @pytest.mark.parametrize("codec", [PLAIN, ADAPTED], ids=["plain", "adapted"])
 @pytest.mark.computes
-def test_halves_equal_their_twin(
-    graphics: GraphicsContext, codec: CodecConfig, precision: Precision, kind: str
-) -> None:
+def test_halves_equal_their_twin(graphics: GraphicsContext, codec: GridConfig, precision: Precision, kind: str) -> None:
     pack = random_pack(((64, 64), (17, 33)), (0, 1), codec)
     to_twin, to_exact, of_single = differences(graphics, pack, precision, kind, 2000)
     # Inputs are filtered in fp32 here and in float64 there: now and then one lies on the other side of a rounding. Drivers may leave

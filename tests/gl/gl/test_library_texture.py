@@ -5,7 +5,7 @@ import pytest
 
 import ntc
 from lab.bench.random_pack import random_block_pack
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from viewer.gl.context import GraphicsContext
 
 pytestmark = pytest.mark.once
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.once
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_texture_holds_all_mips(graphics: GraphicsContext, channels: int) -> None:
-    pack = random_block_pack(config=BlockCodecConfig(output_channels=channels, coefficients=32))
+    pack = random_block_pack(config=BlockConfig(output_channels=channels, coefficients=32))
     made = ntc.decode_to_moderngl(graphics.gl, pack, 1)
     try:
         assert made.size == (pack.textures[1].width, pack.textures[1].height)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from lab.bench.random_pack import square_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.grid.config import GridConfig
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, WORD_BYTES, Limits
@@ -13,9 +14,8 @@ from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.variant import SOFTWARE
 
-CODEC = CodecConfig(hidden_width=16)
+CODEC = GridConfig(hidden_width=16)
 
 
 @pytest.fixture

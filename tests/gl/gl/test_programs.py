@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import DecodingBinding, DecodingImage, DecodingUniform
+from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder
@@ -23,13 +25,12 @@ from viewer.render.resources.layout import (
     TextureUnit,
     TileBinding,
     UniformBinding,
-    scene_layout_glsl,
+    scene_includes,
 )
 from viewer.render.resources.pack_buffers import codec_programs
-from viewer.render.resources.variant import SOFTWARE
 from viewer.render.resources.visibility_buffer import SurfaceContent
 
-SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
+SMALL = GridConfig(hidden_width=8, positional_octaves=1)
 PRECISIONS = [{"PRECISION_FP16": 0}, {"PRECISION_FP16": 1}]
 DRAWN = [
     (
@@ -143,7 +144,7 @@ ALL_GLSL = sorted(
 @pytest.fixture(scope="module")
 def programs(graphics: GraphicsContext) -> ProgramFactory:
     """The shaders with the includes of a small codec."""
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     return codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), SMALL), SOFTWARE)
 
 
@@ -162,23 +163,23 @@ def test_compute_programs_compile(programs: ProgramFactory, name: str, defines: 
 @pytest.mark.parametrize(
     "config",
     [
-        CodecConfig(latent_channels=16, hidden_width=4, output_channels=1, positional_octaves=8),
-        CodecConfig(levels=1, hidden_width=12, output_channels=2, leaky_slope=0.0),
-        CodecConfig(hidden_width=16, adapters=True),
-        CodecConfig(hidden_width=16, latent_channels=12, latent_bits=4, adapters=True, adapter_output=True),
+        GridConfig(latent_channels=16, hidden_width=4, output_channels=1, positional_octaves=8),
+        GridConfig(levels=1, hidden_width=12, output_channels=2, leaky_slope=0.0),
+        GridConfig(hidden_width=16, adapters=True),
+        GridConfig(hidden_width=16, latent_channels=12, latent_bits=4, adapters=True, adapter_output=True),
     ],
 )
-def test_other_codec_shapes_compile(graphics: GraphicsContext, config: CodecConfig) -> None:
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+def test_other_codec_shapes_compile(graphics: GraphicsContext, config: GridConfig) -> None:
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     shaped = codec_programs(ProgramFactory(graphics.gl, library), random_pack([(4, 4)], (0,), config), SOFTWARE)
     assert shaped.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0}).glo > 0
     shaped.release()
 
 
 def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     factory = ProgramFactory(graphics.gl, library)
-    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockCodecConfig(modes=1)), SOFTWARE)
+    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockConfig(modes=1)), SOFTWARE)
     for in_image, stochastic in ((0, 0), (1, 0), (1, 1)):
         defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image, "FILTER_STOCHASTIC": stochastic}
         for name in ("deferred/decode", "deferred/decode_shared", "binned/decode", "cached/decode", "texels/decode"):
@@ -189,10 +190,11 @@ def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
 
 def test_bindings_come_from_the_layout() -> None:
     known = (
-        {f"BINDING_{b.name}" for b in (*StorageBinding, *BinBinding, *TileBinding, *ClusterBinding, *PoseBinding)}
+        {f"BINDING_{b.name}" for b in (*DecodingBinding, *StorageBinding, *BinBinding, *TileBinding)}
+        | {f"BINDING_{b.name}" for b in (*ClusterBinding, *PoseBinding)}
         | {f"UNIT_{u.name}" for u in TextureUnit}
-        | {f"IMAGE_{i.name}" for i in ImageUnit}
-        | {f"UNIFORM_{u.name}" for u in UniformBinding}
+        | {f"IMAGE_{i.name}" for i in (*DecodingImage, *ImageUnit)}
+        | {f"UNIFORM_{u.name}" for u in (*DecodingUniform, *UniformBinding)}
     )
     used = set()
     for name in ALL_GLSL:
@@ -203,11 +205,12 @@ def test_bindings_come_from_the_layout() -> None:
 @pytest.mark.computes
 def test_storage_blocks_and_samplers_sit_at_their_python_numbers(programs: ProgramFactory) -> None:
     decode = programs.compute("passes/decode_texels/decode.comp", {"PRECISION_FP16": 0})
+    bindings: dict[str, int] = {own.name: own for own in (*DecodingBinding, *StorageBinding)}
     blocks = {"Textures": "TEXTURES", "Levels": "LEVELS", "Latents": "LATENTS", "Weights": "WEIGHTS"}
     for block, binding in {**blocks, "Requests": "REQUESTS", "Results": "RESULTS"}.items():
         member = decode[block]
         assert isinstance(member, moderngl.StorageBlock)
-        assert member.binding == StorageBinding[binding]
+        assert member.binding == bindings[binding]
     defines = dict.fromkeys(("DIFFERENCE", "OVERLAY", "MARKS", "ZOOM"), 0) | {"SPLIT": 1}
     composite = programs.program("common/fullscreen.vert", "passes/composite/composite.frag", defines)
     for name, unit in (("picture_a", TextureUnit.PICTURE_A), ("picture_b", TextureUnit.PICTURE_B)):

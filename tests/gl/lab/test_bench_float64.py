@@ -9,7 +9,8 @@ import pytest
 
 from lab.bench.float64_error import Float64Error, float64_pixels
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
@@ -20,7 +21,7 @@ from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
 SIZE = (80, 72)
 SIZES = ((64, 64), (40, 24))
-CODEC = CodecConfig(hidden_width=4, positional_octaves=1)
+CODEC = GridConfig(hidden_width=4, positional_octaves=1)
 CLAMPED = Sampler(("mirror", "clamp"))
 MATERIALS = (
     Material("plain", 0, (1.0, 1.0, 1.0, 1.0)),
@@ -47,7 +48,7 @@ def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     colors = np.array([[0.2, 0.9, 0.5, 1.0]] * 4, np.float32)
     parts = [replace(MAP.quad(SIZE, layer, layer), colors=colors if layer == 1 else None) for layer in range(5)]
     made = Renderer(graphics, scene_of(parts, MATERIALS, [*IMAGES, texture(16, 16, 5)]))
-    brighter = tuple(replace(one, biases=(*one.biases[:2], one.biases[2] + 0.25)) for one in pack.grid_decoders)
+    brighter = tuple(replace(one, biases=(*one.biases[:2], one.biases[2] + 0.25)) for one in grid_parts(pack).decoders)
     made.set_packs({"good": pack, "faulty": replace(pack, decoders=brighter)})
     yield made
     made.release()

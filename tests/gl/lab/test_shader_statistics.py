@@ -7,7 +7,7 @@ import pytest
 from lab.benchmarks.shaders.compiling import GPUS, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, decoding_programs
 from lab.benchmarks.shaders.statistics import statistics
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 
@@ -50,7 +50,7 @@ def test_every_path_and_precision_is_there(rows: list[dict[str, Any]]) -> None:
 
 def test_a_texel_takes_at_least_the_multiply_adds_of_its_network(rows: list[dict[str, Any]]) -> None:
     config = CODECS["grid of best"]
-    assert isinstance(config, CodecConfig)
+    assert isinstance(config, GridConfig)
     for row in rows:
         count = row["vector instructions a texel"]
         if count is not None:

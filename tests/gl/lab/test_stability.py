@@ -8,8 +8,8 @@ import pytest
 from lab.bench.stability import StabilityBench, StabilityRow, fixture_paths
 from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import StabilityCase, stability_cases
-from ntc.accuracy.rescale import exponents
 from ntc.codec.config import Precision
+from ntc.codec.grid.accuracy.rescale import exponents
 from viewer.gl.context import GraphicsContext
 
 pytestmark = pytest.mark.computes

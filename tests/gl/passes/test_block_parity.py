@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec import reference
-from ntc.codec.block.config import LARGEST_DEPTH, BlockCodecConfig
+from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.gpu import trellis_blocks, trellis_subsets
 from ntc.codec.block.trellis import BRANCHES, level_table
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from tests.support.parity import largest_difference
+from tests.support.packs.parity import largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
-from viewer.render.resources.block_tables import trellis_blocks, trellis_subsets
 
 pytestmark = pytest.mark.computes
 
@@ -28,18 +28,18 @@ WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
 TOLERANCE = 1e-4
 SHAPES = {
-    "default": BlockCodecConfig(),
-    "one-word": BlockCodecConfig(block_words=(1,), mean_words=1.0, modes=2, coefficients=20),
-    "three-words-4x4": BlockCodecConfig(block_side=4, block_words=(3,), mean_words=3.0, modes=64, coefficients=48),
-    "sixteen-words": BlockCodecConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192),
-    "four-channels": BlockCodecConfig(block_words=(7,), mean_words=7.0, coefficients=256, output_channels=4, modes=8),
-    "one-channel-4x4": BlockCodecConfig(
+    "default": BlockConfig(),
+    "one-word": BlockConfig(block_words=(1,), mean_words=1.0, modes=2, coefficients=20),
+    "three-words-4x4": BlockConfig(block_side=4, block_words=(3,), mean_words=3.0, modes=64, coefficients=48),
+    "sixteen-words": BlockConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192),
+    "four-channels": BlockConfig(block_words=(7,), mean_words=7.0, coefficients=256, output_channels=4, modes=8),
+    "one-channel-4x4": BlockConfig(
         block_side=4, block_words=(2,), mean_words=2.0, coefficients=16, output_channels=1, modes=16
     ),
-    "two-channels": BlockCodecConfig(block_words=(5,), mean_words=5.0, coefficients=100, output_channels=2, levels=2),
-    "two-sizes-4x4": BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8),
-    "three-sizes": BlockCodecConfig(block_words=(2, 3, 16), mean_words=3.0, coefficients=150, modes=16),
-    "one-coefficient": BlockCodecConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=4),
+    "two-channels": BlockConfig(block_words=(5,), mean_words=5.0, coefficients=100, output_channels=2, levels=2),
+    "two-sizes-4x4": BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8),
+    "three-sizes": BlockConfig(block_words=(2, 3, 16), mean_words=3.0, coefficients=150, modes=16),
+    "one-coefficient": BlockConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=4),
 }
 Codec = tuple[Pack, GlTexelDecoder]
 

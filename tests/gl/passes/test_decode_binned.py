@@ -10,24 +10,23 @@ from numpy.typing import NDArray
 
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import GROUPS_ACROSS
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
-from viewer.render.resources.layout import BIN_RECORD, scene_layout_glsl
+from viewer.render.resources.layout import BIN_RECORD, scene_includes
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 pytestmark = pytest.mark.computes
 
-SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
-FULL = CodecConfig(
+SMALL = GridConfig(hidden_width=8, positional_octaves=1)
+FULL = GridConfig(
     hidden_width=12, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, output_channels=4, levels=2
 )
 Words = NDArray[np.uint32]
@@ -60,7 +59,7 @@ def hostile(words: Words) -> Words:
 @pytest.mark.parametrize(("codec", "precision", "shared_sums"), [(SMALL, "fp32", True), (FULL, "fp16", False)])
 def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     graphics: GraphicsContext,
-    codec: CodecConfig,
+    codec: GridConfig,
     precision: Precision,
     shared_sums: bool,
     decoders: int,
@@ -71,7 +70,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     words = change(interleaved_words(size, decoders))
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
     visibility.write(words)
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     buffers, ranges = PackBuffers(graphics, pack, range(decoders), precision), DecoderRanges(graphics, pack, precision)
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack, buffers.variant)
     material, targets = (
@@ -101,7 +100,7 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     pack = square_pack(4, 4, 16, SMALL)
     visibility = VisibilityTarget(graphics, (64, 64), SurfaceContent(False, False))
     visibility.write(same_texture(interleaved_words((64, 64), 4)))
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     buffers, ranges = PackBuffers(graphics, pack, range(4), "fp32"), DecoderRanges(graphics, pack, "fp32")
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack, buffers.variant)
     material, target = (
@@ -121,12 +120,11 @@ def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsC
     size, pack = (96, 61), square_pack(2, 2, 16, SMALL)
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
     visibility.write(same_texture(interleaved_words(size, 2)))
-    layout = scene_layout_glsl()
-    narrow = layout.replace(f"#define GROUPS_ACROSS {GROUPS_ACROSS}\n", "#define GROUPS_ACROSS 5\n")
+    layout, narrow = scene_includes(), scene_includes(5)
     assert narrow != layout
     material, pictures = white_material(graphics), []
-    for text in (layout, narrow):
-        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), {"generated/layout.glsl": text}))
+    for generated in (layout, narrow):
+        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), generated))
         buffers, ranges = PackBuffers(graphics, pack, range(2), "fp32"), DecoderRanges(graphics, pack, "fp32")
         programs = codec_programs(factory, pack, buffers.variant)
         binned, target = (

@@ -9,10 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.gpu import WRAP_CODES
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.resources.layout import WRAP_CODES, scene_layout_glsl
+from viewer.render.resources.layout import scene_includes
 
 STEPS = 1 << 32
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
@@ -42,7 +43,7 @@ def run(
 ) -> NDArray[np.int64]:
     """[N, 4]: fixed coordinate, part and rest along `side`, and the centre of each of `texels`."""
     count = len(coordinates)
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl(), "test.comp": SHADER})
+    library = ShaderLibrary(shaders_folder(), {**scene_includes(), "test.comp": SHADER})
     program = graphics.gl.compute_shader(library.assemble("test.comp").text)
     given = np.zeros((count, 4), np.int32)
     given[:, 0] = np.asarray(coordinates, np.float32).view(np.int32)

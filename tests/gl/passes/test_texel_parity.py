@@ -8,10 +8,11 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec import reference
-from ntc.codec.config import CodecConfig, WrapMode
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from tests.support.parity import in_float32, largest_difference
+from tests.support.packs.parity import in_float32, largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
@@ -22,15 +23,15 @@ WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
 FP32_TOLERANCE = 1e-4
 FP16_TOLERANCE = 2e-3
-FULL = CodecConfig()
-PAPER = CodecConfig(levels=1)
-ADAPTED = CodecConfig(adapters=True)
-NIBBLES = CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
-PADDED = CodecConfig(latent_channels=12, latent_bits=4, hidden_width=16, output_channels=2)
-WIDE = CodecConfig(latent_channels=8, hidden_width=32, positional_octaves=2, output_channels=4, downscale=2)
+FULL = GridConfig()
+PAPER = GridConfig(levels=1)
+ADAPTED = GridConfig(adapters=True)
+NIBBLES = GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+PADDED = GridConfig(latent_channels=12, latent_bits=4, hidden_width=16, output_channels=2)
+WIDE = GridConfig(latent_channels=8, hidden_width=32, positional_octaves=2, output_channels=4, downscale=2)
 
 
-def packed(config: CodecConfig) -> Pack:
+def packed(config: GridConfig) -> Pack:
     """A random pack of textures of all SIZES, in two groups."""
     return random_pack(SIZES, (0, 1, 0, 1, 0), config)
 

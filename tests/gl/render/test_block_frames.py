@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.block_pack import latent_rows
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import block_parts
 from ntc.codec.color import linear_to_srgb
+from ntc.codec.gpu import StoredRows
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
@@ -22,7 +24,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
-CONFIG = BlockCodecConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
+CONFIG = BlockConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
 GROUPINGS = {"two groups": (0, 1, 0), "one decoder": (0, 0, 0)}
 
 
@@ -69,12 +71,22 @@ def pictures(renderer: Renderer, slot: Slot) -> list[NDArray[np.float32]]:
     return found
 
 
+def with_little_contrast(pack: Pack) -> Pack:
+    """`pack` with textures whose values lie close together."""
+    return replace(pack, textures=tuple(replace(t, axes=t.axes * np.float32(0.15)) for t in block_parts(pack).textures))
+
+
+def latent_rows(pack: Pack, texture: int = 0) -> tuple[StoredRows, ...]:
+    """Where each level of a texture lies."""
+    return codec_of(CONFIG).gpu_tables(CONFIG).level_rows(pack.textures[texture])
+
+
 def test_all_paths_show_the_same_scene(graphics: GraphicsContext) -> None:
     scene = objects()
     sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     pack = random_block_pack(sizes, (0, 1, 0, 1), CONFIG, [t.pixel_hash for t in scene.textures])
     # Little contrast, so that it matters little whether texels are clamped and taken to linear light before they are filtered.
-    pack = replace(pack, textures=tuple(replace(t, scale=t.scale * np.float32(0.15)) for t in pack.textures))
+    pack = with_little_contrast(pack)
     renderer = Renderer(graphics, scene)
     renderer.set_packs({"p": pack})
     deferred = pictures(renderer, Slot("p", "deferred"))
@@ -95,9 +107,9 @@ def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: Grap
     case = CASES["magnified"]
     image = texture(*SIZES[0], 64)
     pack = random_block_pack(SIZES[:1], (0,), CONFIG, [image.pixel_hash])
-    pack = replace(pack, textures=tuple(replace(t, scale=t.scale * np.float32(0.15)) for t in pack.textures))
+    pack = with_little_contrast(pack)
     # Room for mip 1 and those below it.
-    budget = LatentBudget(sum(row.rows for row in latent_rows(pack.textures[0], CONFIG)[1:]) * CONFIG.cell_bytes)
+    budget = LatentBudget(sum(row.rows for row in latent_rows(pack)[1:]) * CONFIG.cell_bytes)
     renderer = Renderer(
         graphics, scene_of([case.map.quad(SIZE, 0, 0)], [Material("m", 0, WHITE)], [image]), latents=budget
     )
@@ -125,7 +137,7 @@ def test_a_version_whose_codes_take_other_room_replaces_the_one_before(
     # Of group 1 alone, textures 1 and 3.
     textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
     new = replace(old, textures=textures)
-    assert latent_rows(new.textures[1], CONFIG) != latent_rows(old.textures[1], CONFIG)
+    assert latent_rows(new, 1) != latent_rows(old, 1)
     renderer, fresh = Renderer(graphics, scene), Renderer(graphics, scene)
     renderer.set_packs({"p": old})
     before = pictures(renderer, slot)

@@ -9,16 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyCodec, Pack
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
+from ntc.codec.settings import CodecSettings
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.renderer import UPDATE_BYTES, Renderer
-from viewer.render.resources.decoder_tables import decoder_tables
-from viewer.render.resources.layout import texture_record
 from viewer.scene.model import Camera
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
@@ -28,9 +28,9 @@ CHANGED = frozenset({1})
 ENCODED_SIZES = ((256, 256), (512, 256), (160, 96), (330, 330))
 """Larger than the scene's images: the latents of a group take more than one frame."""
 MEMBERS = [1, 3]
-ADAPTED = CodecConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
-BLOCK = BlockCodecConfig(block_words=(3,), mean_words=3.0, modes=4, coefficients=40)
-BLOCK_SIZES = BlockCodecConfig(block_words=(1, 3, 4), mean_words=3.0, modes=4, coefficients=40)
+ADAPTED = GridConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
+BLOCK = BlockConfig(block_words=(3,), mean_words=3.0, modes=4, coefficients=40)
+BLOCK_SIZES = BlockConfig(block_words=(1, 3, 4), mean_words=3.0, modes=4, coefficients=40)
 CACHED = Slot("p", "cached")
 DEFERRED = Slot("p", "deferred")
 ELSEWHERE = 1e-3
@@ -38,10 +38,11 @@ ELSEWHERE = 1e-3
 Picture = NDArray[np.float32]
 
 
-def pack_of(seed: int, config: AnyCodec | None = None, groups: tuple[int, ...] = GROUPS) -> Pack:
+def pack_of(seed: int, config: CodecSettings | None = None, groups: tuple[int, ...] = GROUPS) -> Pack:
     hashes = [texture.pixel_hash for texture in objects().textures]
-    if isinstance(config, BlockCodecConfig):
+    if isinstance(config, BlockConfig):
         return random_block_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
+    assert config is None or isinstance(config, GridConfig)
     return random_pack(ENCODED_SIZES, groups, config, hashes, seed=seed)
 
 
@@ -75,9 +76,9 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
     """Bytes on the GPU of the changed group's latents, and of its decoder, adapters and records."""
     memory = renderer.memory(slot)
     assert memory is not None
-    layout = decoder_tables(pack, slot.precision)
-    weights = (layout.blocks + len(MEMBERS) * layout.adapter_blocks) * layout.block_bytes
-    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * texture_record(pack.config).itemsize
+    tables = codec_of(pack.config).gpu_tables(pack.config, slot.precision)
+    weights = (tables.decoder_blocks + len(MEMBERS) * tables.adapter_blocks) * tables.block_bytes
+    return int(memory.latents[MEMBERS].sum()), weights + len(MEMBERS) * tables.texture_record.itemsize
 
 
 @pytest.mark.once
@@ -88,7 +89,7 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
 @pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
 @pytest.mark.parametrize("in_image", [False, True], ids=["buffer", "image"])
 def test_an_update_is_equal_to_a_fresh_upload(
-    graphics: GraphicsContext, config: AnyCodec | None, precision: Precision, path: DecodePath, in_image: bool
+    graphics: GraphicsContext, config: CodecSettings | None, precision: Precision, path: DecodePath, in_image: bool
 ) -> None:
     context = replace(graphics, features=replace(graphics.features, weights_in_image=in_image))
     slot = Slot("p", path, precision)
@@ -112,7 +113,7 @@ def test_an_update_is_equal_to_a_fresh_upload(
 
 @pytest.mark.parametrize("config", [None, ADAPTED, BLOCK], ids=["plain", "adapted", "block"])
 def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
-    graphics: GraphicsContext, config: AnyCodec | None, monkeypatch: pytest.MonkeyPatch
+    graphics: GraphicsContext, config: CodecSettings | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old = pack_of(0, config)
     renderer = opened(graphics, old)

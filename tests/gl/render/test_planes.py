@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.color import srgb_to_linear
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
@@ -24,10 +24,8 @@ from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, PlaneTexture, SceneTexture
 from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, ViewState
 
-BLOCK = BlockCodecConfig(
-    block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
-)
-GRID = CodecConfig(hidden_width=12, positional_octaves=1, output_channels=11, maps=MAPS)
+BLOCK = BlockConfig(block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS)
+GRID = GridConfig(hidden_width=12, positional_octaves=1, output_channels=11, maps=MAPS)
 KINDS: tuple[tuple[MapName, ...], ...] = (MAPS, ("base", "normal", "occlusion"), ("normal", "roughness", "metalness"))
 """Maps of each texture of `random_block_pack`."""
 NEUTRAL: dict[Plane, tuple[float, ...]] = {"surface": (0.5, 0.5, 1.0, 1.0), "emission": (1.0, 1.0, 1.0, 1.0)}
@@ -191,7 +189,7 @@ def test_a_pack_of_base_colours_is_lit_with_the_other_maps_of_the_scene(graphics
     material = Material("m", 0, WHITE, surface=planes["surface"], emission=planes["emission"])
     owner = set_of(64, 64, MAPS)
     renderer = Renderer(graphics, scene_of([CASES["magnified"].map.quad(SIZE, 0, 0)], [material], [owner]))
-    renderer.set_packs({"p": random_block_pack([(64, 64)], (0,), BlockCodecConfig(), [owner.pixel_hash])})
+    renderer.set_packs({"p": random_block_pack([(64, 64)], (0,), BlockConfig(), [owner.pixel_hash])})
     renderer.render(ViewState(straight_camera(0), SIZE, Slot("p"), material_view="lit"), whole=True)
     assert renderer.decoded_planes(Slot("p")) == ("base",)
     own, original = renderer.planes(Slot("p")), renderer.planes(Slot(REFERENCE))

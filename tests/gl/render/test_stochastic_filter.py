@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lab.bench.filtering import filter_decoded, wrapped
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
@@ -25,7 +25,7 @@ from viewer.scene.model import Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
-CONFIG = BlockCodecConfig(block_words=(2, 3, 6), mean_words=3, modes=8, coefficients=60)
+CONFIG = BlockConfig(block_words=(2, 3, 6), mean_words=3, modes=8, coefficients=60)
 TRILINEAR = [name for name in CASES if not name.startswith("n")]
 DEFERRED = Slot("p", "deferred", filter="stochastic")
 WHOLE = (0, 0, *SIZE)

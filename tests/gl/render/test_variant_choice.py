@@ -6,17 +6,20 @@ from pathlib import Path
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import GPU, SOFTWARE
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from viewer.cli.doctor import examine
 from viewer.gl.context import GraphicsContext
 from viewer.locations import variants_cache
-from viewer.render.resources.variant import GPU, NVIDIA, SOFTWARE, default_variant
-from viewer.render.variants.choice import VARIANT_VARIABLE, VariantChoice, codec_shape
+from viewer.render.resources.variant import NVIDIA, default_variant
+from viewer.render.variants.choice import VARIANT_VARIABLE, VariantChoice
 from viewer.render.variants.kept_times import LARGEST_FILE, keep_times, kept_times, read_times
 from viewer.render.variants.measurement import VariantMeasurement, VariantTimes
 
-SMALL = CodecConfig(hidden_width=8, positional_octaves=1)
+SMALL = GridConfig(hidden_width=8, positional_octaves=1)
+SHAPE = codec_of(SMALL).gpu_tables(SMALL).shape_text()
 TIMES = VariantTimes({"fp32": {GPU: 0.5, NVIDIA: 0.25}, "fp16": {GPU: 0.2}})
 
 
@@ -29,7 +32,7 @@ def test_each_class_of_device_has_its_default(graphics: GraphicsContext) -> None
     assert default_variant(graphics, SMALL) == SOFTWARE
     assert default_variant(on_gpu, SMALL) == GPU
     assert default_variant(nvidia, SMALL) == NVIDIA
-    assert default_variant(nvidia, CodecConfig(hidden_width=128)) == GPU
+    assert default_variant(nvidia, GridConfig(hidden_width=128)) == GPU
 
 
 @pytest.mark.computes
@@ -39,7 +42,7 @@ def test_what_is_measured_is_kept_and_told_once(graphics: GraphicsContext, tmp_p
     choice_again = VariantChoice("measured", tmp_path, told.append)
     measured = VariantMeasurement(graphics, pack).times(seconds=0.0)
     assert [list(own) for own in measured.nanoseconds.values()] == [[SOFTWARE]], "one at least"
-    keep_times(tmp_path, graphics.info, codec_shape(SMALL), TIMES)
+    keep_times(tmp_path, graphics.info, SHAPE, TIMES)
     assert choice.variant(graphics, pack, "fp32") == NVIDIA
     assert choice.variant(graphics, pack, "fp16") == choice_again.variant(graphics, pack, "fp16") == GPU
     assert choice.variant(graphics, pack, "fp16-accumulate") == SOFTWARE, "not measured"
@@ -58,7 +61,7 @@ def test_nothing_is_measured_unasked_on_software(graphics: GraphicsContext, tmp_
 
 
 def test_kept_times_of_another_driver_or_spoilt_ones_are_none(graphics: GraphicsContext, tmp_path: Path) -> None:
-    info, shape = graphics.info, codec_shape(SMALL)
+    info, shape = graphics.info, SHAPE
     keep_times(tmp_path, info, shape, TIMES)
     assert read_times(tmp_path, info, shape) == TIMES
     assert kept_times(tmp_path, info) == {shape: TIMES}
@@ -91,6 +94,6 @@ def test_the_environment_and_an_option_name_a_variant(monkeypatch: pytest.Monkey
 
 
 def test_doctor_shows_what_was_measured(graphics: GraphicsContext) -> None:
-    keep_times(variants_cache(), graphics.info, codec_shape(SMALL), TIMES)
+    keep_times(variants_cache(), graphics.info, SHAPE, TIMES)
     lines = examine()["opengl"]["measured_variants"]
     assert any(f"fp32 0.250 ns a texel with {NVIDIA}" in line for line in lines)

@@ -5,24 +5,30 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import AnyCodec
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import LEVEL_RECORD
+from ntc.codec.gpu_variant import GPU
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.registry import codec_of
+from ntc.codec.settings import CodecSettings
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import (
-    LEVEL_RECORD,
     MATERIAL_RECORD,
     REQUEST_RECORD,
-    codec_layout_glsl,
-    scene_layout_glsl,
-    texture_record,
+    scene_includes,
 )
 
-CONFIGS = {channels: CodecConfig(latent_channels=channels) for channels in (4, 12)}
-BLOCK = BlockCodecConfig()
-RECORDS: dict[str, tuple[np.dtype, AnyCodec]] = {
+CONFIGS = {channels: GridConfig(latent_channels=channels) for channels in (4, 12)}
+BLOCK = BlockConfig()
+
+
+def texture_record(config: CodecSettings) -> np.dtype:
+    return codec_of(config).gpu_tables(config).texture_record
+
+
+RECORDS: dict[str, tuple[np.dtype, CodecSettings]] = {
     "MaterialRecord": (MATERIAL_RECORD, CONFIGS[4]),
     "LevelRecord": (LEVEL_RECORD, CONFIGS[4]),
     "RequestRecord": (REQUEST_RECORD, CONFIGS[4]),
@@ -85,11 +91,8 @@ def test_a_shader_reads_what_numpy_wrote(graphics: GraphicsContext, name: str) -
             "}",
         ]
     )
-    generated = {
-        "generated/layout.glsl": scene_layout_glsl(),
-        "generated/codec.glsl": codec_layout_glsl(config),
-        "test.comp": shader,
-    }
+    includes = codec_of(config).gpu_tables(config).includes(GPU)
+    generated = {**scene_includes(), **includes, "test.comp": shader}
     factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), generated))
     source, result = graphics.gl.buffer(records.tobytes()), graphics.gl.buffer(reserve=values.size * 4)
     source.bind_to_storage_buffer(0)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import SOFTWARE, DecoderVariant
+from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
@@ -17,29 +18,29 @@ from viewer.render.passes.decode_binned import DecodeBinnedPass
 from viewer.render.passes.decode_deferred import DecodeDeferredPass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.decoder_ranges import DecoderRanges
-from viewer.render.resources.layout import scene_layout_glsl
+from viewer.render.resources.layout import scene_includes
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.variant import CANDIDATES, SOFTWARE, DecoderVariant, parsed_variant
+from viewer.render.resources.variant import CANDIDATES, parsed_variant
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
 SIZE = (37, 50)
-PLAIN = CodecConfig(hidden_width=12, positional_octaves=1)
-ADAPTED = CodecConfig(
+PLAIN = GridConfig(hidden_width=12, positional_octaves=1)
+ADAPTED = GridConfig(
     hidden_width=8, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, output_channels=4
 )
-LEAST = CodecConfig(hidden_width=4, positional_octaves=1)
+LEAST = GridConfig(hidden_width=4, positional_octaves=1)
 ODD = DecoderVariant(3, 2, "image", 7), DecoderVariant(4, 1, "storage"), DecoderVariant(3, 2, "shared", 7)
 
 
 def decoded(
-    graphics: GraphicsContext, codec: CodecConfig, precision: Precision, variant: DecoderVariant
+    graphics: GraphicsContext, codec: GridConfig, precision: Precision, variant: DecoderVariant
 ) -> list[NDArray[np.float32]]:
     """Albedo of three textures with one decoder: by index, by the shared variant, binned. Halves are emulated."""
     pack = square_pack(3, 1, 16, codec)
     visibility = VisibilityTarget(graphics, SIZE, SurfaceContent(False, False))
     visibility.write(interleaved_words(SIZE, 3))
-    library = ShaderLibrary(shaders_folder(), {"generated/layout.glsl": scene_layout_glsl()})
+    library = ShaderLibrary(shaders_folder(), scene_includes())
     programs = codec_programs(ProgramFactory(graphics.gl, library), pack, variant)
     buffers = PackBuffers(graphics, pack, range(3), precision, True, variant)
     ranges = DecoderRanges(graphics, pack, precision, variant)
@@ -62,7 +63,7 @@ def decoded(
 
 @pytest.mark.once
 @pytest.mark.parametrize(("codec", "precision"), [(PLAIN, "fp32"), (ADAPTED, "fp16")], ids=["plain", "adapted"])
-def test_variants_give_the_same_numbers(graphics: GraphicsContext, codec: CodecConfig, precision: Precision) -> None:
+def test_variants_give_the_same_numbers(graphics: GraphicsContext, codec: GridConfig, precision: Precision) -> None:
     expected = decoded(graphics, codec, precision, SOFTWARE)[0]
     assert expected.std() > 0.01
     for variant in (*CANDIDATES, *ODD):
@@ -80,7 +81,7 @@ def test_variants_compute_alike_in_halves(graphics: GraphicsContext, precision: 
 def test_a_decoder_beyond_shared_memory_and_uniform_buffers_is_read_from_storage(graphics: GraphicsContext) -> None:
     small = replace(graphics, features=replace(graphics.features, uniform_block_bytes=64))
     expected = decoded(graphics, PLAIN, "fp32", SOFTWARE)[0]
-    for context, codec in ((small, PLAIN), (graphics, CodecConfig(hidden_width=92, positional_octaves=1))):
+    for context, codec in ((small, PLAIN), (graphics, GridConfig(hidden_width=92, positional_octaves=1))):
         wanted = expected if codec is PLAIN else decoded(context, codec, "fp32", SOFTWARE)[0]
         variant = DecoderVariant(1, 1, "uniforms" if codec is PLAIN else "shared")
         ranges = DecoderRanges(context, square_pack(3, 1, 16, codec), "fp32", variant)

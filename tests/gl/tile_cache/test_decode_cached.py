@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
@@ -44,7 +44,7 @@ HARDWARE = 4e-3
 """Drivers may round filter weights to 8 bits (OpenGL 4.3, Sec. 8.24)."""
 
 
-SMALL_BLOCKS = BlockCodecConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8)
+SMALL_BLOCKS = BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8)
 CODECS: dict[str, Callable[..., Pack]] = {
     "grid": random_pack,
     "block": random_block_pack,

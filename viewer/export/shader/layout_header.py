@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from ntc.codec.gpu import LEVEL_RECORD
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from viewer.export.shader.languages import Heading
 from viewer.export.shader.words import HEADER_FIELDS, HEADER_WORDS, MAGIC, VERSION
-from viewer.render.resources.decoder_tables import decoder_tables
-from viewer.render.resources.layout import LEVEL_RECORD, texture_record
 
 _SCALARS = {np.dtype("<i4"): "int32_t", np.dtype("<f4"): "float"}
 
@@ -22,7 +22,7 @@ def _struct(name: str, record: np.dtype) -> list[str]:
 
 def layout_header(pack: Pack, heading: Heading) -> str:
     """C: the words of the header, the records, and how many numbers a decoder and an adapter have."""
-    tables = decoder_tables(pack, "fp32")
+    tables = codec_of(pack.config).gpu_tables(pack.config)
     lines = [
         f"/* Layout of ntc_pack.bin, the data of {heading.pack}: made by ntc-viewer export --shader; do not edit.",
         "",
@@ -44,13 +44,13 @@ def layout_header(pack: Pack, heading: Heading) -> str:
         f"#define NTC_HEADER_WORDS {HEADER_WORDS}",
         *(f"#define NTC_WORD_{name.upper()} {place}" for place, name in enumerate(HEADER_FIELDS)),
         f"#define NTC_SHARED_BLOCKS {tables.first_block}",
-        f"#define NTC_DECODER_BLOCKS {tables.blocks}",
+        f"#define NTC_DECODER_BLOCKS {tables.decoder_blocks}",
         f"#define NTC_ADAPTER_BLOCKS {tables.adapter_blocks}",
-        f"#define NTC_CELL_WORDS {-(-pack.config.cell_bytes // 4)}",
+        f"#define NTC_CELL_WORDS {tables.row_words}",
         "",
         "/* srgb: whether base colours are sRGB values. components: a bit for each component that the texture has, four for each of",
         "   the planes base, surface, emission. levels: its mips; finest_level is 0. What follows belongs to the codec. */",
-        *_struct("ntc_texture_record", texture_record(pack.config)),
+        *_struct("ntc_texture_record", tables.texture_record),
         "",
         "/* width, height: of the mip in cells or blocks. */",
         *_struct("ntc_level_record", LEVEL_RECORD),

@@ -7,15 +7,14 @@ from typing import Final
 import numpy as np
 import pcpp  # type: ignore[import-untyped]
 
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.gpu import LEVEL_RECORD
+from ntc.codec.gpu_variant import SOFTWARE
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from viewer.export.shader.words import HEADER_FIELDS
 from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.resources.decoder_tables import decoder_glsl, decoder_tables
-from viewer.render.resources.layout import LEVEL_RECORD, codec_layout_glsl, scene_layout_glsl, texture_record
-from viewer.render.resources.variant import SOFTWARE
 
 SHADER: Final = "export/decode.glsl"
 ENTRY: Final = "decode"
@@ -77,8 +76,9 @@ def _readers(pack: Pack) -> str:
     decoders, latents = _place("decoders"), _place("latents")
     vec4 = ", ".join(f"uintBitsToFloat({WORD_AT}(at + {part}))" for part in range(4))
     uvec4 = ", ".join(f"{WORD_AT}(at + {part})" for part in range(4))
-    is_block = isinstance(pack.config, BlockCodecConfig)
-    name, result = (STORED["table_blocks"], "uvec4") if is_block else (STORED["weights"], "vec4")
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    are_words = tables.number_type == "u4"
+    name, result = (STORED["table_blocks"], "uvec4") if are_words else (STORED["weights"], "vec4")
     header = [f"const int {_place(name)} = {place};" for place, name in enumerate(HEADER_FIELDS)]
     return "\n".join(
         [
@@ -88,7 +88,7 @@ def _readers(pack: Pack) -> str:
             f"vec4 vec4_at(int at) {{\n    return vec4({vec4});\n}}",
             f"uvec4 uvec4_at(int at) {{\n    return uvec4({uvec4});\n}}",
             "// What the data tells of texture `number` of the pack.",
-            _reader(STORED["textures"], "TextureRecord", texture_record(pack.config), "textures"),
+            _reader(STORED["textures"], "TextureRecord", tables.texture_record, "textures"),
             "// What the data tells of a mip; `number` counts those of all textures.",
             _reader(STORED["levels"], "LevelRecord", LEVEL_RECORD, "levels"),
             "// A word of the latents of all textures.",
@@ -104,9 +104,8 @@ def _readers(pack: Pack) -> str:
 
 def decoding_source(pack: Pack, plane: Plane) -> str:
     """GLSL of constants, structs and functions that decode `plane` of a texture of `pack`, the last of them ENTRY."""
-    config = pack.config
-    generated = {"generated/layout.glsl": scene_layout_glsl(), "generated/codec.glsl": codec_layout_glsl(config)}
-    library = ShaderLibrary(shaders_folder(), {**generated, **decoder_glsl(pack, SOFTWARE)})
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    library = ShaderLibrary(shaders_folder(), tables.includes(SOFTWARE))
     text = library.assemble(SHADER, {"PRECISION_FP16": 0, "PLANE": PLANES.index(plane)}).text
     lines = [line for line in text.splitlines() if not line.startswith(("#version", "#line"))]
     names = dict.fromkeys(name for name, _ in _CONSTANT.findall("\n".join(lines)))
@@ -117,7 +116,7 @@ def decoding_source(pack: Pack, plane: Plane) -> str:
     conditions.parse("\n".join(marked) + "\n")
     conditions.write(resolved)
     text = resolved.getvalue().replace(_MARK, "")
-    text = _UNIFORM.sub(f"const int network_blocks = {decoder_tables(pack, 'fp32').loop_length};", text)
+    text = _UNIFORM.sub(f"const int network_blocks = {tables.loop_length};", text)
     # Functions that read buffers follow the records; the first buffer stands behind the last record.
     first = _BUFFER.search(text)
     assert first is not None, "the decoding shaders read no buffer"

@@ -5,12 +5,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block_pack import latent_rows
+from ntc.codec.gpu import LEVEL_RECORD, level_records
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from viewer.render.resources.decoder_tables import decoder_tables, fill_texture_record
-from viewer.render.resources.latent_store import level_records, stored_words
-from viewer.render.resources.layout import LEVEL_RECORD, texture_record
+from ntc.codec.registry import codec_of
 
 MAGIC: Final = 0x5743544E
 """The first word: the letters NTCW."""
@@ -36,30 +34,28 @@ def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
 
     `codec` is the number that tells decoders for other settings apart.
     """
-    tables = decoder_tables(pack, "fp32")
-    records = np.zeros(len(pack.textures), texture_record(pack.config))
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    records = np.zeros(len(pack.textures), tables.texture_record)
     levels: list[NDArray[np.void]] = []
     latents: list[NDArray[np.uint32]] = []
     first_level, first_cell = 0, 0
-    adapter = tables.first_block + len(pack.decoders) * tables.blocks
+    adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
     for record, texture in zip(records, pack.textures, strict=True):
         pyramid = latent_levels(texture.width, texture.height, pack.config)
-        fill_texture_record(record, texture, (first_level, len(pyramid)), adapter)
-        tables.fill_record(record, texture)
+        tables.fill_record(record, texture, first_level, adapter)
         own = level_records(pyramid)
-        own["first_cell"] = [first_cell + row.first for row in latent_rows(texture, pack.config)]
+        own["first_cell"] = [first_cell + row.first for row in tables.level_rows(texture)]
         levels.append(own)
-        stored = stored_words(texture, pack.config, slice(None))
+        stored = tables.latent_words(texture, slice(None))
         latents.append(stored.reshape(-1))
         first_level += len(pyramid)
         first_cell += len(stored)
         adapter += tables.adapter_blocks
-    adapters = [texture.adapter for texture in pack.textures if texture.adapter is not None]
     all_levels = np.concatenate(levels) if levels else np.zeros(0, LEVEL_RECORD)
     sections = {
         "textures": np.frombuffer(records.tobytes(), "<u4"),
         "levels": np.frombuffer(all_levels.tobytes(), "<u4"),
-        "decoders": np.frombuffer(tables.everything(pack, adapters), "<u4"),
+        "decoders": np.frombuffer(tables.all_data(pack, pack.textures), "<u4"),
         "latents": np.concatenate(latents) if latents else np.zeros(0, np.uint32),
     }
     header = np.zeros(HEADER_WORDS, np.uint32)

@@ -80,8 +80,8 @@ class DecodedImage:
 
 def torch_decoder(pack: Pack) -> LevelDecoder:
     """Decodes levels of `pack` on the processor, many texels at once."""
-    from ntc.codec.torch_block import torch_codec
+    from ntc.codec.registry import codec_of
 
-    codec = torch_codec(pack, "cpu")
+    codec = codec_of(pack.config).torch_twin(pack, "cpu")
     # A material set is asked for once for each of its images.
     return lru_cache(LEVELS_KEPT)(codec.decode_image)

@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import PLANES, Plane, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
-from ntc.metrics.metrics import bits_with_mips, finite_or_none, psnr_table
-from viewer.render.resources.layout import WRAP_CODES
+from ntc.codec.psnr import finite_or_none
+from ntc.metrics.metrics import bits_with_mips, psnr_table
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene
 from viewer.state.camera import clip_distances, frame_all
 

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
 from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, WRAP_CODES, StorageBinding
+from viewer.render.resources.layout import REQUEST_RECORD, TEXEL_GROUP, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.state.view_state import Precision

@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.gpu import WRAP_CODES
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
@@ -20,7 +21,7 @@ from viewer.gl.texture_arrays import ImageArray
 from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.images.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
-from viewer.render.resources.layout import BUCKET_DEPTHS, WRAP_CODES, TextureUnit
+from viewer.render.resources.layout import BUCKET_DEPTHS, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs
 from viewer.state.view_state import REFERENCE

@@ -5,12 +5,12 @@ from collections.abc import Collection
 import moderngl
 import numpy as np
 
-from ntc.accuracy.rescale import stored_pack
+from ntc.codec.gpu import DecodingUniform
+from ntc.codec.gpu_variant import DecoderVariant
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext
-from viewer.render.resources.decoder_tables import decoder_tables
-from viewer.render.resources.layout import UniformBinding
-from viewer.render.resources.variant import DecoderVariant, default_variant
+from viewer.render.resources.variant import default_variant
 from viewer.state.view_state import Precision
 
 LARGEST_ALIGNMENT = 256
@@ -26,38 +26,39 @@ class DecoderRanges:
         self, context: GraphicsContext, pack: Pack, precision: Precision, variant: DecoderVariant | None = None
     ) -> None:
         """`variant` is what the programs are generated for; None: the default of the device."""
+        codec = codec_of(pack.config)
+        tables = codec.gpu_tables(pack.config, precision)
         variant = variant or default_variant(context, pack.config)
         self.pixels = variant.pixels
-        self._memory = context.memory
-        self._decoders = decoder_tables(pack, precision)
-        blocks, block_bytes = self._decoders.blocks, self._decoders.block_bytes
+        self._memory, self._tables = context.memory, tables
+        blocks, block_bytes = tables.decoder_blocks, tables.block_bytes
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
         fits = {
             "uniforms": stored <= context.features.uniform_block_bytes,
             "shared": blocks * block_bytes <= SHARED_BYTES,
         }
-        place = variant.weights if pack.config.kind == "grid" and fits.get(variant.weights, True) else "storage"
+        place = variant.weights if tables.shares_decoders and fits.get(variant.weights, True) else "storage"
         self.defines = {"DECODER_PLACE": {"uniforms": 0, "shared": 2}.get(place, 1)}
         """Of the shaders that read ranges (shaders/ntc/decoder_weights.glsl)."""
         self._places_only = place != "uniforms"
         self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
         self._count = len(pack.decoders)
-        self._buffer = self._make(stored_pack(pack, precision))
+        self._buffer = self._make(codec.stored_pack(pack, precision))
 
     def _range(self, pack: Pack, decoder: int) -> bytes:
         if self._places_only:
-            start = self._decoders.first_block + decoder * self._decoders.blocks
+            start = self._tables.first_block + decoder * self._tables.decoder_blocks
             return np.array([start, 0, 0, 0], "<i4").tobytes()
-        return self._decoders.of_decoder(pack, decoder)
+        return self._tables.decoder_data(pack.decoders[decoder])
 
     def _make(self, pack: Pack) -> moderngl.Buffer:
         ranges = [self._range(pack, decoder).ljust(self._stride, b"\0") for decoder in range(len(pack.decoders))]
         return self._memory.buffer("decoders", b"".join(ranges) or bytes(self._stride))
 
     def replace(self, pack: Pack, groups: Collection[int]) -> int:
-        """Hold the decoders of `pack`, stored as `stored_pack` gives it, in which those of `groups` differ; the bytes uploaded.
+        """Hold the decoders of `pack`, stored as `Codec.stored_pack` gives it, in which those of `groups` differ; the bytes uploaded.
 
         Raises GpuMemoryError, with nothing changed.
         """
@@ -79,7 +80,7 @@ class DecoderRanges:
     def bind(self, decoder: int) -> None:
         """Let shaders read this decoder."""
         place = {"offset": decoder * self._stride, "size": self._size}
-        self._buffer.bind_to_uniform_block(int(UniformBinding.DECODER), **place)
+        self._buffer.bind_to_uniform_block(int(DecodingUniform.DECODER), **place)
 
     def release(self) -> None:
         """Free the buffer."""

@@ -7,15 +7,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.storage import StoredRows
-from ntc.codec.block_pack import latent_rows
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu import LEVEL_RECORD, GpuTables, StoredRows, level_records
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.model import AnyCodec, EncodedTexture
-from ntc.codec.quantize import packed_cells
+from ntc.codec.model import EncodedTexture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.resources.layout import LEVEL_RECORD, cell_words
 
 
 @dataclass(frozen=True)
@@ -40,39 +36,22 @@ class LatentCounts:
     """Whether the GPU had less memory than the budget, which has been lowered, or lets shaders read less of it than was needed."""
 
 
-def stored_words(texture: EncodedTexture, config: AnyCodec, cells: slice) -> NDArray[np.uint32]:
-    """[cells, words] uint32: cells as files hold them, padded to whole words."""
-    bits = config.latent_bits if isinstance(config, CodecConfig) else 8
-    packed = packed_cells(texture.latents[cells], bits)
-    padding = 4 * cell_words(config) - packed.shape[1]
-    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
-
-
-def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
-    """[levels] LEVEL_RECORD of one texture; `first_cell` is left to be told."""
-    records = np.zeros(len(pyramid), LEVEL_RECORD)
-    for record, level in zip(records, pyramid, strict=True):
-        record["width"], record["height"] = level.width, level.height
-        record["texel_width"], record["texel_height"] = level.texel_width, level.texel_height
-    return records
-
-
 class LatentStore:
     """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is.
 
-    They are counted in cells: rows of the stored latents, which are words for codec `block`.
+    They are counted in cells: rows of the stored latents (`GpuTables.row_words`).
     """
 
     def __init__(
         self,
         context: GraphicsContext,
-        config: AnyCodec,
+        tables: GpuTables,
         textures: Sequence[EncodedTexture | None],
         budget: LatentBudget,
     ) -> None:
         self.gl, self.memory = context.gl, context.memory
-        self.config, self._textures = config, list(textures)
-        self.cell_bytes = 4 * cell_words(config)
+        self.tables, self._textures = tables, list(textures)
+        self.cell_bytes = 4 * tables.row_words
         """Bytes of one cell on the GPU."""
         # Shaders find all latents in one buffer, of which they read no more than the driver allows.
         limits = context.memory.limits
@@ -80,7 +59,8 @@ class LatentStore:
         self._is_limited = self._most_bytes < budget.budget_bytes
         self._budget_cells = max(1, min(budget.budget_bytes, self._most_bytes) // self.cell_bytes)
         self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
-            () if texture is None else latent_levels(texture.width, texture.height, config) for texture in textures
+            () if texture is None else latent_levels(texture.width, texture.height, tables.settings)
+            for texture in textures
         )
         self.rows: list[tuple[StoredRows, ...]] = [self._rows_of(texture) for texture in textures]
         """Where each mip lies in its texture's latents."""
@@ -103,7 +83,7 @@ class LatentStore:
         self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self.cell_bytes)
 
     def _rows_of(self, texture: EncodedTexture | None) -> tuple[StoredRows, ...]:
-        return () if texture is None else latent_rows(texture, self.config)
+        return () if texture is None else self.tables.level_rows(texture)
 
     def _counted_cells(self) -> NDArray[np.int64]:
         """[mips and one more of each texture] int64: cells from each mip on."""
@@ -240,13 +220,13 @@ class LatentStore:
         assert texture is not None
         present = int(self.finest[index])
         start = rows[finest].first
-        end = rows[present].first if present < len(rows) else len(texture.latents)
+        end = rows[present].first if present < len(rows) else rows[-1].first + rows[-1].rows
         for number in range(finest, present):
             row = int(self.first_level[index]) + number
             self.levels[row]["first_cell"] = self._used + rows[number].first - start
         self._used += end - start
         self.finest[index] = finest
-        return stored_words(texture, self.config, slice(start, end)).tobytes()
+        return self.tables.latent_words(texture, slice(start, end)).tobytes()
 
     def release(self) -> None:
         """Free the buffer."""

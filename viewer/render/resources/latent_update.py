@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import moderngl
 
 from ntc.codec.model import EncodedTexture
-from viewer.render.resources.latent_store import LatentStore, stored_words
+from viewer.render.resources.latent_store import LatentStore
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class LatentUpdate:
     def _words(self, part: CellRange) -> bytes:
         start = self._store.rows[part.texture][part.level].first + part.first
         cells = slice(start, start + part.count)
-        return stored_words(self._textures[part.texture], self._store.config, cells).tobytes()
+        return self._store.tables.latent_words(self._textures[part.texture], cells).tobytes()
 
     def stage(self, budget_bytes: int) -> int:
         """Upload up to `budget_bytes`, and at least one cell, to a buffer beside the store; the bytes. Raises GpuMemoryError."""

@@ -1,15 +1,12 @@
 """Everything that Python and GLSL must agree on: bindings, units, records, constants. GLSL gets it as a generated include."""
 
-from collections.abc import Callable, Mapping
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockCodecConfig
-from ntc.codec.config import LOD_INPUT_SCALE, CodecConfig, WrapMode
-from ntc.codec.maps import MAPS, PLANES, MapName, plane_channels
-from ntc.codec.model import AnyCodec
+from ntc.codec.gpu import decoding_layout_glsl, glsl_codes, glsl_struct
+from ntc.codec.maps import MAPS, PLANES, MapName
 from viewer.gl.limits import GROUPS_ACROSS
 from viewer.lighting.brdf import SMALLEST_COSINE, SMALLEST_ROUGHNESS
 from viewer.lighting.prefilter import ENVIRONMENT_LEVELS, MOST_SAMPLES
@@ -17,13 +14,10 @@ from viewer.scene.model import AlphaMode, Sampler
 
 
 class StorageBinding(IntEnum):
-    """Binding points of shader storage buffers. OpenGL guarantees 8, so what one program alone reads has numbers of its own below."""
+    """Binding points of shader storage buffers, beside those of `ntc.codec.gpu.DecodingBinding`. OpenGL guarantees 8, so what
+    one program alone reads has numbers of its own below."""
 
     MATERIALS = 0
-    TEXTURES = 1
-    LEVELS = 2
-    LATENTS = 3
-    WEIGHTS = 4
     REQUESTS = 5
     RESULTS = 6
     DECODERS = 7
@@ -46,9 +40,8 @@ class TileBinding(IntEnum):
 
 
 class UniformBinding(IntEnum):
-    """Binding points of uniform buffers."""
+    """Binding points of uniform buffers, beside those of `ntc.codec.gpu.DecodingUniform`."""
 
-    DECODER = 0
     LIGHTS = 1
     SAMPLES = 2
 
@@ -82,20 +75,11 @@ class TextureUnit(IntEnum):
 
 
 class ImageUnit(IntEnum):
-    """Image units of compute passes."""
+    """Image units of compute passes, beside those of `ntc.codec.gpu.DecodingImage`."""
 
     TARGET = 0
     DIVERGENCE = 1
-    WEIGHTS = 2
     ATLAS = 3
-
-
-class WrapCode(IntEnum):
-    """Wrap modes as GLSL sees them."""
-
-    REPEAT = 0
-    MIRROR = 1
-    CLAMP = 2
 
 
 class AlphaCode(IntEnum):
@@ -115,11 +99,8 @@ class SamplerFlag(IntEnum):
     MIPMAP_NEAREST = 8
 
 
-WRAP_CODES: dict[WrapMode, WrapCode] = {"repeat": WrapCode.REPEAT, "mirror": WrapCode.MIRROR, "clamp": WrapCode.CLAMP}
 ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
 
-WEIGHT_COLUMN_BITS = 11
-"""Weights in an image lie in rows of 2^11 blocks."""
 GROUP_SIDE = 8
 """Side of a compute work group in pixels: the block of the divergence map."""
 TEXEL_GROUP = 64
@@ -196,20 +177,6 @@ MATERIAL_RECORD = np.dtype(
 """One material: std430, 288 bytes. `emissive`: RGB and the strength of occlusion. `surface`: roughness, metalness, scale of normals,
 transmission. `specular`: reflectance of a dielectric at normal incidence (RGB), and at grazing incidence."""
 
-LEVEL_RECORD = np.dtype(
-    [
-        ("width", "<i4"),
-        ("height", "<i4"),
-        ("texel_width", "<i4"),
-        ("texel_height", "<i4"),
-        ("first_cell", "<i4"),
-        ("padding_0", "<i4"),
-        ("padding_1", "<i4"),
-        ("padding_2", "<i4"),
-    ]
-)
-"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents, for codec `block` in words."""
-
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
 
@@ -256,35 +223,6 @@ def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
     return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
 
 
-def texture_record(config: AnyCodec) -> np.dtype:
-    """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block
-    of its adapter among the weights, `finest_level` the finest mip whose latents are on the GPU.
-
-    `components` has a bit for each component that the texture has, four for each of PLANES. Then what its latents stand for: scale
-    and offset of codec `grid`; mean and axes of each plane that the codec has, a vector each, of codec `block`.
-    """
-    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
-        ("first_level", "<i4"),
-        ("levels", "<i4"),
-        ("decoder", "<i4"),
-        ("channels", "<i4"),
-        ("srgb", "<i4"),
-        ("adapter", "<i4"),
-        ("finest_level", "<i4"),
-        ("components", "<i4"),
-    ]
-    if isinstance(config, BlockCodecConfig):
-        planes = len(plane_channels(config.maps, config.output_channels))
-        return np.dtype([*fields, ("mean", "<f4", (planes, 4)), ("axes", "<f4", (4 * planes, 4))])
-    words = config.latent_channels // 4
-    return np.dtype([*fields, ("scale", "<f4", (words, 4)), ("offset", "<f4", (words, 4))])
-
-
-def cell_words(config: AnyCodec) -> int:
-    """32-bit words of a latent cell on the GPU; the last is padded where the channels do not fill it."""
-    return -(-config.cell_bytes // 4)
-
-
 def sampler_flags(sampler: Sampler) -> int:
     """Bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
     flags = 0 if sampler.magnify_linear else SamplerFlag.MAGNIFY_NEAREST
@@ -294,24 +232,6 @@ def sampler_flags(sampler: Sampler) -> int:
 
 
 _NESTED = {PLANE_RECORD: "PlaneRecord"}
-_SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "float"}
-
-
-def glsl_struct(name: str, record: np.dtype) -> str:
-    """The GLSL struct that has the layout of `record` under std430."""
-    lines = [f"struct {name} {{"]
-    for field in record.names or ():
-        kind = record[field]
-        base, shape = kind.base, kind.shape
-        if base in _NESTED:
-            lines.append(f"    {_NESTED[base]} {field}[{shape[0]}];")
-        elif shape == ():
-            lines.append(f"    {_SCALARS[base]} {field};")
-        elif len(shape) == 1:
-            lines.append(f"    vec{shape[0]} {field};")
-        else:
-            lines.append(f"    vec{shape[1]} {field}[{shape[0]}];")
-    return "\n".join([*lines, "};"])
 
 
 def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
@@ -319,23 +239,22 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
 
     `groups_across`: work groups in a row of a dispatch, as `Limits` has them.
     """
-    lines = ["// Generated from viewer/render/resources/layout.py."]
-    for enumeration, prefix in (
-        (StorageBinding, "BINDING_"),
-        (BinBinding, "BINDING_"),
-        (TileBinding, "BINDING_"),
-        (UniformBinding, "UNIFORM_"),
-        (TextureUnit, "UNIT_"),
-        (ImageUnit, "IMAGE_"),
-        (WrapCode, "WRAP_"),
-        (AlphaCode, "ALPHA_"),
-        (SamplerFlag, "SAMPLER_"),
-    ):
-        lines += [f"#define {prefix}{member.name} {member.value}" for member in enumeration]
-    lines += [f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(PLANES)]
+    lines = [
+        "// Generated from viewer/render/resources/layout.py.",
+        '#include "generated/decoding.glsl"',
+        *glsl_codes(
+            (StorageBinding, "BINDING_"),
+            (BinBinding, "BINDING_"),
+            (TileBinding, "BINDING_"),
+            (UniformBinding, "UNIFORM_"),
+            (TextureUnit, "UNIT_"),
+            (ImageUnit, "IMAGE_"),
+            (AlphaCode, "ALPHA_"),
+            (SamplerFlag, "SAMPLER_"),
+        ),
+    ]
     lines += [f"#define MAP_{name.upper()} {bit}" for name, bit in MAP_BITS.items()]
     lines += [
-        f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define ENVIRONMENT_LEVELS {ENVIRONMENT_LEVELS}",
         f"#define MOST_SAMPLES {MOST_SAMPLES}",
@@ -356,8 +275,7 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
         f"#define MATERIAL_SHIFT {MATERIAL_SHIFT}",
         f"#define BUCKET_DEPTHS {BUCKET_DEPTHS}.0",
         glsl_struct("PlaneRecord", PLANE_RECORD),
-        glsl_struct("MaterialRecord", MATERIAL_RECORD),
-        glsl_struct("LevelRecord", LEVEL_RECORD),
+        glsl_struct("MaterialRecord", MATERIAL_RECORD, _NESTED),
         glsl_struct("RequestRecord", REQUEST_RECORD),
         glsl_struct("BinRecord", BIN_RECORD),
         glsl_struct("TileLevelRecord", TILE_LEVEL_RECORD),
@@ -366,32 +284,9 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
     return "\n".join(lines) + "\n"
 
 
-def by_plane(config: AnyCodec, lines: Callable[[int, Mapping[int, int]], list[str]]) -> list[str]:
-    """GLSL that differs from plane to plane: `lines` gets the plane's number among those of the codec, and the channel of each of its
-    components."""
-    found = []
-    for place, (plane, channels) in enumerate(plane_channels(config.maps, config.output_channels).items()):
-        found += [f"#{'elif' if place else 'if'} PLANE == {PLANES.index(plane)}", *lines(place, channels)]
-    return [*found, "#endif"]
-
-
-def codec_layout_glsl(config: AnyCodec) -> str:
-    """The include `generated/codec.glsl`: the shape of the codec's latents and its texture record."""
-    lines = [
-        "// Generated from viewer/render/resources/layout.py for one codec.",
-        f"#define CODEC_BLOCK {int(isinstance(config, BlockCodecConfig))}",
-        f"#define CELL_WORDS {cell_words(config)}",
-        *by_plane(config, lambda place, _: [f"#define PLANE_PLACE {place}"]),
-    ]
-    if isinstance(config, CodecConfig):
-        lines += [
-            f"#define LATENT_WORDS {config.latent_channels // 4}",
-            f"#define LATENT_BITS {config.latent_bits}",
-            f"#define LATENT_CHANNELS {config.latent_channels}",
-            f"#define POSITIONAL_OCTAVES {config.positional_octaves}",
-            f"#define POSITIONAL_INPUTS {config.positional_inputs}",
-            f"#define LOD_INPUTS {config.lod_inputs}",
-            f"#define LOD_INPUT_SCALE {LOD_INPUT_SCALE}",
-            f"#define DECODER_INPUTS {config.decoder_inputs}",
-        ]
-    return "\n".join([*lines, glsl_struct("TextureRecord", texture_record(config)), ""])
+def scene_includes(groups_across: int = GROUPS_ACROSS) -> dict[str, str]:
+    """The generated includes of all shaders that need no codec, by name."""
+    return {
+        "generated/decoding.glsl": decoding_layout_glsl(),
+        "generated/layout.glsl": scene_layout_glsl(groups_across),
+    }

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
-from viewer.render.resources.layout import ALPHA_CODES, MATERIAL_RECORD, WRAP_CODES, sampler_flags
+from viewer.render.resources.layout import ALPHA_CODES, MATERIAL_RECORD, sampler_flags
 from viewer.scene.model import Material, Scene
 
 COMPONENTS_OF_MAP: dict[MapName, int] = {**MAP_CHANNELS, "base": 4}

@@ -6,25 +6,18 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.accuracy.rescale import stored_pack
-from ntc.codec.latents import latent_levels
+from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecodingBinding, DecodingImage, GpuTables
+from ntc.codec.gpu_variant import DecoderVariant
 from ntc.codec.model import EncodedTexture, Pack
+from ntc.codec.registry import codec_of
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.resources.decoder_tables import DecoderTables, decoder_glsl, decoder_tables, fill_texture_record
 from viewer.render.resources.latent_store import LatentBudget, LatentStore
-from viewer.render.resources.layout import (
-    WEIGHT_COLUMN_BITS,
-    ImageUnit,
-    StorageBinding,
-    codec_layout_glsl,
-    scene_layout_glsl,
-    texture_record,
-)
+from viewer.render.resources.layout import scene_includes
 from viewer.render.resources.precision import precision_defines
-from viewer.render.resources.variant import DecoderVariant, default_variant
+from viewer.render.resources.variant import default_variant
 from viewer.state.view_state import Precision
 
 ALL_LATENTS = LatentBudget(1 << 62)
@@ -56,26 +49,28 @@ class PackBuffers:
         self.pack = self.stored(pack)
         """As it is stored in this precision."""
         self._texture_index = tuple(texture_index)
-        self._decoders = decoder_tables(pack, precision)
-        self.network_blocks = self._decoders.loop_length
+        self._tables = codec_of(pack.config).gpu_tables(pack.config, precision)
+        self.network_blocks = self._tables.loop_length
         """The decoding shaders' uniform of that name."""
+        self.decodes_quads = self._tables.decodes_quads
+        """Whether tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
         self.variant = variant or default_variant(context, pack.config)
         self.defines = {
-            **precision_defines(context, precision if pack.config.kind == "grid" else "fp32", emulate_half),
+            **precision_defines(context, self._tables.precision, emulate_half),
             "WEIGHTS_IN_IMAGE": int(self.variant.weights == "image"),
         }
         with context.memory.transaction():
             # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
             textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
-            self.latent_store = LatentStore(context, pack.config, textures, on_demand or ALL_LATENTS)
-            self._records = np.zeros(max(1, len(textures)), texture_record(pack.config))
+            self.latent_store = LatentStore(context, self._tables, textures, on_demand or ALL_LATENTS)
+            self._records = np.zeros(max(1, len(textures)), self._tables.texture_record)
             self._fill_records()
             self._weights = self._make_weights()
-            self._tables: dict[StorageBinding, moderngl.Buffer] = {
-                StorageBinding.TEXTURES: self._memory.buffer(
+            self._record_buffers: dict[DecodingBinding, moderngl.Buffer] = {
+                DecodingBinding.TEXTURES: self._memory.buffer(
                     "tables of textures", self._records.tobytes(), storage=True
                 ),
-                StorageBinding.LEVELS: self._memory.buffer(
+                DecodingBinding.LEVELS: self._memory.buffer(
                     "tables of textures", self.latent_store.levels.tobytes(), storage=True
                 ),
             }
@@ -87,28 +82,25 @@ class PackBuffers:
 
     def stored(self, pack: Pack) -> Pack:
         """`pack` as these buffers store it: rescaled where the precision needs that."""
-        return stored_pack(pack, self.precision) if self._rescale else pack
+        return codec_of(pack.config).stored_pack(pack, self.precision) if self._rescale else pack
 
     def _textures(self) -> Iterator[tuple[int, EncodedTexture]]:
         """Slot of the table and texture, for all that the pack holds."""
         return ((slot, self.pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
 
     def _fill_records(self) -> None:
-        config, records = self.pack.config, self._records
+        records = self._records
         records["decoder"] = -1
-        adapter = self._decoders.first_block + len(self.pack.decoders) * self._decoders.blocks
+        adapter = self._tables.first_block + len(self.pack.decoders) * self._tables.decoder_blocks
         for slot, texture in self._textures():
-            levels = len(latent_levels(texture.width, texture.height, config))
-            fill_texture_record(records[slot], texture, (int(self.latent_store.first_level[slot]), levels), adapter)
-            self._decoders.fill_record(records[slot], texture)
-            adapter += self._decoders.adapter_blocks
+            self._tables.fill_record(records[slot], texture, int(self.latent_store.first_level[slot]), adapter)
+            adapter += self._tables.adapter_blocks
 
     def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:
-        adapters = [texture.adapter for _, texture in self._textures() if texture.adapter is not None]
-        weights = self._decoders.everything(self.pack, adapters)
+        weights = self._tables.all_data(self.pack, [texture for _, texture in self._textures()])
         made: moderngl.Buffer | moderngl.Texture
         if self.variant.weights == "image":
-            made = weight_image(self._memory, weights, self._decoders)
+            made = weight_image(self._memory, weights, self._tables)
         else:
             made = self._memory.buffer("decoders", weights, storage=True)
         self._weight_bytes = len(weights)
@@ -143,25 +135,25 @@ class PackBuffers:
             self._weights.release()
             self._weights = weights
             self._fill_records()
-            replace_content(self._tables[StorageBinding.TEXTURES], self._records.tobytes())
+            replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
             return self._records.nbytes + self._weight_bytes
         self._fill_records()
         uploaded = 0
         for group in groups:
-            first = self._decoders.first_block + group * self._decoders.blocks
-            uploaded += self._write_weights(first, self._decoders.of_decoder(pack, group))
+            first = self._tables.first_block + group * self._tables.decoder_blocks
+            uploaded += self._write_weights(first, self._tables.decoder_data(pack.decoders[group]))
         size = self._records.itemsize
         for slot, texture in self.slots_of_groups(groups, pack).items():
-            self._memory.write(self._tables[StorageBinding.TEXTURES], self._records[slot].tobytes(), slot * size)
+            self._memory.write(
+                self._record_buffers[DecodingBinding.TEXTURES], self._records[slot].tobytes(), slot * size
+            )
             uploaded += size
-            if texture.adapter is not None:
-                adapter = self._decoders.of_adapter(pack, texture.adapter)
-                uploaded += self._write_weights(int(self._records["adapter"][slot]), adapter)
+            uploaded += self._write_weights(int(self._records["adapter"][slot]), self._tables.adapter_data(texture))
         return uploaded
 
     def _write_weights(self, first_block: int, weights: bytes) -> int:
         """Write `weights` from block `first_block` on; the bytes."""
-        block_bytes = self._decoders.block_bytes
+        block_bytes = self._tables.block_bytes
         if isinstance(self._weights, moderngl.Buffer):
             self._memory.write(self._weights, weights, first_block * block_bytes)
             return len(weights)
@@ -177,7 +169,7 @@ class PackBuffers:
     @property
     def bytes_by_part(self) -> dict[str, int]:
         """Bytes on the GPU by what they are for; adapters count as decoders."""
-        tables = sum(buffer.size for buffer in self._tables.values())
+        tables = sum(buffer.size for buffer in self._record_buffers.values())
         return {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
 
     def need(self, wanted: Mapping[int, int]) -> bool:
@@ -192,46 +184,44 @@ class PackBuffers:
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
-        replace_content(self._tables[StorageBinding.TEXTURES], self._records.tobytes())
-        replace_content(self._tables[StorageBinding.LEVELS], self.latent_store.levels.tobytes())
+        replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
+        replace_content(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
 
     def bind_records(self) -> None:
         """Bind what tells of textures and mips, for what decodes nothing (ntc/records.glsl)."""
-        for binding, buffer in self._tables.items():
+        for binding, buffer in self._record_buffers.items():
             self._context.bind_storage(buffer, int(binding))
 
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
         self.bind_records()
-        self._context.bind_storage(self.latent_store.buffer, int(StorageBinding.LATENTS))
+        self._context.bind_storage(self.latent_store.buffer, int(DecodingBinding.LATENTS))
         if isinstance(self._weights, moderngl.Buffer):
-            self._context.bind_storage(self._weights, int(StorageBinding.WEIGHTS))
+            self._context.bind_storage(self._weights, int(DecodingBinding.WEIGHTS))
         else:
-            self._context.bind_read_image(self._weights, int(ImageUnit.WEIGHTS))
+            self._context.bind_read_image(self._weights, int(DecodingImage.WEIGHTS))
 
     def release(self) -> None:
         """Free the buffers."""
-        for part in (self.latent_store, self._weights, *self._tables.values()):
+        for part in (self.latent_store, self._weights, *self._record_buffers.values()):
             part.release()
 
 
-def weight_image(memory: GpuMemory, weights: bytes, tables: DecoderTables) -> moderngl.Texture:
+def weight_image(memory: GpuMemory, weights: bytes, tables: GpuTables) -> moderngl.Texture:
     """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
     row_bytes = tables.block_bytes << WEIGHT_COLUMN_BITS
     rows = -(-len(weights) // row_bytes)
     padded = weights.ljust(rows * row_bytes, b"\0")
-    return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=tables.kind)
+    return memory.texture("decoders", (1 << WEIGHT_COLUMN_BITS, rows), 4, padded, dtype=tables.number_type)
 
 
 def scene_programs(context: GraphicsContext) -> ProgramFactory:
     """Programs of all shaders but those that need the layout of a codec, in the GLSL of the driver at hand."""
-    generated = {"generated/layout.glsl": scene_layout_glsl(context.memory.limits.groups_across)}
+    generated = scene_includes(context.memory.limits.groups_across)
     library = ShaderLibrary(shaders_folder(), generated, older=not context.features.compute)
     return ProgramFactory(context.gl, library, context.functions)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, variant: DecoderVariant) -> ProgramFactory:
     """`factory` with the includes that the decoding shaders need for the codec of `pack`, laid out as `variant` says."""
-    return factory.with_generated(
-        {"generated/codec.glsl": codec_layout_glsl(pack.config), **decoder_glsl(pack, variant)}
-    )
+    return factory.with_generated(codec_of(pack.config).gpu_tables(pack.config).includes(variant))

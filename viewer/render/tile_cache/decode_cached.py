@@ -29,7 +29,6 @@ from viewer.render.resources.layout import (
     TileBinding,
 )
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.texel_lists import TexelLists
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TILES_AT_ONCE, TileBudget, TileCacheConfig, TileCounts
 from viewer.render.tile_cache.page_pool import LAYER_PAGES, PagePool
@@ -52,10 +51,8 @@ class DecodeCachedPass:
         reading: PlaneReading,
         config: TileCacheConfig,
         budget: TileBudget,
-        lists: TexelLists | None = None,
     ) -> None:
-        """`lists`: has tiles decoded in place of GLSL."""
-        self._context, self._gl, self._lists = context, context.gl, lists
+        self._context, self._gl = context, context.gl
         self.waits = context.waits
         """Whether every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
@@ -125,8 +122,7 @@ class DecodeCachedPass:
     @property
     def bytes_on_gpu(self) -> int:
         """Atlas and tables."""
-        lists = () if self._lists is None else self._lists.buffers
-        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles, *lists))
+        return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
 
     def _bind_tables(self) -> None:
         """For what reads tiles; the pack's latents and decoders are not bound then."""
@@ -332,9 +328,6 @@ class DecodeCachedPass:
         self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
-        if self._lists is not None:
-            self._lists.run(len(tiles) * PAGE_SIDE * PAGE_SIDE)
-            return
         set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
         starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
@@ -347,7 +340,7 @@ class DecodeCachedPass:
 
     def _work_groups(self, tiles: int) -> tuple[int, int]:
         """Those that decode `tiles` tiles: invocations decode four texels of a block, or pixels of any tile."""
-        if self._buffers.pack.config.kind == "block":
+        if self._buffers.decodes_quads:
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
         return self._context.memory.limits.rows_of_work_groups(groups)
@@ -395,6 +388,7 @@ class DecodeCachedPass:
 
     def release(self) -> None:
         """Free atlas and tables."""
-        for part in (self._back, self._lists, self._atlas, self._tiles, self._zero, *self._places.values()):
-            if part is not None:
-                part.release()
+        self._back.release()
+        self._atlas.release()
+        for buffer in (self._tiles, self._zero, *self._places.values()):
+            buffer.release()

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
-from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE, WRAP_CODES
+from viewer.render.resources.layout import TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE
 from viewer.scene.model import Material
 
 

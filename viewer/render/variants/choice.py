@@ -6,25 +6,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.gpu_variant import DecoderVariant
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext
 from viewer.locations import variants_cache
 from viewer.render.resources.precision import fastest_first
-from viewer.render.resources.variant import DecoderVariant, default_variant, parsed_variant
+from viewer.render.resources.variant import default_variant, parsed_variant
 from viewer.render.variants.kept_times import keep_times, read_times
 from viewer.render.variants.measurement import VariantMeasurement, VariantTimes
 from viewer.state.view_state import Precision
 
 VARIANT_VARIABLE: Final = "NTC_VIEWER_DECODER_VARIANT"
 """Environment variable: `default`, `measured`, or settings such as `pixels=2,weights=shared`. Else GPUs measure, software does not."""
-
-
-def codec_shape(config: CodecConfig) -> str:
-    """What the decoder's time depends on of a codec, in words."""
-    layers = "-".join(str(inputs) for _, inputs in config.layer_shapes)
-    adapters = " with adapters and outputs" if config.adapter_output else " with adapters" if config.adapters else ""
-    return f"{layers}-{config.output_channels}{adapters}, {config.latent_channels} x {config.latent_bits} bits"
 
 
 @dataclass
@@ -61,15 +55,11 @@ class VariantChoice:
         return times.precisions if times is not None else fastest_first(context)
 
     def _measured(self, context: GraphicsContext, pack: Pack) -> VariantTimes | None:
+        tables = codec_of(pack.config).gpu_tables(pack.config)
         measures = self.wanted == "measured" or (not self.wanted and not context.info.is_software)
-        if (
-            not measures
-            or not context.features.compute
-            or not isinstance(pack.config, CodecConfig)
-            or not pack.textures
-        ):
+        if not measures or not context.features.compute or not tables.shares_decoders or not pack.textures:
             return None
-        shape, folder = codec_shape(pack.config), self.folder or variants_cache()
+        shape, folder = tables.shape_text(), self.folder or variants_cache()
         if shape not in self._times:
             times = read_times(folder, context.info, shape)
             if times is None:

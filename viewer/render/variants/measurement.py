@@ -8,6 +8,7 @@ from typing import Final
 
 import moderngl
 
+from ntc.codec.gpu_variant import DecoderVariant
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
@@ -16,7 +17,7 @@ from viewer.render.resources.decoder_ranges import DecoderRanges
 from viewer.render.resources.layout import BIN_GROUP, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers, codec_programs, scene_programs
 from viewer.render.resources.precision import supported_precisions
-from viewer.render.resources.variant import CANDIDATES, DecoderVariant, default_variant
+from viewer.render.resources.variant import CANDIDATES, default_variant
 from viewer.state.view_state import Precision
 
 SECONDS: Final = 1.5

@@ -111,9 +111,7 @@ class TrainingPanel:
 def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     """How far a run is; full where it has ended, and moving while that is not known."""
     progress = run.progress if run is not None else None
-    share = (
-        1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.step / max(1, progress.steps)
-    )
+    share = 1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.share
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
     # The text stands below: over the bar it would be hard to read.
     imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
@@ -127,8 +125,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
     state, progress = STATES[run.state], run.progress
     if progress is None:
         return f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-    unit = "texture" if run.codec_kind == "block" else "step"
-    return f"{unit} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
+    return f"{progress.work} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
 
 
 def _log(ui: UiFrame) -> None:

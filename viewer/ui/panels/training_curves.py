@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from ntc.codec.config import CodecKind
+from ntc.codec.registry import codec_named
 from viewer.training.run_log import Curves
 from viewer.ui.facts import UiFrame
 from viewer.ui.style.inks import ink
@@ -18,8 +18,6 @@ FIT = implot.AxisFlags_.auto_fit
 MOST_NAMED = 6
 """Groups up to which the plot names them."""
 WORST = "worst texture"
-PSNR_TITLES: dict[CodecKind | None, str] = {"grid": "PSNR of the latest samples", "block": "PSNR of mip 0"}
-"""What figures under way are of, by codec (ntc.training.progress)."""
 
 
 class TrainingCurves:
@@ -29,7 +27,7 @@ class TrainingCurves:
         self._texture: int | None = None
         """None: the one that is worst now."""
 
-    def draw(self, curves: Curves, names: Sequence[str], kind: CodecKind | None, ui: UiFrame) -> None:
+    def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
         """The plots, each as wide as the panel; `names` of all textures of the pack, `kind` its codec, None if not known."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")
@@ -37,11 +35,14 @@ class TrainingCurves:
         seconds = curves.array(curves.seconds)
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         size = ImVec2(imgui.get_content_region_avail().x, PLOT_LINES * imgui.get_text_line_height_with_spacing())
-        # Codec `block` is fitted in closed form: its textures come one after the other, and no loss falls.
-        if kind != "block":
+        codec = codec_named(kind) if kind is not None else None
+        # Where textures are encoded one after the other, no loss falls.
+        if codec is None or codec.trains:
             self._losses(curves, seconds, size, flags, ui)
         texture = self._chosen(curves)
-        if implot.begin_plot(f"{PSNR_TITLES.get(kind, 'PSNR')}##psnr", size, flags | implot.Flags_.no_legend):
+        if implot.begin_plot(
+            f"{codec.psnr_title if codec is not None else 'PSNR'}##psnr", size, flags | implot.Flags_.no_legend
+        ):
             implot.setup_axes("seconds", "dB", FIT, FIT)
             # Read on either theme's ground.
             mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)

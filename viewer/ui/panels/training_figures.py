@@ -1,5 +1,6 @@
 """The figures of a training in words: every PSNR says of what it is, and what it was before."""
 
+from ntc.codec.registry import codec_named
 from viewer.training.active_run import ActiveRun
 from viewer.training.run_log import Run, mean_of_psnr
 from viewer.ui.widgets import counted
@@ -26,7 +27,7 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
         return ()
     before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet known"
     trained = f", {counted(len(progress.psnr_db), 'texture')}" if progress.psnr_db else ""
-    if run.codec_kind == "block":
+    if run.codec_kind is not None and not codec_named(run.codec_kind).trains:
         # Both are of mip 0, so that one can be set against the other.
         change = now if before is None else f"{before:.2f} -> {now}"
         lines = [f"PSNR of mip 0{trained}: {change}"]

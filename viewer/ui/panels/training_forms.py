@@ -5,8 +5,10 @@ from typing import get_args
 
 from imgui_bundle import ImVec2, imgui
 
-from ntc.codec.config import GroupingName, RecipeName
+from ntc.codec.config import GroupingName
+from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
+from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
@@ -90,19 +92,20 @@ class TrainingForms:
             imgui.end_tab_bar()
 
     def _length(self, codec: str, ui: UiFrame) -> str | None:
-        """Budget, and the recipe of codec `grid`; the budget as a command takes it, None where it is not right."""
+        """Budget, and the recipe of a codec that is trained; the budget as a command takes it, None where it is not right."""
         _labelled("budget")
         self._value = _field("budget", self._value, NUMBER, ui)
         imgui.same_line()
         imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
-        if codec == "block" and self._unit == "steps":
+        trains = codec_named(codec).trains
+        if not trains and self._unit == "steps":
             self._unit, self._value = "s", USUAL_VALUES["s"]
-        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS if codec == "grid" or unit != "steps")
+        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS if trains or unit != "steps")
         chosen = combo("budget unit", UNIT_NAMES[self._unit], names, ui.rects)
         unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
         if unit != self._unit:
             self._unit, self._value = unit, USUAL_VALUES[unit]
-        if codec == "grid":
+        if trains:
             beside(list_width(*get_args(RecipeName)))
             imgui.set_next_item_width(list_width(*get_args(RecipeName)))
             self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
@@ -144,7 +147,7 @@ class TrainingForms:
         budget = self._length(self._codec, ui)
         command = None
         if budget is not None and bits is not None:
-            recipe = self._recipe if self._codec == "grid" else "best"
+            recipe = self._recipe if codec_named(self._codec).trains else "best"
             how = (int(self._size), budget, recipe, self._codec, bits)
             command = ("training.encode", self._strategy, self._k, *how)
         self._button("Encode this scene", command, ui)
@@ -152,9 +155,9 @@ class TrainingForms:
     def _codec_and_bits(self, ui: UiFrame) -> float | None:
         """Bits per texel, where they are right."""
         _labelled("codec")
-        imgui.set_next_item_width(list_width("block", "grid"))
-        self._codec = combo("codec", self._codec, ("block", "grid"), ui.rects)
-        if self._codec == "block":
+        imgui.set_next_item_width(list_width(*MODULES))
+        self._codec = combo("codec", self._codec, tuple(MODULES), ui.rects)
+        if not codec_named(self._codec).trains:
             imgui.same_line()
             self._bits = _field("bits", self._bits, NUMBER, ui)
             beside(text_width("bits per texel"))

@@ -2,20 +2,20 @@
 
 import pytest
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
 
 SIZES = [(1024, 1024), (1024, 256), (17, 33), (200, 3), (1, 1), (2, 5000), (16, 16), (20, 20)]
 
 
 def test_a_1024_texture_starts_at_256_cells_and_ends_at_4() -> None:
-    levels = latent_levels(1024, 1024, CodecConfig())
+    levels = latent_levels(1024, 1024, GridConfig())
     assert [(level.width, level.height) for level in levels] == [(256 >> n, 256 >> n) for n in range(7)]
     assert [(level.texel_width, level.texel_height) for level in levels] == [(1024 >> n, 1024 >> n) for n in range(7)]
 
 
 def test_a_non_square_texture_ends_when_its_longer_side_is_small() -> None:
-    levels = latent_levels(1024, 64, CodecConfig())
+    levels = latent_levels(1024, 64, GridConfig())
     assert [(level.width, level.height) for level in levels] == [
         (256, 16), (128, 8), (64, 4), (32, 2), (16, 1), (8, 1), (4, 1),
     ]  # fmt: skip
@@ -28,7 +28,7 @@ def test_a_non_square_texture_ends_when_its_longer_side_is_small() -> None:
 def test_levels_follow_one_another_and_cover_their_mips(
     size: tuple[int, int], limit: int | None, downscale: int
 ) -> None:
-    config = CodecConfig(levels=limit, downscale=downscale)
+    config = GridConfig(levels=limit, downscale=downscale)
     levels = latent_levels(*size, config)
     assert 1 <= len(levels) <= (limit or 99)
     first = 0
@@ -43,4 +43,4 @@ def test_levels_follow_one_another_and_cover_their_mips(
 
 
 def test_one_level_only_when_asked_for_paper_parity() -> None:
-    assert len(latent_levels(4096, 4096, CodecConfig(levels=1))) == 1
+    assert len(latent_levels(4096, 4096, GridConfig(levels=1))) == 1

@@ -9,6 +9,7 @@ import OpenImageIO
 import pytest
 from numpy.typing import NDArray
 
+from ntc.codec.psnr import psnr_db
 from ntc.errors import InputError
 from ntc.metrics.block_compression import (
     BLOCK_FORMATS,
@@ -18,7 +19,6 @@ from ntc.metrics.block_compression import (
     compressed_bytes,
     decompress,
 )
-from ntc.metrics.metrics import psnr_db
 
 pytest.importorskip("quicktex")
 pytest.importorskip("etcpak")

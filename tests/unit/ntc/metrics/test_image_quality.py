@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.color import srgb_to_linear
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
+from ntc.codec.psnr import psnr_db, worst_share_db
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_codec import TorchCodec
 from ntc.errors import InputError
 from ntc.metrics.image_quality import ImageDecoder, flip, level_psnr, ssim
-from ntc.metrics.metrics import psnr_db, worst_share_db
 
 Image = NDArray[np.uint8]
 HOSTILE_SIZES = [(1, 1), (4096, 1), (1, 4096), (10, 11), (11, 11), (3, 40)]
@@ -202,14 +202,14 @@ def source_of(pack: Pack, index: int, pixels: Image) -> SourceTexture:
 
 def cpu_decode(pack: Pack) -> ImageDecoder:
     """The decode of `pack` by torch on the CPU."""
-    return TorchCodec(pack, "cpu").decode_image
+    return TorchGrid(pack, "cpu").decode_image
 
 
 @pytest.mark.parametrize("color_space", ["srgb", "linear"])
 def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
     pack = random_pack()
     pack = replace(pack, textures=tuple(replace(texture, color_space=color_space) for texture in pack.textures))
-    codec = TorchCodec(pack, "cpu")
+    codec = TorchGrid(pack, "cpu")
     for index, texture in enumerate(pack.textures):
         source = source_of(pack, index, noise(texture.width, texture.height, texture.channels))
         measured = level_psnr(pack, index, source, codec.decode_image)
@@ -222,7 +222,7 @@ def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
 
 def test_level_psnr_is_infinite_where_equal() -> None:
     pack = random_pack()
-    source = source_of(pack, 1, TorchCodec(pack, "cpu").decode_image(1))
+    source = source_of(pack, 1, TorchGrid(pack, "cpu").decode_image(1))
     first, *others = level_psnr(pack, 1, source, cpu_decode(pack))
     assert first == math.inf
     assert all(math.isfinite(value) for value in others)
@@ -231,7 +231,7 @@ def test_level_psnr_is_infinite_where_equal() -> None:
 def test_level_psnr_of_one_texel_and_of_a_single_level() -> None:
     pack = random_pack(sizes=((1, 1),), groups=(0,))
     assert len(level_psnr(pack, 0, source_of(pack, 0, noise(1, 1, pack.textures[0].channels)), cpu_decode(pack))) == 1
-    pack = random_pack(sizes=((64, 64),), groups=(0,), config=replace(CodecConfig(), levels=1))
+    pack = random_pack(sizes=((64, 64),), groups=(0,), config=replace(GridConfig(), levels=1))
     assert len(level_psnr(pack, 0, source_of(pack, 0, noise(64, 64, pack.textures[0].channels)), cpu_decode(pack))) == 1
 
 

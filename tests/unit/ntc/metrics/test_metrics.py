@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.metrics.metrics import PsnrSummary, mean_square_error, psnr_db, psnr_table
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.psnr import PsnrSummary, mean_square_error, psnr_db
+from ntc.metrics.metrics import psnr_table
 
 
 def test_equal_pictures_have_infinite_psnr() -> None:
@@ -44,11 +46,13 @@ def test_summary_with_a_perfect_texture_stays_printable() -> None:
 
 def test_table_lists_the_worst_texture_first_and_counts_every_byte() -> None:
     pack = random_pack(sizes=((16, 16), (8, 8), (4, 4)), groups=(0, 1, 0))
-    textures = tuple(replace(t, psnr_db=value) for t, value in zip(pack.textures, (40.0, 20.0, None), strict=True))
+    textures = tuple(
+        replace(t, psnr_db=value) for t, value in zip(grid_parts(pack).textures, (40.0, 20.0, None), strict=True)
+    )
     table = psnr_table(replace(pack, textures=textures))
     assert [line.split()[1] for line in table.lines()[1:4]] == ["1", "0", "2"]
     arrays = [a for t in textures for a in (t.latents, t.scale, t.offset)]
-    decoders = [a for d in pack.grid_decoders for a in (*d.weights, *d.biases)]
+    decoders = [a for d in grid_parts(pack).decoders for a in (*d.weights, *d.biases)]
     assert table.latent_bytes == sum(a.nbytes for a in arrays)
     assert table.decoder_bytes == sum(a.nbytes for a in decoders)
     texels = 16 * 16 + 8 * 8 + 4 * 4

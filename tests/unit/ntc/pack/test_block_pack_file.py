@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockCodecConfig
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import block_parts
 from ntc.codec.maps import MAPS, MapName
 from ntc.errors import InputError
 from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.schema import parse_metadata
-from ntc.pack.validate import check_pack
 from tests.support.pack_bytes import PackBytes
+from tests.support.packs.checks import check_pack
 
-SMALL = BlockCodecConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
+SMALL = BlockConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
 SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))
 SETS = replace(SMALL, output_channels=8, maps=("base", "normal", "roughness", "metalness", "occlusion"))
 KINDS: list[tuple[MapName, ...]] = [SETS.maps, ("base",), ("normal", "occlusion")]
@@ -38,17 +39,17 @@ def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
 @pytest.mark.parametrize(
     "config",
     [
-        BlockCodecConfig(),
+        BlockConfig(),
         SMALL,
         SIZES_OF_CODES,
-        BlockCodecConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
-        BlockCodecConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
-        BlockCodecConfig(output_channels=4),
-        BlockCodecConfig(output_channels=12, maps=MAPS),
+        BlockConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
+        BlockConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
+        BlockConfig(output_channels=4),
+        BlockConfig(output_channels=12, maps=MAPS),
         SETS,
     ],
 )
-def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
+def test_round_trip_is_exact(tmp_path: Path, config: BlockConfig) -> None:
     pack = random_block_pack(config=config, wrap=("mirror", "clamp"))
     check_pack(pack)
     path, again = tmp_path / "pack.ntc", tmp_path / "again.ntc"
@@ -58,12 +59,11 @@ def test_round_trip_is_exact(tmp_path: Path, config: BlockCodecConfig) -> None:
     write_pack(again, read)
     assert path.read_bytes() == again.read_bytes()
     assert (read.config, read.grouping) == (pack.config, pack.grouping)
-    for one, other in zip(pack.textures, read.textures, strict=True):
-        for part in ("latents", "scale", "offset"):
+    for one, other in zip(block_parts(pack).textures, block_parts(read).textures, strict=True):
+        for part in ("words", "mean", "axes"):
             np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
         assert (one.name, one.maps, one.wrap, one.group) == (other.name, other.maps, other.wrap, other.group)
-        assert other.adapter is None
-    for decoder, twin in zip(pack.block_decoders, read.block_decoders, strict=True):
+    for decoder, twin in zip(block_parts(pack).decoders, block_parts(read).decoders, strict=True):
         for part in ("basis", "basis_scale", "scales"):
             array, found = getattr(decoder, part), getattr(twin, part)
             assert (array.dtype, array.tobytes()) == (found.dtype, found.tobytes())
@@ -164,13 +164,6 @@ def test_files_name_maps_only_where_there_are_sets(tmp_path: Path, pieces: PackB
     assert [texture.maps for texture in read_pack(path).textures] == KINDS
 
 
-def test_a_row_of_several_channels_is_none_of_sets() -> None:
-    pack = random_block_pack(config=SETS)
-    decoder = replace(pack.block_decoders[0], basis=np.ones_like(pack.block_decoders[0].basis))
-    with pytest.raises(ValueError, match="several channels"):
-        check_pack(replace(pack, decoders=(decoder, *pack.decoders[1:])))
-
-
 def maps_of_texture(index: int, maps: Any) -> Change:
     """Set the maps of a texture."""
     return lambda p: p.metadata["textures"][index].__setitem__("maps", maps)
@@ -238,12 +231,13 @@ def test_any_codes_are_valid(tmp_path: Path, pieces: PackBytes) -> None:
 def test_what_decodes_differently_is_found() -> None:
     old = random_block_pack()
     assert changed_textures(old, random_block_pack()) == frozenset()
-    codes = old.textures[1].latents.copy()
-    codes[-1, 0] ^= 1
-    other = replace(old, textures=(old.textures[0], replace(old.textures[1], latents=codes), old.textures[2]))
+    changed = block_parts(old).textures[1]
+    words = changed.words.copy()
+    words[-1] ^= 1
+    other = replace(old, textures=(old.textures[0], replace(changed, words=words), old.textures[2]))
     assert same_shape(old, other)
     assert changed_textures(old, other) == {1}
-    first, second = old.block_decoders
+    first, second = block_parts(old).decoders
     brighter = replace(first, basis_scale=first.basis_scale * np.float32(2.0))
     assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
     assert not same_shape(old, random_pack())

@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.model import Decoder, Grouping, Pack
+from ntc.codec.grid.model import GridDecoder, grid_parts
+from ntc.codec.model import Grouping, Pack
 from ntc.pack.diff import changed_groups
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 
 
-def other_decoder(decoder: Decoder) -> Decoder:
-    return Decoder(tuple(weight + 1.0 for weight in decoder.weights), decoder.biases)
+def other_decoder(decoder: GridDecoder) -> GridDecoder:
+    return GridDecoder(tuple(weight + 1.0 for weight in decoder.weights), decoder.biases)
 
 
 def snapshot(pack: Pack, group: int, members: tuple[int, ...]) -> GroupSnapshot:
     textures = tuple(pack.textures[index] for index in members)
-    return GroupSnapshot(1, group, members, textures, other_decoder(pack.grid_decoders[group]))
+    return GroupSnapshot(1, group, members, textures, other_decoder(grid_parts(pack).decoders[group]))
 
 
 def test_a_snapshot_changes_its_group_alone() -> None:
@@ -29,7 +30,7 @@ def test_a_snapshot_changes_its_group_alone() -> None:
 
 def test_latents_and_adapters_count_as_much_as_decoders() -> None:
     before = random_pack(((16, 16), (16, 16), (8, 8)), (0, 1, 1))
-    first = before.textures[0]
+    first = grid_parts(before).textures[0]
     other = replace(first, latents=first.latents ^ np.uint8(1))
     assert changed_groups(before, replace(before, textures=(other, *before.textures[1:]))) == {0}
     equal = replace(first, latents=first.latents.copy())

@@ -9,48 +9,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
-from ntc.codec.model import Adapter, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
+from tests.support.packs.checks import assert_equal
 
 Change = Callable[[PackBytes], None]
-
-
-def assert_equal(a: Pack, b: Pack) -> None:
-    """Every field but `path` is the same, arrays bit by bit."""
-    assert (a.config, a.grouping, a.training) == (b.config, b.grouping, b.training)
-    assert len(a.textures) == len(b.textures)
-    assert len(a.decoders) == len(b.decoders)
-    pairs: list[tuple[EncodedTexture | Decoder, EncodedTexture | Decoder]] = [
-        *zip(a.textures, b.textures, strict=True),
-        *zip(a.grid_decoders, b.grid_decoders, strict=True),
-    ]
-    for one, other in pairs:
-        for name in vars(one):
-            value, twin = vars(one)[name], vars(other)[name]
-            if isinstance(value, Adapter):
-                value, twin = (value.scales, value.biases), (twin.scales, twin.biases)
-            if isinstance(value, np.ndarray):
-                value, twin = (value,), (twin,)
-            if isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):
-                for left, right in zip(value, twin, strict=True):
-                    assert (left.dtype, left.shape, left.tobytes()) == (right.dtype, right.shape, right.tobytes())
-            else:
-                assert value == twin, name
 
 
 @pytest.fixture(scope="module")
 def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
     """A good file of three textures and two decoders, taken apart."""
     path = tmp_path_factory.mktemp("good") / "good.ntc"
-    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=CodecConfig(hidden_width=8)))
+    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=GridConfig(hidden_width=8)))
     return PackBytes.of(path.read_bytes())
 
 
@@ -71,15 +49,15 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
 @pytest.mark.parametrize(
     "config",
     [
-        CodecConfig(),
-        CodecConfig(levels=1, output_channels=1),
-        CodecConfig(latent_channels=16, output_channels=4),
-        CodecConfig(adapters=True),
-        CodecConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
-        CodecConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
+        GridConfig(),
+        GridConfig(levels=1, output_channels=1),
+        GridConfig(latent_channels=16, output_channels=4),
+        GridConfig(adapters=True),
+        GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+        GridConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
     ],
 )
-def test_round_trip_is_exact(tmp_path: Path, config: CodecConfig) -> None:
+def test_round_trip_is_exact(tmp_path: Path, config: GridConfig) -> None:
     pack = random_pack(config=config, wrap=("mirror", "clamp"))
     first = replace(pack.textures[0], name='a "name"\n\t\\ \u00e9\u4e2d\U0001f600', category="wood", psnr_db=41.3)
     second = replace(pack.textures[1], channels=1, color_space="linear")
@@ -108,12 +86,13 @@ def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) 
             pack.metadata["codec"].pop(field)
 
     path.write_bytes(pieces.changed(old))
-    assert not read_pack(path).grid_config.adapters
-    assert not read_pack(path).grid_config.adapter_output
+    config = grid_parts(read_pack(path)).config
+    assert not config.adapters
+    assert not config.adapter_output
 
 
 def test_a_pack_without_textures(tmp_path: Path) -> None:
-    pack = Pack(CodecConfig(), Grouping("baseline", ()), (), ())
+    pack = Pack(GridConfig(), Grouping("baseline", ()), (), ())
     write_pack(tmp_path / "empty.ntc", pack)
     assert_equal(read_pack(tmp_path / "empty.ntc"), pack)
 

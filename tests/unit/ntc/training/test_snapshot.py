@@ -5,18 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.start import grey_pack
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.training.config import TrainingConfig
-from ntc.training.encode import train
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, grey_pack, moved_texture, unchanged_groups
+from ntc.training.encode import encode_textures
+from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
 from tests.unit.ntc.training.test_train import texture
 
 CODECS = [
-    CodecConfig(hidden_width=16),
-    CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
+    GridConfig(hidden_width=16),
+    GridConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
 ]
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1), texture(9, 5, seed=2), texture(8, 8, 1, seed=3)]
 
@@ -25,18 +27,18 @@ def snapshot_of(pack: Pack, group: int) -> GroupSnapshot:
     """Of a group of a pack."""
     members = tuple(index for index, number in enumerate(pack.grouping.groups) if number == group)
     return GroupSnapshot(
-        1, group, members, tuple(pack.textures[i] for i in members), pack.grid_decoders[group], final=True
+        1, group, members, tuple(pack.textures[i] for i in members), grid_parts(pack).decoders[group], final=True
     )
 
 
-def trained(groups: tuple[int, ...], seed: int = 0, codec: CodecConfig = CODECS[1]) -> Pack:
+def trained(groups: tuple[int, ...], seed: int = 0, codec: GridConfig = CODECS[1]) -> Pack:
     """A pack of some quality."""
     training = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=seed)
-    return train(TEXTURES, Grouping("random", groups), codec, training)
+    return encode_textures(TEXTURES, Grouping("random", groups), codec, training)
 
 
 @pytest.mark.parametrize("codec", CODECS)
-def test_grey_is_grey_and_makes_room_for_every_group(codec: CodecConfig) -> None:
+def test_grey_is_grey_and_makes_room_for_every_group(codec: GridConfig) -> None:
     pack = grey_pack(TEXTURES, Grouping("random", (1, 0, 1, 2)), codec)
     for index, source in enumerate(TEXTURES):
         image = decode_image(pack, index)

@@ -11,23 +11,25 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.config import CodecConfig, ColorSpace, WrapMode
-from ntc.codec.decoder import AdapterStack, DecoderStack
+from ntc.codec.config import ColorSpace, WrapMode
+from ntc.codec.device import choose_device
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
-from ntc.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
-from ntc.training.device import choose_device
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
-SMALL = CodecConfig(hidden_width=16)
+SMALL = GridConfig(hidden_width=16)
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 
 
@@ -53,11 +55,11 @@ def own_decoders(count: int) -> Grouping:
 def arrays(pack: Pack) -> list[NDArray[np.generic]]:
     """All arrays of a pack in a fixed order."""
     found: list[NDArray[np.generic]] = []
-    for encoded in pack.textures:
+    for encoded in grid_parts(pack).textures:
         found += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
             found += [part for part in vars(encoded.adapter).values() if part is not None]
-    for decoder in pack.grid_decoders:
+    for decoder in grid_parts(pack).decoders:
         found += [*decoder.weights, *decoder.biases]
     return found
 
@@ -67,7 +69,7 @@ def same(a: Pack, b: Pack) -> bool:
     return [array.tobytes() for array in arrays(a)] == [array.tobytes() for array in arrays(b)]
 
 
-def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
+def initial_decoders(config: GridConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
     """The decoders that a training with `seed` starts from."""
     stack = DecoderStack(config, count, torch.Generator().manual_seed(seed)).export()
     return [array for decoder in stack for array in (*decoder.weights, *decoder.biases)]
@@ -75,7 +77,7 @@ def initial_decoders(config: CodecConfig, count: int, seed: int) -> list[NDArray
 
 def decoder_arrays(pack: Pack) -> list[NDArray[np.float32]]:
     """All decoder arrays of a pack."""
-    return [array for decoder in pack.grid_decoders for array in (*decoder.weights, *decoder.biases)]
+    return [array for decoder in grid_parts(pack).decoders for array in (*decoder.weights, *decoder.biases)]
 
 
 def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.float32]]) -> bool:
@@ -88,9 +90,9 @@ def unchanged(before: Sequence[NDArray[np.float32]], after: Sequence[NDArray[np.
 def test_the_seed_decides_every_bit(training: TrainingConfig) -> None:
     textures = [texture(16, 16), texture(12, 8, seed=1), texture(7, 5, seed=2)]
     grouping = Grouping("random", (0, 1, 0))
-    first = train(textures, grouping, SMALL, training)
-    assert same(first, train(textures, grouping, SMALL, training))
-    assert not same(first, train(textures, grouping, SMALL, replace(training, seed=6)))
+    first = encode_textures(textures, grouping, SMALL, training)
+    assert same(first, encode_textures(textures, grouping, SMALL, training))
+    assert not same(first, encode_textures(textures, grouping, SMALL, replace(training, seed=6)))
 
 
 def smooth_texture(side: int) -> SourceTexture:
@@ -106,21 +108,21 @@ def smooth_texture(side: int) -> SourceTexture:
 def test_a_smooth_texture_is_learnt_well() -> None:
     source = smooth_texture(64)
     training = TrainingConfig(steps=900, texels_per_texture=512, decoder_rate=1e-2, device="cpu")
-    pack = train([source], own_decoders(1), CodecConfig(), training)
+    pack = encode_textures([source], own_decoders(1), GridConfig(), training)
     measured = pack.textures[0].psnr_db
     assert measured is not None
     assert measured > 35.0
     assert psnr_db(decode_image(pack, 0), source.pixels) == pytest.approx(measured, abs=0.1)
     # Every level is trained, not mip 0 alone.
-    for level, mip in enumerate(mip_chain(source.pixels, "srgb")[: len(latent_levels(64, 64, CodecConfig()))]):
+    for level, mip in enumerate(mip_chain(source.pixels, "srgb")[: len(latent_levels(64, 64, GridConfig()))]):
         assert psnr_db(decode_image(pack, 0, level), mip) > 30.0
 
 
 def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
     training = replace(SHORT, freezing=FreezingConfig(start=0.0, duration=0.0))
-    pack = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
+    pack = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
     assert unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(pack))
-    thawed = train([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
+    thawed = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
     assert not unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(thawed))
 
 
@@ -137,7 +139,7 @@ def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) 
 
     with monkeypatch.context() as patch:
         patch.setattr(DecoderStack, "layers", watched)
-        pack = train([texture(16, 16)], own_decoders(1), SMALL, training)
+        pack = encode_textures([texture(16, 16)], own_decoders(1), SMALL, training)
     return [*seen, decoder_arrays(pack)]
 
 
@@ -165,7 +167,7 @@ def test_cancelling_raises_and_delivers_nothing() -> None:
         return len(asked) >= 4
 
     with pytest.raises(TrainingCancelledError):
-        train([texture(8, 8)], own_decoders(1), SMALL, SHORT, cancelled=cancelled)
+        encode_textures([texture(8, 8)], own_decoders(1), SMALL, SHORT, cancelled=cancelled)
     assert len(asked) == 4
 
 
@@ -173,7 +175,9 @@ def test_cancelling_raises_and_delivers_nothing() -> None:
 def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
     reports: list[TrainingProgress] = []
     textures = [texture(16, 16), texture(8, 8, seed=1)]
-    pack = train(textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append)
+    pack = encode_textures(
+        textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append
+    )
     assert reports[-1].step == reports[-1].steps == pack.training["steps"] == 12 * (1 if per_group is None else 2)
     assert reports[-1].seconds_left == 0.0
     assert [report.step for report in reports] == sorted(report.step for report in reports)
@@ -191,8 +195,8 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
         replace(texture(*size, channels, seed), color_space="linear" if seed % 2 else "srgb")
         for seed, size in enumerate(sizes)
     ]
-    config = CodecConfig(hidden_width=16, output_channels=channels, levels=levels)
-    pack = train(textures, Grouping("single", (0,) * 4), config, SHORT)
+    config = GridConfig(hidden_width=16, output_channels=channels, levels=levels)
+    pack = encode_textures(textures, Grouping("single", (0,) * 4), config, SHORT)
     for index, (width, height) in enumerate(sizes):
         assert decode_image(pack, index).shape == (height, width, channels)
         assert pack.textures[index].psnr_db is not None
@@ -201,37 +205,39 @@ def test_channels_and_sizes(channels: int, levels: int | None) -> None:
 
 def test_textures_of_different_channels_share_a_decoder() -> None:
     textures = [texture(8, 8, channels, channels) for channels in (1, 2, 3, 4)]
-    pack = train(textures, Grouping("single", (0,) * 4), CodecConfig(hidden_width=16, output_channels=4), SHORT)
+    pack = encode_textures(
+        textures, Grouping("single", (0,) * 4), GridConfig(hidden_width=16, output_channels=4), SHORT
+    )
     assert [encoded.channels for encoded in pack.textures] == [1, 2, 3, 4]
     assert decode_image(pack, 1).shape == (8, 8, 2)
 
 
 def test_channels_that_no_texture_has_are_not_trained() -> None:
-    config = CodecConfig(hidden_width=16, output_channels=4)
-    pack = train([texture(8, 8, 1)], own_decoders(1), config, SHORT)
+    config = GridConfig(hidden_width=16, output_channels=4)
+    pack = encode_textures([texture(8, 8, 1)], own_decoders(1), config, SHORT)
     start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
-    last = pack.grid_decoders[0].weights[2]
+    last = grid_parts(pack).decoders[0].weights[2]
     assert not np.array_equal(last[0], start.weights[2][0])
     np.testing.assert_array_equal(last[1:], start.weights[2][1:])
 
 
 @pytest.mark.parametrize("wrap", list(product(MODES, MODES)))
 def test_every_wrap_trains(wrap: tuple[WrapMode, WrapMode]) -> None:
-    pack = train([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([replace(texture(12, 20), wrap=wrap)], own_decoders(1), SMALL, SHORT)
     assert pack.textures[0].wrap == wrap
     assert all(np.isfinite(array).all() for array in arrays(pack))
 
 
 def test_a_constant_texture_trains() -> None:
     pixels = np.full((16, 16, 3), 200, np.uint8)
-    pack = train([SourceTexture("flat", pixels, hash_pixels(pixels))], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([SourceTexture("flat", pixels, hash_pixels(pixels))], own_decoders(1), SMALL, SHORT)
     assert all(np.isfinite(array).all() for array in arrays(pack))
 
 
 def test_the_paper_recipe_runs() -> None:
     training = replace(recipe_config("paper"), epochs=1.0, texels_per_group=64, device="cpu")
     textures = [texture(16, 16), texture(8, 16, seed=1), texture(8, 8, seed=2)]
-    pack = train(textures, Grouping("clustered", (0, 1, 0)), CodecConfig(levels=1), training)
+    pack = encode_textures(textures, Grouping("clustered", (0, 1, 0)), GridConfig(levels=1), training)
     # Group 0 holds 256 + 64 texels at 2 x 32 a step, group 1 holds 128 at 64 a step.
     assert pack.training["steps"] == 5 + 2
     assert pack.training["recipe"] == "paper"
@@ -239,13 +245,13 @@ def test_the_paper_recipe_runs() -> None:
 
 def test_a_group_is_trained_without_regard_to_its_number() -> None:
     training = replace(SHORT, texels_per_group=64)
-    pack = train([texture(8, 8), texture(8, 8, seed=1)], Grouping("random", (1, 0)), SMALL, training)
+    pack = encode_textures([texture(8, 8), texture(8, 8, seed=1)], Grouping("random", (1, 0)), SMALL, training)
     assert [encoded.group for encoded in pack.textures] == [1, 0]
     assert len(pack.decoders) == 2
 
 
 def test_a_trained_pack_survives_the_file(tmp_path: Path) -> None:
-    pack = train([texture(16, 16)], own_decoders(1), SMALL, SHORT)
+    pack = encode_textures([texture(16, 16)], own_decoders(1), SMALL, SHORT)
     write_pack(tmp_path / "a.ntc", pack)
     read = read_pack(tmp_path / "a.ntc")
     assert same(pack, read)
@@ -266,7 +272,7 @@ def test_what_cannot_be_trained_is_bad_input(
     textures: list[SourceTexture], groups: tuple[int, ...], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        train(textures, Grouping("random", groups), SMALL, SHORT)
+        encode_textures(textures, Grouping("random", groups), SMALL, SHORT)
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a CUDA device")
@@ -279,8 +285,8 @@ def test_cuda_that_is_not_there_is_bad_input() -> None:
 def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True)
-    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
-    for encoded in pack.textures:
+    pack = encode_textures(textures, Grouping("single", (0, 0)), config, SHORT)
+    for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
         for values in (encoded.adapter.scales, encoded.adapter.biases):
             assert values.shape == (2, 16)
@@ -288,12 +294,12 @@ def test_adapters_are_trained_and_rounded_to_half_precision() -> None:
         assert np.abs(encoded.adapter.scales - 1.0).max() > 1e-3
         assert np.abs(encoded.adapter.biases).max() > 1e-3
     # The biases of hidden layers are the adapters' now.
-    assert not pack.grid_decoders[0].biases[0].any()
-    assert not pack.grid_decoders[0].biases[1].any()
+    assert not grid_parts(pack).decoders[0].biases[0].any()
+    assert not grid_parts(pack).decoders[0].biases[1].any()
 
 
 def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
-    config = CodecConfig(hidden_width=4, adapters=True, adapter_output=True, weight_bits=16)
+    config = GridConfig(hidden_width=4, adapters=True, adapter_output=True, weight_bits=16)
     decoders, adapters = DecoderStack(config, 1, torch.Generator()), AdapterStack(config, 1)
     with torch.no_grad():
         for part in (*adapters.scales, *adapters.biases, *adapters.output, *decoders.weights):
@@ -308,34 +314,35 @@ def test_numbers_beyond_half_precision_are_stored_as_its_largest() -> None:
 def test_an_output_layer_of_its_own_takes_the_place_of_the_decoders() -> None:
     textures = [texture(16, 16), texture(16, 16, seed=1)]
     config = replace(SMALL, adapters=True, adapter_output=True)
-    pack = train(textures, Grouping("single", (0, 0)), config, SHORT)
+    pack = encode_textures(textures, Grouping("single", (0, 0)), config, SHORT)
     weights = []
-    for encoded in pack.textures:
+    for encoded in grid_parts(pack).textures:
         assert encoded.adapter is not None
         assert encoded.adapter.output_weight is not None
         assert encoded.adapter.output_weight.shape == (3, 16)
         weights.append(encoded.adapter.output_weight)
     assert not np.array_equal(weights[0], weights[1])
-    assert not pack.grid_decoders[0].weights[2].any()
+    assert not grid_parts(pack).decoders[0].weights[2].any()
     for index, source in enumerate(textures):
         assert pack.textures[index].psnr_db == pytest.approx(psnr_db(decode_image(pack, index), source.pixels), abs=0.1)
 
 
 def test_four_bit_latents_stay_below_sixteen() -> None:
     config = replace(SMALL, latent_channels=8, latent_bits=4)
-    pack = train([texture(32, 32)], own_decoders(1), config, SHORT)
-    assert pack.textures[0].latents.max() == 15
-    assert pack.textures[0].latents.shape[1] == 8
+    pack = encode_textures([texture(32, 32)], own_decoders(1), config, SHORT)
+    latents = grid_parts(pack).textures[0].latents
+    assert latents.max() == 15
+    assert latents.shape[1] == 8
 
 
 def test_equal_trainings_write_equal_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        write_pack(tmp_path / f"{name}.ntc", train([texture(16, 16)], own_decoders(1), SMALL, SHORT))
+        write_pack(tmp_path / f"{name}.ntc", encode_textures([texture(16, 16)], own_decoders(1), SMALL, SHORT))
     assert (tmp_path / "a.ntc").read_bytes() == (tmp_path / "b.ntc").read_bytes()
 
 
 def test_half_precision_decoders_are_measured_as_they_are_stored(tmp_path: Path) -> None:
-    pack = train([texture(16, 16)], own_decoders(1), replace(SMALL, weight_bits=16), SHORT)
+    pack = encode_textures([texture(16, 16)], own_decoders(1), replace(SMALL, weight_bits=16), SHORT)
     for values in decoder_arrays(pack):
         np.testing.assert_array_equal(values, values.astype(np.float16).astype(np.float32))
     write_pack(tmp_path / "a.ntc", pack)
@@ -354,7 +361,7 @@ def test_odd_textures_train_together(levels: int | None) -> None:
     ]
     sources = [SourceTexture(str(i), pixels, hash_pixels(pixels)) for i, pixels in enumerate(images)]
     training = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
-    pack = train(sources, Grouping("clustered", (0, 0, 1, 1, 0)), recipe_codec("best", 3, levels), training)
+    pack = encode_textures(sources, Grouping("clustered", (0, 0, 1, 1, 0)), recipe_codec("best", 3, levels), training)
     assert all(np.isfinite(array).all() for array in arrays(pack))
     for index, source in enumerate(sources):
         decoded = decode_image(pack, index)
@@ -369,11 +376,14 @@ def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
     flat, waves = np.full((16, 16, 3), 128, np.uint8), texture(16, 16, seed=4)
     sources = [SourceTexture("flat", flat, hash_pixels(flat)), waves]
     training = TrainingConfig(steps=400, texels_per_texture=64, device="cpu", converged_db=50.0)
-    pack = train(sources, own_decoders(2), SMALL, training)
+    pack = encode_textures(sources, own_decoders(2), SMALL, training)
     assert pack.training["converged_textures"] >= 1
     assert np.abs(decode_image(pack, 0).astype(int) - 128).max() <= 2
     assert (
-        train(sources, own_decoders(2), SMALL, replace(training, converged_db=None)).training["converged_textures"] == 0
+        encode_textures(sources, own_decoders(2), SMALL, replace(training, converged_db=None)).training[
+            "converged_textures"
+        ]
+        == 0
     )
 
 
@@ -382,4 +392,4 @@ def test_what_is_learnt_already_drops_out_and_stays_as_it_is() -> None:
 )
 def test_what_is_no_8_bit_image_is_bad_input(pixels: NDArray[Any]) -> None:
     with pytest.raises(InputError, match="textures are 8-bit"):
-        train([SourceTexture("odd", pixels, "0")], own_decoders(1), SMALL, SHORT)
+        encode_textures([SourceTexture("odd", pixels, "0")], own_decoders(1), SMALL, SHORT)

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping
 from ntc.errors import InputError, TrainingCancelledError
-from ntc.training.config import TrainingConfig
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from tests.unit.ntc.training.test_train import same, texture
 
 pytestmark = pytest.mark.slow
 
 SHORT = TrainingConfig(steps=60, texels_per_texture=32, device="cpu")
-FULL = CodecConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
+FULL = GridConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
 TEXTURES = [texture(16, 16), texture(12, 8, seed=1), texture(9, 5, seed=2)]
 GROUPS = Grouping("clustered", (0, 1, 0))
 
@@ -38,11 +38,11 @@ def stopping_after(steps: int) -> Callable[[], bool]:
 @pytest.mark.parametrize("step", [0, 1, 25, 50, 57, 59])
 def test_stopped_at_any_step_it_ends_alike(tmp_path: Path, training: TrainingConfig, step: int) -> None:
     path = tmp_path / "a.state"
-    whole = train(TEXTURES, GROUPS, FULL, training)
+    whole = encode_textures(TEXTURES, GROUPS, FULL, training)
     with pytest.raises(TrainingCancelledError):
-        train(TEXTURES, GROUPS, FULL, training, cancelled=stopping_after(step), state=path)
+        encode_textures(TEXTURES, GROUPS, FULL, training, cancelled=stopping_after(step), state=path)
     assert path.exists()
-    resumed = train(TEXTURES, GROUPS, FULL, training, state=path)
+    resumed = encode_textures(TEXTURES, GROUPS, FULL, training, state=path)
     assert same(whole, resumed)
     assert whole.training == resumed.training
     assert not path.exists()
@@ -53,14 +53,16 @@ def test_stopped_again_and_again_it_ends_alike(tmp_path: Path) -> None:
     path = tmp_path / "a.state"
     for _ in range(5):
         with pytest.raises(TrainingCancelledError):
-            train(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(11), state=path)
-    assert same(train(TEXTURES, GROUPS, FULL, SHORT, state=path), train(TEXTURES, GROUPS, FULL, SHORT))
+            encode_textures(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(11), state=path)
+    assert same(
+        encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path), encode_textures(TEXTURES, GROUPS, FULL, SHORT)
+    )
 
 
 def saved(path: Path) -> Path:
     """The state of a training that was stopped half-way."""
     with pytest.raises(TrainingCancelledError):
-        train(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(30), state=path)
+        encode_textures(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(30), state=path)
     return path
 
 
@@ -73,7 +75,7 @@ def test_the_state_of_another_training_is_refused(tmp_path: Path) -> None:
         ("textures", [*TEXTURES[:2], texture(9, 5, seed=3)], GROUPS, FULL, SHORT),
     ):
         with pytest.raises(InputError, match=rf"another training \(it differs in {words}\); remove it"):
-            train(textures, groups, codec, training, state=path)
+            encode_textures(textures, groups, codec, training, state=path)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\x00" * 200, json.dumps({"a": 1}).encode()])
@@ -81,7 +83,7 @@ def test_what_is_no_state_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.state"
     path.write_bytes(content)
     with pytest.raises(InputError, match="not the state of a training"):
-        train(TEXTURES, GROUPS, FULL, SHORT, state=path)
+        encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path)
     assert path.read_bytes() == content
 
 
@@ -95,7 +97,7 @@ def test_a_damaged_state_is_refused_or_read_never_a_crash(tmp_path: Path) -> Non
         damaged[place] ^= 1 << random.integers(0, 8)
         path.write_bytes(bytes(damaged))
         try:
-            train(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(0), state=path)
+            encode_textures(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(0), state=path)
         except (InputError, TrainingCancelledError):
             continue
 
@@ -109,10 +111,10 @@ def test_a_full_disk_now_and_then_ends_no_training(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_SAVES", 0.0)
     monkeypatch.setattr("ntc.training.trainer.save_state", full)
-    pack = train(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
+    pack = encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
     assert len(refused) > 1
     assert any("could not be saved, training continues (a.state: cannot be written" in note for note in notes)
-    assert same(pack, train(TEXTURES, GROUPS, FULL, SHORT))
+    assert same(pack, encode_textures(TEXTURES, GROUPS, FULL, SHORT))
 
 
 def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,6 +123,6 @@ def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkey
     def changed(_path: Path) -> bytes:
         raise OSError(errno.EAGAIN, "it changed while it was read")
 
-    monkeypatch.setattr("ntc.training.checkpoint.read_file", changed)
+    monkeypatch.setattr("ntc.codec.grid.training.checkpoint.read_file", changed)
     with pytest.raises(InputError, match="it changed while it was read"):
-        train(TEXTURES, GROUPS, FULL, SHORT, state=path)
+        encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path)

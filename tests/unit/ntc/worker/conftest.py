@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 
 from ntc.codec.model import Pack
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.worker.client import Finished, TrainingWorker
 from ntc.worker.protocol import Failed
 from tests.support.training_workers import (
+    BLOCK_CODEC,
     BLOCKS_FROM_NOTHING,
     CODEC,
     ENDLESS,
@@ -46,7 +47,7 @@ def shared(process: TrainingWorker) -> Iterator[TrainingWorker]:
 def trained() -> Pack:
     """What training without a process gives, with as many threads as the process has."""
     with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
-        return train(TEXTURES, GROUPS, CODEC, SHORT)
+        return encode_textures(TEXTURES, GROUPS, CODEC, SHORT)
 
 
 @pytest.fixture(scope="session", params=["grid", "block"])
@@ -54,5 +55,5 @@ def case(request: pytest.FixtureRequest, trained: Pack) -> CodecCase:
     """The codecs, one after the other."""
     if request.param == "grid":
         return CodecCase(FROM_NOTHING, replace(FROM_NOTHING, training=ENDLESS), trained)
-    encoded = encoded_by_group(TEXTURES, GROUPS, BLOCKS_FROM_NOTHING.block_codec, SHORT.seed)
+    encoded = encoded_by_group(TEXTURES, GROUPS, BLOCK_CODEC, SHORT.seed)
     return CodecCase(BLOCKS_FROM_NOTHING, MANY_BLOCKS, encoded)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
+from ntc.codec.psnr import psnr_db
 from ntc.codec.reference import decode_image
-from ntc.metrics.metrics import psnr_db
 from ntc.pack.file import read_pack, write_pack
-from ntc.training.encode import train
+from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
-from ntc.training.request import QualityBudget, StepBudget, TimeBudget
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, TrainingWorker, starting_pack
 from ntc.worker.protocol import Failed
@@ -77,7 +77,7 @@ def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
 def test_group_by_group_as_the_paper_trains(shared: TrainingWorker) -> None:
     training = replace(SHORT, texels_per_group=64, steps=70)
     with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
-        expected = train(TEXTURES, GROUPS, CODEC, training)
+        expected = encode_textures(TEXTURES, GROUPS, CODEC, training)
     end, reports = finished(shared, replace(FROM_NOTHING, training=training))
     assert same(pack_of(end), expected)
     steps = [report.step for report in reports if isinstance(report, TrainingProgress)]

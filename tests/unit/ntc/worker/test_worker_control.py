@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 import torch
 
+from ntc.codec.encoding import StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.progress import TrainingProgress
-from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
+from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import Finished, TrainingWorker
 from ntc.worker.protocol import Failed, Paused, Resumed

@@ -25,10 +25,10 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
         f"""
 import sys, time
 import numpy as np
-from ntc.codec.config import CodecConfig
+from ntc.codec.config import GridConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
-from ntc.training.config import TrainingConfig
+from ntc.codec.grid.training.config import TrainingConfig
 from ntc.worker.client import TrainingWorker
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
@@ -37,7 +37,7 @@ def main():
     texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")
     training = TrainingConfig(steps=10**7, texels_per_texture=64, device="cpu", converged_db=None)
     worker = TrainingWorker()
-    worker.start(TrainingRequest((texture,), Grouping("single", (0,)), CodecConfig(hidden_width=16), training))
+    worker.start(TrainingRequest((texture,), Grouping("single", (0,)), GridConfig(hidden_width=16), training))
     while not any(isinstance(report, TrainingProgress) for report in worker.poll()):
         time.sleep(0.01)
     print(worker.process_id, flush=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.config import CodecConfig
+from ntc.codec.grid.config import GridConfig
 from ntc.pack.file import read_pack, write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer import cli
@@ -17,7 +17,7 @@ from viewer.cli.info import pack_json, pack_lines
 from viewer.cli.sources import resolve_precision
 from viewer.cli.table import Column, Table
 
-HALVES = CodecConfig(hidden_width=16, weight_bits=16)
+HALVES = GridConfig(hidden_width=16, weight_bits=16)
 TABLE = Table(
     (Column("name", "name"), Column("excess", "excess"), Column("cut", "cut %", 1)),
     ({"name": "a|b", "excess": 12345, "cut": 12.34}, {"name": "c", "cut": float("inf")}, {"name": "d", "cut": None}),

@@ -2,21 +2,21 @@
 
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from ntc.codec.block.targets import BitsTarget
-from ntc.codec.config import CodecKind, GroupingConfig, GroupingName
+from ntc.codec.config import GroupingConfig, GroupingName
+from ntc.codec.encoding import EncodingChoices
+from ntc.codec.registry import CodecName
+from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
 from ntc.library.index import SHARDS_FOLDER, read_index
 from ntc.library.reading import library_packs
 from ntc.library.upkeep import problems
 from ntc.library.writer import LibraryWriter
-from ntc.training.config import recipe_config
 from viewer.encoding import plan
 from viewer.encoding.plan import Asked
 from viewer.encoding.sources import Reading, texture_refs
@@ -73,10 +73,10 @@ class InOrder:
         pass
 
 
-def asked(grouping: GroupingName = "universal", codec: CodecKind = "block", **of_grouping: object) -> Asked:
-    training = replace(recipe_config("best"), steps=2) if codec == "grid" else recipe_config("best")
+def asked(grouping: GroupingName = "universal", codec: CodecName = "block", **of_grouping: object) -> Asked:
+    choices = EncodingChoices(steps=2, levels=1) if codec == "grid" else EncodingChoices(target=BitsTarget(2.0))
     config = GroupingConfig(grouping, **of_grouping)  # type: ignore[arg-type]
-    return Asked(Reading(), config, codec, BitsTarget(2.0), 1 if codec == "grid" else None, training)
+    return Asked(Reading(), config, codec, choices)
 
 
 def encoded(source: Path, out: Path, what: Asked, executor: InOrder) -> RunResult:

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from ntc.codec.encoding import StepBudget, TimeBudget
 from ntc.errors import InputError
-from ntc.training.request import StepBudget, TimeBudget, TrainingRequest
+from ntc.training.request import TrainingRequest
 from tests.end_to_end.conftest import two_squares
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene

@@ -4,8 +4,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from ntc.codec.gpu import glsl_struct
 from viewer.gl.indirect import COMMAND_BYTES
-from viewer.render.resources.layout import SCAN_GROUP, glsl_struct
+from viewer.render.resources.layout import SCAN_GROUP
 
 CLUSTER_TRIANGLES = 128
 """Of scenes that are culled on the GPU."""

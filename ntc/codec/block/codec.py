@@ -1,0 +1,166 @@
+"""Codec `block`: codes of texel blocks under a linear transform that a group shares (docs/codec.md)."""
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.block import tensors as files
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.to_target import settings_for_target
+from ntc.codec.block.gpu import BlockTables
+from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
+from ntc.codec.block.options import BlockOptions
+from ntc.codec.block.reference import decode_image, lookup_values
+from ntc.codec.block.start import mean_colour_pack
+from ntc.codec.block.universal import VERSION
+from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
+from ntc.codec.config import Precision, WrapMode
+from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask
+from ntc.codec.gpu import GpuTables
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
+from ntc.codec.texture_set import TextureSet
+from ntc.codec.textures import SourceTexture
+
+
+class BlockCodec(Codec):
+    """Encoded in closed form, decoded in single precision."""
+
+    settings_type = BlockConfig
+    trains = False
+    default_maps = "all"
+    psnr_title = "PSNR of mip 0"
+    shipped = MappingProxyType({"version": VERSION})
+    uncertified = "certified bounds of the error: for codec grid alone; codec block decodes in fp32 at every precision"
+    table_text = "bases and bit allocations"
+
+    def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
+        del width, height
+        return files.texture_shapes(cast(BlockConfig, settings))
+
+    def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
+        return files.decoder_shapes(cast(BlockConfig, settings))
+
+    def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        return files.texture_tensors(cast(BlockTexture, texture), cast(BlockConfig, settings))
+
+    def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        return files.decoder_tensors(cast(BlockDecoder, decoder), cast(BlockConfig, settings))
+
+    def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
+        return files.read_texture(tensors, known, cast(BlockConfig, settings))
+
+    def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
+        return files.read_decoder(tensors, cast(BlockConfig, settings))
+
+    def shipped_decoder(self, decoders: int, parameters: Mapping[str, Any], settings: CodecSettings) -> Decoder:
+        return files.shipped_decoder(decoders, parameters, cast(BlockConfig, settings))
+
+    def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
+        own, config = cast(BlockTexture, texture), cast(BlockConfig, settings)
+        return TextureBytes(own.words.nbytes, own.mean.nbytes + 4 * config.axis_numbers)
+
+    def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
+        return cast(BlockDecoder, decoder).stored_bits(cast(BlockConfig, settings)) // 8
+
+    def reference_values(
+        self,
+        pack: Pack,
+        texture_index: int,
+        uv: NDArray[np.float64],
+        lod: NDArray[np.float64],
+        wrap: tuple[WrapMode, WrapMode],
+    ) -> NDArray[np.float64]:
+        own = block_parts(pack)
+        texture = own.textures[texture_index]
+        return lookup_values(texture, own.decoders[texture.group], own.config, uv, lod, wrap)
+
+    def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8]:
+        own = block_parts(pack)
+        texture = own.textures[texture_index]
+        image = decode_image(texture, own.decoders[texture.group], own.config, level)
+        return image[..., texture.places(own.config)]
+
+    def torch_twin(
+        self,
+        pack: Pack,
+        device: str,
+        interruption: Callable[[], None] = lambda: None,
+    ) -> TorchTwin:
+        from ntc.codec.block.torch_twin import TorchBlock
+
+        return TorchBlock(pack, device, interruption)
+
+    def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
+        del precision
+        return BlockTables(cast(BlockConfig, settings))
+
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        default = EncodingChoices()
+        given = {
+            "steps": choices.steps,
+            "epochs": choices.epochs,
+            "state": choices.state,
+            "device": choices.device if choices.device == "cuda" else None,
+            "recipe": None if choices.recipe == default.recipe else choices.recipe,
+        }
+        return [
+            f"--{name} {value}: codec block is not trained; leave it out, or use --codec grid"
+            for name, value in given.items()
+            if value is not None
+        ]
+
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        return settings_for_target(textures, choices.target or BitsTarget(DEFAULT_BITS))
+
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        target = choices.target
+        return BlockOptions(
+            choices.seed,
+            quality_db=target.psnr_db if isinstance(target, QualityTarget) else None,
+            worth=target.worth if isinstance(target, SizeTarget) else None,
+        )
+
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return BlockOptions(choices.seed, groups_apart=True)
+
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return BlockOptions(choices.seed, threads=1)
+
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        return {"seed": options.seed}
+
+    def encoder(self, task: EncodingTask) -> Encoder:
+        from ntc.codec.block.encoding.stages import BlockEncoder
+
+        return BlockEncoder(task)
+
+    def encode_with_decoders(self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int) -> Assigned:
+        from ntc.codec.block.encoding.frozen import assigned
+
+        return assigned(textures, [block_parts(pack) for pack in packs], packs[0].grouping.name, decoders)
+
+    def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
+        return mean_colour_pack(textures, grouping, cast(BlockConfig, settings))
+
+    def settings_json(self, settings: CodecSettings) -> dict[str, Any]:
+        config = cast(BlockConfig, settings)
+        return {"bits_per_texel_of_codes": config.mean_words * 32.0 / config.block_texels}
+
+    def settings_lines(self, settings: CodecSettings) -> list[str]:
+        config = cast(BlockConfig, settings)
+        side = config.block_side
+        *others, last = map(str, config.block_words)
+        sizes = f"{', '.join(others)} or {last}" if others else last
+        return [
+            f"codec block: blocks of {side}x{side} texels, codes of {sizes} words of 32 bits, "
+            f"{config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
+            f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
+        ]
+
+
+CODEC = BlockCodec()

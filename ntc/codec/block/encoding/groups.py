@@ -1,0 +1,99 @@
+"""Groups of textures in codec `block`: their tables, how their textures share words, and a texture encoded under them."""
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import sample_textures
+from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.quantizer import TrellisQuantizer
+from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
+from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
+from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.reference import decode_image
+from ntc.codec.block.universal import universal_decoder
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.interruption import Interruption, no_interruption
+from ntc.codec.map_quality import measured_texture
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
+
+
+@dataclass(frozen=True, eq=False)
+class FittedGroup:
+    """A group whose tables are known, and what words are worth to its textures."""
+
+    group: int
+    members: tuple[int, ...]
+    """Indices of its textures."""
+    decoder: BlockDecoder
+    curves: tuple[RateCurve, ...]
+    """Of the members."""
+
+
+def fitted_group(
+    textures: Sequence[SourceTexture], grouping: Grouping, group: int, config: BlockConfig, seed: int
+) -> FittedGroup:
+    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled."""
+    members = grouping.members(group)
+    samples = sample_textures([textures[index] for index in members], config, seed)
+    ships = grouping.name == UNIVERSAL
+    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed)
+    return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
+
+
+def fitted_groups(
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    groups: Sequence[int],
+    config: BlockConfig,
+    seed: int,
+    interruption: Interruption = no_interruption,
+) -> list[FittedGroup]:
+    """These groups of `grouping`. Raises what `interruption` raises."""
+    fitted = []
+    for group in groups:
+        interruption()
+        fitted.append(fitted_group(textures, grouping, group, config, seed))
+    return fitted
+
+
+def shared_words(fitted: Sequence[FittedGroup], config: BlockConfig, sharing: Sharing) -> list[tuple[float, ...]]:
+    """By group and member: words a block, where the textures of these groups share the words of all their blocks."""
+    curves = [curve for each in fitted for curve in each.curves]
+    if sharing.worth is not None:
+        sharing = replace(sharing, worth=tuple(sharing.worth[index] for each in fitted for index in each.members))
+    words = iter(share_words(curves, config.mean_words * sum(curve.block_count for curve in curves), sharing))
+    return [tuple(next(words) for _ in each.members) for each in fitted]
+
+
+def encoding_record(seed: int) -> dict[str, Any]:
+    """What a pack records of its encoding."""
+    return {
+        "codec": BlockConfig.kind,
+        "seed": seed,
+        "device": "cpu",
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }
+
+
+def encode_member(
+    source: SourceTexture,
+    words: float,
+    fitted: FittedGroup,
+    config: BlockConfig,
+    quantizer: TrellisQuantizer,
+    worked: Callable[[int], None],
+) -> BlockTexture:
+    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told how many
+    blocks have been encoded since it was called last."""
+    found = encode_texture(source, fitted.decoder, config, quantizer, words, fitted.group, worked)
+    decoded = decode_image(found, fitted.decoder, config)[..., found.places(config)]
+    return measured_texture(found, decoded, source.pixels)

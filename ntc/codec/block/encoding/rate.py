@@ -1,0 +1,175 @@
+"""The settings of codec `block` that come to a number of bits a texel."""
+
+import math
+from dataclasses import replace
+from typing import Literal
+
+from ntc.codec.block.config import (
+    DIRECTORY_RUN,
+    LARGEST_DEPTH,
+    LARGEST_SET_MODES,
+    LARGEST_SET_WORDS,
+    LARGEST_WORDS,
+    BlockConfig,
+)
+from ntc.codec.block.universal import UNIVERSAL_CONFIG
+from ntc.codec.latents import latent_levels
+from ntc.codec.maps import BASE_ALONE
+from ntc.codec.texture_set import Sizes, TextureSet, common_channels
+from ntc.errors import InputError
+
+SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
+"""Sizes of codes over their mean: textures and their blocks are so far apart."""
+WHOLE_WORDS = 0.1
+"""Blocks of 4x4 texels take codes of one size where the mean is as near to a whole number of words: a directory costs 0.25 bits a
+texel there."""
+COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
+"""Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
+MODES = 32
+SET_COEFFICIENTS_PER_WORD = 36
+"""Of material sets, whose rows of the basis are of one channel and take less room."""
+TABLE_SHARE = 0.25
+"""Of all bits: tables are made smaller where textures are so few that they would take more."""
+FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
+SETTLING_ROUNDS = 12
+
+
+def largest_words(textures: TextureSet) -> int:
+    """Words of a block's code at most."""
+    return LARGEST_WORDS if textures.maps == BASE_ALONE else LARGEST_SET_WORDS
+
+
+def side_bits(textures: TextureSet, config: BlockConfig) -> int:
+    """Stored bits besides codes: means, axes, directories and tables."""
+    decoder = config.coefficients * (8 * config.row_bytes + 32)
+    bits = textures.groups * (decoder + 8 * config.modes * config.coefficients)
+    for size in textures.sizes:
+        bits += 32 * (config.output_channels + config.axis_numbers)
+        if len(config.block_words) > 1:
+            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in latent_levels(*size, config))
+    return bits
+
+
+def texel_count(sizes: Sizes, config: BlockConfig) -> int:
+    """Texels of all encoded mips."""
+    levels = [level for size in sizes for level in latent_levels(*size, config)]
+    return sum(level.texel_width * level.texel_height for level in levels)
+
+
+def block_count(sizes: Sizes, config: BlockConfig) -> int:
+    """Blocks of all encoded mips."""
+    return sum(level.cells for size in sizes for level in latent_levels(*size, config))
+
+
+def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
+    """`BlockConfig.block_words` for codes of `words` words on average."""
+    if side == 4:
+        near = abs(words - round(words)) < WHOLE_WORDS and round(words) >= 1
+        found = {round(words)} if near else {int(words), int(words) + 1}
+        return tuple(sorted({min(max(size, 1), largest) for size in found}))
+    sizes: list[int] = []
+    for ratio in SIZE_RATIOS:
+        sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
+    return tuple(sorted({min(size, largest) for size in sizes}))
+
+
+def config_for_words(
+    words: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockConfig:
+    """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
+    block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, largest_words(textures))
+    if not textures.groups:
+        if textures.maps != BASE_ALONE:
+            raise InputError(
+                "grouping universal: the decoder that ships with the program serves base colours alone; "
+                "use another grouping, or --maps base"
+            )
+        channels = common_channels(textures.channels)
+        found = replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
+        if multiply_adds is not None and found.multiply_adds > multiply_adds:
+            raise InputError(
+                f"the decoder that ships with the program takes {found.multiply_adds} multiply-adds a texel, not {multiply_adds} "
+                "at most; choose another grouping"
+            )
+        return found
+    plain = BlockConfig(
+        block_side=side,
+        block_words=block_words,
+        coefficients=1,
+        # Each map of a set wants other bits: many ways of sharing them pay.
+        modes=LARGEST_SET_MODES if textures.maps != BASE_ALONE else MODES,
+        output_channels=textures.channels,
+        maps=textures.maps,
+        levels=textures.levels,
+    )
+    per_word = SET_COEFFICIENTS_PER_WORD if plain.has_sets else COEFFICIENTS_PER_WORD
+    most = min(plain.block_values, COEFFICIENTS + round(per_word * words))
+    if multiply_adds is not None:
+        by_row = 1 if plain.has_sets else textures.channels
+        most = max(1, min(most, (multiply_adds - plain.axis_numbers) // by_row))
+    found = replace(plain, coefficients=most)
+    codes = 32.0 * words * block_count(textures.sizes, found)
+    # With fewer ones a code's bits find no coefficient that takes them.
+    enough = max(FEWEST_COEFFICIENTS, round(1.5 * 32.0 * words / LARGEST_DEPTH))
+    while textures.groups and side_bits(replace(textures, sizes=()), found) > TABLE_SHARE * codes:
+        # Modes first: they are worth less than coefficients.
+        if found.modes > FEWEST_MODES:
+            found = replace(found, modes=found.modes // 2)
+        elif found.coefficients * 9 // 10 >= enough:
+            found = replace(found, coefficients=found.coefficients * 9 // 10)
+        else:
+            break
+    return found
+
+
+def _stored_bits(words: float, textures: TextureSet, config: BlockConfig) -> float:
+    """All bits that are stored for codes of `words` words on average."""
+    return 32.0 * words * block_count(textures.sizes, config) + side_bits(textures, config)
+
+
+def _settled_config(
+    stored_bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockConfig:
+    """Settings for so many bits in all; the least or the most that is possible where that is nearest."""
+    blocks = max(1, block_count(textures.sizes, BlockConfig(block_side=side, coefficients=1, levels=textures.levels)))
+    words = max(stored_bits, 0.0) / (32.0 * blocks)
+    for _ in range(SETTLING_ROUNDS):
+        # Side information depends on the settings, and they on the words that it leaves.
+        config = config_for_words(words, textures, side, multiply_adds)
+        left = max((stored_bits - side_bits(textures, config)) / (32.0 * blocks), 0.0)
+        words = 0.5 * (words + left)
+    return replace(config, mean_words=float(min(max(left, config.block_words[0]), config.block_words[-1])))
+
+
+def config_for_bits(
+    bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
+) -> BlockConfig:
+    """Settings with blocks of `side` texels, of at most `multiply_adds` a texel, that come to `bits` stored bits a texel of all
+    encoded mips.
+
+    The least that is possible where textures are so small or so few that this is more. Raises InputError for bits that are not above
+    0, or beyond what the largest codes take.
+    """
+    if math.isnan(bits):
+        raise InputError(f"--bits {bits}: is not a number")
+    texels = max(1, texel_count(textures.sizes, BlockConfig(block_side=side, coefficients=1, levels=textures.levels)))
+    # No more words are left than the largest codes have, whatever is asked for.
+    config = _settled_config(min(bits, 64.0) * texels, textures, side, multiply_adds)
+    most = _stored_bits(largest_words(textures), textures, config) / texels
+    if not 0.0 < bits <= most:
+        raise InputError(f"--bits {bits:g}: set it above 0 and up to {most:.2f}, what the largest codes take here")
+    return config
+
+
+def config_for_bytes(stored_bytes: float, textures: TextureSet) -> BlockConfig:
+    """Settings that come to at most `stored_bytes` in all; the largest codes where even they take less.
+
+    Raises InputError for less than what the smallest codes take.
+    """
+    smallest = config_for_words(0.0, textures)
+    least = _stored_bits(smallest.block_words[0], textures, smallest) / 8.0
+    if not stored_bytes >= least:
+        raise InputError(f"at least {least / 1e6:.3f} MB are needed for codes and tables of these textures")
+    config = _settled_config(8.0 * stored_bytes, textures)
+    fits = _stored_bits(config.mean_words, textures, config) <= 8.0 * stored_bytes
+    return config if fits else replace(smallest, mean_words=float(smallest.block_words[0]))

@@ -1,0 +1,202 @@
+"""Encoding in codec `block`, in closed form on the CPU: tables are fitted to a group, then its textures are encoded.
+
+Where a quality is asked for, textures are corrected until they have it.
+"""
+
+from collections.abc import Generator, Iterator, Sequence
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
+from ntc.codec.block.encoding.quantizer import TrellisQuantizer
+from ntc.codec.block.encoding.rate import block_count
+from ntc.codec.block.encoding.sharing import Sharing
+from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
+from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.options import BlockOptions
+from ntc.codec.block.reference import decode_image
+from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
+from ntc.codec.map_quality import measured_texture
+from ntc.codec.model import Decoder, EncodedTexture
+from ntc.codec.psnr import mse_of_psnr
+from ntc.errors import TrainingCancelledError
+from ntc.threads import PacedThreads
+
+FITTING_BLOCKS = 2000
+"""Blocks at most that take about as long to encode as the tables of a group take to fit."""
+HIGHEST_PSNR_DB = 120.0
+"""What is reported of textures that are exact: curves have no room for infinity."""
+
+
+class BlockEncoder(Encoder):
+    """Encodes the groups of a task. A texture is a piece of work."""
+
+    def __init__(self, task: EncodingTask, fitted: Sequence[FittedGroup] | None = None) -> None:
+        """`fitted`: the tables of all groups of the task, where they are known already."""
+        self._task, self._options = task, cast(BlockOptions, task.options)
+        self.settings = self._config = cast(BlockConfig, task.settings)
+        self._given = fitted
+        self._sharing = Sharing(self._options.balance, self._options.worth)
+        self._fitted: dict[int, FittedGroup] = {}
+        self._found: dict[int, BlockTexture] = {}
+        self._quantizer = TrellisQuantizer()
+        self._work, self._step, self._steps = "", 0, 0
+        self._blocks_done: list[int] = []
+        self._blocks = 1
+        """Of all work, fitting included."""
+        self._ended: set[int] = set()
+
+    def pieces(self) -> Generator[Piece]:
+        """Raises InputError for a quality under which no settings are possible."""
+        if self._options.quality_db is not None:
+            yield from self._correct(self._options.quality_db)
+            return
+        members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
+        self._expect(members, fits=0 if self._given is not None else 1)
+        with PacedThreads(self._options.threads) as paced:
+            for fitted, words in self._plans():
+                self._fitted[fitted.group] = fitted
+                self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
+                encode = partial(self._encoded, fitted)
+                parts = list(zip(fitted.members, words, strict=True))
+                sizes = self._pixels(fitted.members)
+                for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
+                    yield self._done(index, found)
+
+    def _plans(self) -> Iterator[tuple[FittedGroup, tuple[float, ...]]]:
+        """Groups with the words of their members, in the order in which they are encoded."""
+        task, options = self._task, self._options
+        if not options.groups_apart:
+            fitted = self._given or self._fit(self._config, task.groups)
+            yield from zip(fitted, shared_words(fitted, self._config, self._sharing), strict=True)
+            return
+        # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
+        for group in sorted(task.groups, key=self._texels_of):
+            (own,) = self._fit(self._config, [group])
+            yield own, shared_words([own], self._config, self._sharing)[0]
+
+    def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
+        task, fitted = self._task, list[FittedGroup]()
+        for number, group in enumerate(groups):
+            self._work, self._step, self._steps = "fitting group", number, len(groups)
+            task.interruption()
+            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed))
+            self._blocks_done.append(self._fitting_blocks(group))
+        return fitted
+
+    def _texels_of(self, group: int) -> int:
+        sizes = [self._task.textures[index].size for index in self._task.grouping.members(group)]
+        return sum(width * height for width, height in sizes)
+
+    def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
+        index, words = part
+        source = self._task.textures[index]
+        return encode_member(source, words, fitted, self._config, self._quantizer, self._worked)
+
+    def _worked(self, blocks: int) -> None:
+        """In the thread of a texture. Appending to a list is atomic."""
+        self._blocks_done.append(blocks)
+        self._task.interruption()
+
+    def _blocks_of(self, members: Sequence[int]) -> int:
+        return block_count([self._task.textures[index].size for index in members], self._config)
+
+    def _fitting_blocks(self, group: int) -> int:
+        """What fitting a group counts as."""
+        return min(FITTING_BLOCKS, self._blocks_of(self._task.grouping.members(group)))
+
+    def _expect(self, members: Sequence[int], fits: int) -> None:
+        """Count work from now on: these textures to encode, and each group's tables to fit so many times."""
+        self._blocks_done.clear()
+        fitting = sum(map(self._fitting_blocks, self._task.groups)) if fits else 0
+        self._blocks = max(1, self._blocks_of(members) + fits * fitting)
+
+    def _done(self, index: int, found: BlockTexture) -> Piece:
+        """The piece of a texture that is finished."""
+        self._found[index] = found
+        self._step += 1
+        group = self._task.grouping.groups[index]
+        whole = group not in self._ended and self._found.keys() >= set(self._task.grouping.members(group))
+        if whole and self._options.quality_db is None:
+            self._ended.add(group)
+            return Piece(ended=(group,))
+        return Piece()
+
+    def _correct(self, target_db: float) -> Iterator[Piece]:
+        """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
+        the correction is interrupted."""
+        task = self._task
+        self._expect(range(len(task.textures)), fits=2)
+        self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
+        self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
+        self._blocks_done.append(sum(map(self._fitting_blocks, task.groups)))
+        fitted = self._fit(self._config, task.groups)
+        self._fitted = {each.group: each for each in fitted}
+        members = {
+            index: Member(task.textures[index], each, curve, self._config, target_db, self._quantizer, self._worked)
+            for each in fitted
+            for index, curve in zip(each.members, each.curves, strict=True)
+        }
+        tries: dict[int, Try] = {}
+
+        def once_more(index: int) -> Try:
+            return members[index].correct(tries[index]) if index in tries else members[index].encode(target_db)
+
+        with PacedThreads(self._options.threads) as paced:
+            for work in ("encoding texture", "correcting texture"):
+                due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
+                if tries:
+                    self._expect(due, fits=0)
+                self._work, self._step, self._steps = work, 0, len(due)
+                try:
+                    for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
+                        tries[index] = found
+                        yield self._done(index, found.texture)
+                except TrainingCancelledError:
+                    if len(tries) < len(members):
+                        raise
+        self.settings = with_mean_words(self._config, fitted, [each.texture for each in tries.values()])
+        yield Piece(ended=tuple(task.groups))
+
+    def _pixels(self, members: Sequence[int]) -> list[int]:
+        return [self._task.textures[index].pixels.size for index in members]
+
+    def figures(self) -> Figures:
+        by_group: dict[int, list[float]] = {}
+        found = {index: texture.psnr_db or 0.0 for index, texture in self._found.items()}
+        for index, decibels in found.items():
+            by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
+        sizes = [self._task.textures[index].size for index in found]
+        return Figures(
+            share=min(1.0, sum(self._blocks_done) / self._blocks),
+            step=self._step,
+            steps=self._steps,
+            texels=sum(width * height for width, height in sizes),
+            losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},
+            psnr_db={index: min(decibels, HIGHEST_PSNR_DB) for index, decibels in found.items()},
+            work=self._work,
+        )
+
+    def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
+        for group in groups:
+            fitted = self._fitted[group]
+            yield EncodedGroup(
+                group, fitted.members, tuple(map(self._found.__getitem__, fitted.members)), fitted.decoder
+            )
+
+    def measured(
+        self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
+    ) -> tuple[EncodedTexture, ...]:
+        measured = []
+        for texture, index in zip(textures, members, strict=True):
+            self._task.interruption()
+            decoded = decode_image(cast(BlockTexture, texture), cast(BlockDecoder, decoder), self._config)
+            pixels = self._task.textures[index].pixels
+            measured.append(measured_texture(texture, decoded[..., texture.places(self._config)], pixels))
+        return tuple(measured)
+
+    def record(self) -> dict[str, Any]:
+        return encoding_record(self._options.seed)

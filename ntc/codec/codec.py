@@ -1,0 +1,287 @@
+"""What a codec is: everything that differs from codec to codec is a method of `Codec`. CONTRIBUTING tells how to add one."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import UNIVERSAL, Precision, WrapMode
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask
+from ntc.codec.gpu import GpuTables
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
+from ntc.codec.texture_set import TextureSet
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+
+TensorShape = tuple[str, tuple[int | None, ...]]
+"""(type as safetensors names it, shape); None: any number."""
+Tensors = Mapping[str, NDArray[Any]]
+
+
+class TorchTwin(Protocol):
+    """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
+
+    def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
+        """[N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its device."""
+
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+
+
+@dataclass(frozen=True)
+class TextureBytes:
+    """Stored bytes of one texture by what they are for."""
+
+    latents: int
+    constants: int
+    """Value ranges, means and axes."""
+    adapter: int = 0
+
+
+@dataclass(frozen=True)
+class ChosenPrecision:
+    """A precision and why it was taken."""
+
+    precision: Precision
+    reason: str
+
+
+SAMPLED_TEXELS = 2048
+"""Texels whose bounds are told besides those of all texels."""
+
+
+@dataclass(frozen=True)
+class CertifiedError:
+    """Bounds of the error of a pack in one precision, in [0, 1] (docs/accuracy.md)."""
+
+    error: float
+    """For every possible texel; 1 where numbers may overflow."""
+    sampled: float
+    """The largest bound among SAMPLED_TEXELS texels."""
+    largest_sum: float
+    """Largest magnitude of any sum on the way."""
+    overflows: bool
+    """Whether a number may leave the range of the format it is kept in."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assigned:
+    """Textures encoded with decoders that were there before."""
+
+    pack: Pack
+    tried: int
+    """Decoders that were compared."""
+    compared: int
+    """Textures that were also encoded in a fresh group, at equal bits."""
+    frozen_db: float
+    """PSNR in dB of the mean square error of these with the old decoders."""
+    fresh_db: float
+    """The same with a decoder fitted to them."""
+
+
+class Codec(ABC):
+    """How textures are encoded, stored and decoded. Codecs hold no state: what they work on is given."""
+
+    settings_type: ClassVar[type[CodecSettings]]
+    """Frozen dataclass; its fields are what files hold."""
+    added_fields: ClassVar[frozenset[str]] = frozenset({"maps"})
+    """Fields of the settings that older files lack; they then have their defaults."""
+    shipped: ClassVar[Mapping[str, int]] = MappingProxyType({})
+    """What a grouping `universal` records of the codec's decoder that ships with the program; empty where none does."""
+    uncertified: ClassVar[str] = "certified bounds of the error: the codec has none"
+    """What `info` says where there are no `certified_errors`."""
+    trains: ClassVar[bool]
+    """Whether textures are trained in steps, by a recipe, while losses fall; else they are encoded to a target, one by one."""
+    default_maps: ClassVar[Literal["all", "base"]] = "base"
+    """Maps that are encoded where none are asked for: whole materials, or base colours alone."""
+    psnr_title: ClassVar[str]
+    """What PSNRs under way are (`TrainingProgress.psnr_db`): of samples, or of mip 0 of the textures done."""
+    table_text: ClassVar[str] = "half precision"
+    """What decoders hold on the GPU, for the table of memory."""
+
+    # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/pack-format.md).
+
+    @abstractmethod
+    def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
+        """Type and shape of every tensor of a texture of `width` x `height` texels."""
+
+    @abstractmethod
+    def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
+        """Type and shape of every tensor of a decoder."""
+
+    @abstractmethod
+    def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        """The tensors of a texture, contiguous."""
+
+    @abstractmethod
+    def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        """The tensors of a decoder, contiguous."""
+
+    @abstractmethod
+    def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
+        """The texture of these tensors, which have the expected shapes and are finite; `known` are the fields of EncodedTexture.
+
+        Raises ValueError, which names the tensor, for what no encoder writes.
+        """
+
+    @abstractmethod
+    def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
+        """The decoder of these tensors, as `read_texture` reads a texture."""
+
+    def shipped_decoder(self, decoders: int, parameters: Mapping[str, Any], settings: CodecSettings) -> Decoder:
+        """The decoder of a grouping `universal` of so many decoders with these parameters. Raises ValueError where none ships."""
+        del decoders, parameters
+        raise ValueError(f"grouping {UNIVERSAL}: no decoder of codec {settings.kind} ships with the program")
+
+    @abstractmethod
+    def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
+        """Bytes that a texture takes in a file, names and header left out."""
+
+    @abstractmethod
+    def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
+        """Bytes that a decoder takes in a file."""
+
+    # Decoding.
+
+    @abstractmethod
+    def reference_values(
+        self,
+        pack: Pack,
+        texture_index: int,
+        uv: NDArray[np.float64],
+        lod: NDArray[np.float64],
+        wrap: tuple[WrapMode, WrapMode],
+    ) -> NDArray[np.float64]:
+        """[N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: the slow twin of every other decoder."""
+
+    def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
+        """[h, w, channels] uint8 of mip `level`, where the codec has a faster way than texel by texel; else None."""
+        del pack, texture_index, level
+        return None
+
+    @abstractmethod
+    def torch_twin(
+        self,
+        pack: Pack,
+        device: str,
+        interruption: Callable[[], None] = lambda: None,
+    ) -> TorchTwin:
+        """What decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises ends the
+        decode."""
+
+    # Precision.
+
+    def stored_pack(self, pack: Pack, precision: Precision) -> Pack:
+        """What of `pack` is stored for decoding in `precision`, before numbers are rounded to halves."""
+        del precision
+        return pack
+
+    def chosen_precision(self, pack: Pack, fastest_first: Sequence[Precision]) -> ChosenPrecision:
+        """The first of these precisions whose error changes an 8-bit value by one step at most, or fp32."""
+        del fastest_first
+        return ChosenPrecision("fp32", f"codec {pack.config.kind} decodes in fp32 at every precision")
+
+    def certified_errors(self, pack: Pack) -> Mapping[Precision, CertifiedError]:
+        """Bounds of the error by precision, from the pack alone: the same on every machine. Empty where there are none."""
+        del pack
+        return {}
+
+    # Graphics processors.
+
+    @abstractmethod
+    def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
+        """What shaders read of packs with these settings, and the GLSL that reads it."""
+
+    # Encoding.
+
+    @abstractmethod
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        """Lines about choices of the user that the codec does not have; empty: it can do what is asked for."""
+
+    @abstractmethod
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        """The settings that such textures are encoded with. Raises InputError for a target out of reach."""
+
+    @abstractmethod
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How textures are encoded."""
+
+    @abstractmethod
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How textures are encoded while somebody looks: each group is the same whichever others are encoded."""
+
+    @abstractmethod
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        """How one of many jobs encodes, which has one core to itself."""
+
+    @abstractmethod
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        """What of `options` decides about the numbers of an encoding: JSON values."""
+
+    @abstractmethod
+    def encoder(self, task: EncodingTask) -> Encoder:
+        """The work of an encoding. Raises InputError for a device that is missing."""
+
+    @abstractmethod
+    def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
+        """A pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes fits into
+        as much memory."""
+
+    def encode_with_decoders(
+        self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int
+    ) -> "Assigned":
+        """Encode `textures` with decoders that `packs`, which share their settings, have: each with the one that suits it best.
+
+        At most so many `decoders` are tried. Raises InputError where the codec has no way to do that.
+        """
+        del textures, decoders
+        kind = packs[0].config.kind
+        raise InputError(f"{packs[0].name}: codec {kind} encodes with decoders of its own alone; use another codec")
+
+    # What people read.
+
+    def settings_json(self, settings: CodecSettings) -> dict[str, Any]:
+        """What reports tell of the settings besides their fields."""
+        del settings
+        return {}
+
+    def settings_lines(self, settings: CodecSettings) -> list[str]:
+        """Lines about the settings for a terminal."""
+        del settings
+        return []
+
+    def decoder_text(self, settings: CodecSettings) -> str:
+        """The shape of decoders, as text that follows their number."""
+        del settings
+        return ""
+
+
+def texture_fields(source: SourceTexture, group: int) -> dict[str, Any]:
+    """The fields that `EncodedTexture` has of `source` in `group`; its quality is not yet known."""
+    width, height = source.size
+    return {
+        "name": source.name,
+        "pixel_hash": source.pixel_hash,
+        "width": width,
+        "height": height,
+        "channels": source.channels,
+        "color_space": source.color_space,
+        "wrap": source.wrap,
+        "category": source.category,
+        "group": group,
+        "maps": source.maps,
+    }

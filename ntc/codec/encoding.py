@@ -1,0 +1,174 @@
+"""Encoding, as every codec declares it: what is asked for, the work piece by piece, and what is known on the way."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from ntc.codec.interruption import Interruption, no_interruption
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import Target
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+
+RecipeName = Literal["paper", "best"]
+DeviceName = Literal["auto", "cpu", "cuda"]
+DEFAULT_BITS = 2.0
+"""Bits per texel where no target is asked for."""
+
+
+class StepBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train for a number of steps. A codec that is encoded in closed form ends when all textures are encoded, whatever the budget."""
+
+    steps: int
+
+
+class TimeBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train for a number of seconds, pauses not counted; the learning rates have fallen to 0 when they are over."""
+
+    seconds: float
+
+
+class QualityBudget(msgspec.Struct, frozen=True, tag=True):
+    """Train until samples of the trained textures together reach a PSNR in dB, then let the rates fall to the end; at most as
+    long as the training's settings say."""
+
+    psnr_db: float
+
+
+Budget = StepBudget | TimeBudget | QualityBudget
+
+
+@dataclass(frozen=True)
+class EncodingChoices:
+    """What a user may choose about an encoding. None, and the defaults: the codec decides."""
+
+    recipe: RecipeName = "best"
+    steps: int | None = None
+    epochs: float | None = None
+    """Length in epochs: as many samples as mip 0 has texels, for each epoch."""
+    device: DeviceName = "auto"
+    state: Path | None = None
+    """File that keeps the state of the training."""
+    target: Target | None = None
+    levels: int | None = None
+    """Encoded mips at most; None: all."""
+    seed: int = 0
+
+
+class EncodingOptions:
+    """How one codec encodes: the base of its own frozen dataclass."""
+
+    seed: int
+    """The same seed gives the same pack on one machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class EncodingTask:
+    """Groups of textures to encode."""
+
+    textures: tuple[SourceTexture, ...]
+    grouping: Grouping
+    settings: CodecSettings
+    options: EncodingOptions
+    groups: tuple[int, ...]
+    """Numbers of the groups to encode, ascending."""
+    budget: Budget | None = None
+    start: Pack | None = None
+    """A pack of the same textures to continue from; None: from nothing."""
+    seconds: Callable[[], float] = lambda: 0.0
+    """A clock that stands still in pauses."""
+    interruption: Interruption = no_interruption
+    """To be called many times within a piece of work, from any thread: it waits in pauses, and raises to end the encoding."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What one piece of work has changed."""
+
+    groups: tuple[int, ...] = ()
+    """Groups under way whose intermediate state may be shown."""
+    is_first: bool = False
+    """Whether they look like something for the first time."""
+    ended: tuple[int, ...] = ()
+    """Groups that are finished with this piece."""
+    note: str = ""
+    """A line for a log, or nothing."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How far an encoding is."""
+
+    share: float
+    """Of the work done, in [0, 1]; a single large texture moves it."""
+    step: int
+    steps: int
+    """Steps of training or textures, as planned now."""
+    texels: int
+    """Texels encoded or sampled since the beginning."""
+    losses: Mapping[int, float]
+    """By group: mean square error, values in [0, 1]. Groups not yet begun are missing."""
+    psnr_db: Mapping[int, float]
+    """By texture, of those begun."""
+    work: str = "step"
+    """What is counted: steps, or textures with what is done to them."""
+    freezing_scale: float = 1.0
+    """Of the decoder's updates: 1 free, 0 frozen."""
+    seconds_left: float | None = None
+    """Where the codec knows better than by the share of the work done."""
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedGroup:
+    """A group as a pack stores it."""
+
+    group: int
+    members: tuple[int, ...]
+    """Indices of its textures."""
+    textures: tuple[EncodedTexture, ...]
+    decoder: Decoder
+
+
+class Encoder(ABC):
+    """One encoding under way."""
+
+    settings: CodecSettings
+    """Of the pack that comes; known for good when `pieces` has ended."""
+
+    @abstractmethod
+    def pieces(self) -> Generator[Piece]:
+        """Do the work, stage after stage; gives a piece after each step or texture. Whoever stops asking ends it."""
+
+    @abstractmethod
+    def figures(self) -> Figures:
+        """How far the work is. Takes as long as a piece of work may take at most."""
+
+    @abstractmethod
+    def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
+        """Groups as they are now; textures have a PSNR where it is known already."""
+
+    @abstractmethod
+    def measured(
+        self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
+    ) -> tuple[EncodedTexture, ...]:
+        """`textures` under `decoder`, with the quality of their mip 0 against the originals, which are the task's `members`."""
+
+    @abstractmethod
+    def record(self) -> dict[str, Any]:
+        """What a pack records of its encoding: JSON values."""
+
+    # Keeping an encoding that was stopped; only codecs that train for long do that.
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the next piece depends on: tensors of torch by name. Raises InputError where the codec keeps none."""
+        raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Continue from `state`. Raises KeyError, ValueError, TypeError or RuntimeError for one of another encoding."""
+        del state
+        raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")

@@ -1,0 +1,271 @@
+"""What shaders read of a pack, as plain numpy, and the GLSL that reads it: what all codecs share. Needs no OpenGL.
+
+Renderers upload and bind it, exporters write it out. Each codec's own part is a `GpuTables`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from enum import IntEnum
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import Precision, WrapMode
+from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.maps import PLANES, plane_channels
+from ntc.codec.model import Decoder, EncodedTexture, Pack
+from ntc.codec.settings import CodecSettings
+
+
+class DecodingBinding(IntEnum):
+    """Binding points of the shader storage buffers that decoding shaders read."""
+
+    TEXTURES = 1
+    LEVELS = 2
+    LATENTS = 3
+    WEIGHTS = 4
+
+
+class DecodingUniform(IntEnum):
+    """Binding points of the uniform buffers that decoding shaders read."""
+
+    DECODER = 0
+
+
+class DecodingImage(IntEnum):
+    """Image units that decoding shaders read."""
+
+    WEIGHTS = 2
+
+
+class WrapCode(IntEnum):
+    """Wrap modes as GLSL sees them."""
+
+    REPEAT = 0
+    MIRROR = 1
+    CLAMP = 2
+
+
+WRAP_CODES: dict[WrapMode, WrapCode] = {"repeat": WrapCode.REPEAT, "mirror": WrapCode.MIRROR, "clamp": WrapCode.CLAMP}
+WEIGHT_COLUMN_BITS = 11
+"""Weights in an image lie in rows of 2^11 blocks."""
+LEVEL_RECORD = np.dtype(
+    [
+        ("width", "<i4"),
+        ("height", "<i4"),
+        ("texel_width", "<i4"),
+        ("texel_height", "<i4"),
+        ("first_cell", "<i4"),
+        ("padding_0", "<i4"),
+        ("padding_1", "<i4"),
+        ("padding_2", "<i4"),
+    ]
+)
+"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents, in rows (`GpuTables.row_words`)."""
+TextureFields = Sequence[tuple[str, str] | tuple[str, str, tuple[int, ...]]]
+_TEXTURE_FIELDS: TextureFields = (
+    ("first_level", "<i4"),
+    ("levels", "<i4"),
+    ("decoder", "<i4"),
+    ("channels", "<i4"),
+    ("srgb", "<i4"),
+    ("adapter", "<i4"),
+    ("finest_level", "<i4"),
+    ("components", "<i4"),
+)
+_SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "float"}
+
+
+class StoredRows(NamedTuple):
+    """Where a level lies in a texture's latents, counted in rows."""
+
+    first: int
+    rows: int
+
+
+class GpuTables(ABC):
+    """What shaders read of packs with one codec's settings, stored in one precision.
+
+    Decoders lie in one buffer, in blocks of four numbers: what all of them share, then each decoder, then the adapter of each texture.
+    """
+
+    number_type: Literal["f4", "f2", "u4"]
+    """Type of the numbers, as moderngl names it."""
+    precision: Precision = "fp32"
+    """What is computed in; a codec may have no use for less than what is asked for."""
+    first_block: int = 0
+    """Where the first decoder begins."""
+    decoder_blocks: int
+    """Of one decoder."""
+    adapter_blocks: int = 0
+    """Of one texture."""
+    loop_length: int = 1
+    """What shaders get as `network_blocks`."""
+    row_words: int = 1
+    """32-bit words of a row of latents."""
+    shares_decoders: ClassVar[bool] = False
+    """Whether the codec's GLSL has `run_decoders`, which decodes several pixels of one decoder at once."""
+    decodes_quads: ClassVar[bool] = False
+    """Whether the codec's GLSL has `block_texels`, which decodes four texels of a block at once."""
+    filters_texels: ClassVar[bool] = True
+    """Whether a lookup blends decoded texels; else it blends latents, and decodes once."""
+
+    def __init__(self, settings: CodecSettings) -> None:
+        self.settings = settings
+
+    @property
+    def block_bytes(self) -> int:
+        """Bytes of four numbers."""
+        return 8 if self.number_type == "f2" else 16
+
+    # What is uploaded.
+
+    def shared_data(self) -> bytes:
+        """The blocks that all decoders share."""
+        return b""
+
+    @abstractmethod
+    def decoder_data(self, decoder: Decoder) -> bytes:
+        """The blocks of one decoder."""
+
+    def adapter_data(self, texture: EncodedTexture) -> bytes:
+        """The blocks of a texture's adapter."""
+        del texture
+        return b""
+
+    def all_data(self, pack: Pack, textures: Sequence[EncodedTexture]) -> bytes:
+        """All blocks of `pack` for those of its textures that are used."""
+        decoders = map(self.decoder_data, pack.decoders)
+        data = b"".join([self.shared_data(), *decoders, *map(self.adapter_data, textures)])
+        return data or bytes(self.block_bytes)
+
+    @property
+    def texture_record(self) -> np.dtype:
+        """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block of its
+        adapter, `finest_level` the finest mip whose latents are on the GPU. `components` has a bit for each component that the texture
+        has, four for each of PLANES. The codec's own fields follow."""
+        return np.dtype([*_TEXTURE_FIELDS, *self.record_fields])
+
+    @property
+    @abstractmethod
+    def record_fields(self) -> TextureFields:
+        """The codec's own fields of a texture's record."""
+
+    @abstractmethod
+    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+        """Write the codec's own fields of a texture's record."""
+
+    def fill_record(self, record: np.void, texture: EncodedTexture, first_level: int, adapter: int) -> None:
+        """Write a texture's record: `first_level` is the row of its finest mip, `adapter` the first block of its adapter."""
+        levels = latent_levels(texture.width, texture.height, self.settings)
+        record["first_level"], record["levels"] = first_level, len(levels)
+        record["decoder"], record["channels"] = texture.group, texture.channels
+        record["srgb"] = texture.color_space == "srgb"
+        record["components"] = sum(
+            1 << (4 * PLANES.index(plane) + component)
+            for plane, channels in plane_channels(texture.maps, texture.channels).items()
+            for component in channels
+        )
+        record["adapter"] = adapter
+        self.fill_own_fields(record, texture)
+
+    @abstractmethod
+    def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
+        """Where each level lies in the texture's latents, finest first. Raises ValueError for latents that no encoder writes."""
+
+    @abstractmethod
+    def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
+        """[rows, row_words] uint32: rows of the texture's latents."""
+
+    def shape_text(self) -> str:
+        """What the time of a decode depends on, in words: times that are measured for one pack serve all of the same shape."""
+        return self.settings.kind
+
+    # GLSL.
+
+    @property
+    @abstractmethod
+    def shader(self) -> str:
+        """The shader file of the codec: it defines `decode_at` (shaders/ntc/decode.glsl)."""
+
+    @abstractmethod
+    def defines(self) -> list[str]:
+        """Lines of GLSL with the codec's settings, for `generated/codec.glsl`."""
+
+    def includes(self, variant: DecoderVariant) -> dict[str, str]:
+        """The generated includes of the decoding shaders, by name."""
+        lines = [
+            "// Generated for the settings of one codec.",
+            f"#define SHARES_DECODERS {int(self.shares_decoders)}",
+            f"#define DECODES_QUADS {int(self.decodes_quads)}",
+            f"#define CELL_WORDS {self.row_words}",
+            *by_plane(self.settings, lambda place, _: [f"#define PLANE_PLACE {place}"]),
+            *self.defines(),
+            glsl_struct("TextureRecord", self.texture_record),
+            "",
+        ]
+        return {
+            "generated/decoding.glsl": decoding_layout_glsl(),
+            "generated/codec.glsl": "\n".join(lines),
+            "generated/decoder.glsl": f'#include "{self.shader}"\n',
+            "generated/shared_decoder.glsl": f"#define PIXELS {variant.pixels}\n",
+        }
+
+
+def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
+    """[levels] LEVEL_RECORD of one texture; `first_cell` is left 0."""
+    records = np.zeros(len(pyramid), LEVEL_RECORD)
+    for record, level in zip(records, pyramid, strict=True):
+        record["width"], record["height"] = level.width, level.height
+        record["texel_width"], record["texel_height"] = level.texel_width, level.texel_height
+    return records
+
+
+def glsl_struct(name: str, record: np.dtype, nested: Mapping[np.dtype, str] | None = None) -> str:
+    """The GLSL struct that has the layout of `record` under std430; `nested` names the structs of records in it."""
+    lines = [f"struct {name} {{"]
+    for field in record.names or ():
+        kind = record[field]
+        base, shape = kind.base, kind.shape
+        if nested and base in nested:
+            lines.append(f"    {nested[base]} {field}[{shape[0]}];")
+        elif shape == ():
+            lines.append(f"    {_SCALARS[base]} {field};")
+        elif len(shape) == 1:
+            lines.append(f"    vec{shape[0]} {field};")
+        else:
+            lines.append(f"    vec{shape[1]} {field}[{shape[0]}];")
+    return "\n".join([*lines, "};"])
+
+
+def glsl_codes(*enumerations: tuple[type[IntEnum], str]) -> list[str]:
+    """A define for each member of (enumeration, prefix)."""
+    return [f"#define {prefix}{member.name} {member.value}" for codes, prefix in enumerations for member in codes]
+
+
+def decoding_layout_glsl() -> str:
+    """The include `generated/decoding.glsl`: what decoding shaders of every codec read, with or without a scene."""
+    lines = [
+        "// Generated from ntc/codec/gpu.py.",
+        *glsl_codes(
+            (DecodingBinding, "BINDING_"),
+            (DecodingUniform, "UNIFORM_"),
+            (DecodingImage, "IMAGE_"),
+            (WrapCode, "WRAP_"),
+        ),
+        *(f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(PLANES)),
+        f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
+        glsl_struct("LevelRecord", LEVEL_RECORD),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def by_plane(settings: CodecSettings, lines: Callable[[int, Mapping[int, int]], list[str]]) -> list[str]:
+    """GLSL that differs from plane to plane: `lines` gets the plane's number among those of the codec, and the channel of each of its
+    components."""
+    found = []
+    for place, (plane, channels) in enumerate(plane_channels(settings.maps, settings.output_channels).items()):
+        found += [f"#{'elif' if place else 'if'} PLANE == {PLANES.index(plane)}", *lines(place, channels)]
+    return [*found, "#endif"]

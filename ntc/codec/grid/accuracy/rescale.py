@@ -1,0 +1,136 @@
+"""Powers of two moved from layer to layer, so that what is computed in halves stays in their range (docs/accuracy.md).
+
+LeakyReLU(2^-k x) = 2^-k LeakyReLU(x): a hidden layer's weights and biases times 2^-k and the next layer's weights times 2^k
+decode the same, exactly, but for weights that leave the range of fp32.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.config import LARGEST_HALF, Precision
+from ntc.codec.grid.accuracy.input_bounds import InputBounds, input_bounds
+from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture, grid_parts
+from ntc.codec.model import Pack
+
+LARGEST_SUM = 2.0**15
+"""Bounds of sums are brought below this: half of the largest half, which leaves room for roundings."""
+SMALLEST_SUM = 1.0
+"""Bounds of sums below this are brought up to it, for halves below 2^-14 lose digits."""
+SMALLEST_WEIGHT = 2.0**-9
+"""Of the largest weight of a layer: 32 times the smallest half that has all its digits."""
+LARGEST_SINGLE = 3.4e38
+LARGEST_EXPONENT = 96
+"""Beyond this fp32 ends as well."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Exponents:
+    """Hidden layer l of a decoder gives 2^-exponents[l] of what it gave before."""
+
+    first: int = 0
+    second: int = 0
+
+
+def _adapted(sums: Array, adapter: Adapter | None, bias: NDArray[np.float32], layer: int) -> tuple[Array, Array]:
+    """[neurons] bounds of a hidden layer's sums, and of what it hands on, for `sums` of its products."""
+    if adapter is None:
+        whole = sums + np.abs(bias)
+        return whole, whole
+    adapted = np.abs(adapter.scales[layer]) * sums + np.abs(adapter.biases[layer])
+    return np.maximum(sums, adapted), adapted
+
+
+def _largest_sums(decoder: GridDecoder, adapter: Adapter | None, inputs: InputBounds) -> tuple[float, float]:
+    """Bounds of all sums in the first and the second hidden layer."""
+    weights = [weight.astype(np.float64) for weight in decoder.weights]
+    first, hidden = _adapted(inputs.largest_sum(weights[0], inputs.error), adapter, decoder.biases[0], 0)
+    second, _ = _adapted(np.abs(weights[1]) @ hidden, adapter, decoder.biases[1], 1)
+    return float(first.max()), float(second.max())
+
+
+def _exponent(largest: float, smallest_sum: float) -> int:
+    """Of the smallest change that brings `largest` into range; 0 where it is there."""
+    if not math.isfinite(largest) or largest == 0.0:
+        return 0
+    exponent = 0
+    if largest >= LARGEST_SUM:
+        exponent = math.frexp(largest / LARGEST_SUM)[1]
+    elif largest < smallest_sum:
+        exponent = math.frexp(largest / smallest_sum)[1] - 1
+    return max(-LARGEST_EXPONENT, min(LARGEST_EXPONENT, exponent))
+
+
+def exponents(pack: Pack) -> list[Exponents]:
+    """For each decoder those that keep the sums of all its textures in range, whatever their latents."""
+    largest = np.zeros((len(pack.decoders), 2))
+    for texture in grid_parts(pack).textures:
+        sums = _largest_sums(
+            grid_parts(pack).decoders[texture.group], texture.adapter, input_bounds(texture, grid_parts(pack).config)
+        )
+        largest[texture.group] = np.maximum(largest[texture.group], sums)
+    return [Exponents(_exponent(first, SMALLEST_SUM), _exponent(second, SMALLEST_SUM)) for first, second in largest]
+
+
+def _times(values: NDArray[np.float32], exponent: int) -> NDArray[np.float32]:
+    if exponent == 0:
+        return values
+    with np.errstate(over="ignore", under="ignore"):
+        return np.clip(np.ldexp(values.astype(np.float64), exponent), -LARGEST_SINGLE, LARGEST_SINGLE).astype(
+            np.float32
+        )
+
+
+def _rescaled_decoder(decoder: GridDecoder, by: Exponents) -> GridDecoder:
+    first, second, third = decoder.weights
+    weights = (_times(first, -by.first), _times(second, by.first - by.second), _times(third, by.second))
+    biases = (_times(decoder.biases[0], -by.first), _times(decoder.biases[1], -by.second), decoder.biases[2])
+    return GridDecoder(weights, biases)
+
+
+def _rescaled_texture(texture: GridTexture, by: Exponents) -> GridTexture:
+    """The shared matrices carry the powers of two: so an adapter's biases change with them, and its scales do not."""
+    adapter = texture.adapter
+    if adapter is None or by == Exponents():
+        return texture
+    output = None if adapter.output_weight is None else _times(adapter.output_weight, by.second)
+    biases = np.stack([_times(adapter.biases[0], -by.first), _times(adapter.biases[1], -by.second)])
+    return replace(texture, adapter=replace(adapter, biases=biases, output_weight=output))
+
+
+def rescaled_pack(pack: Pack) -> Pack:
+    """`pack` with sums in the range of halves. It decodes to the same values; a pack that is in range is returned as it is."""
+    by = exponents(pack)
+    if all(one == Exponents() for one in by):
+        return pack
+    decoders = tuple(
+        _rescaled_decoder(decoder, own) for decoder, own in zip(grid_parts(pack).decoders, by, strict=True)
+    )
+    textures = tuple(_rescaled_texture(texture, by[texture.group]) for texture in grid_parts(pack).textures)
+    return replace(pack, decoders=decoders, textures=textures)
+
+
+def _halves_are_enough(pack: Pack) -> bool:
+    """Whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
+    weights = [part for decoder in grid_parts(pack).decoders for part in decoder.weights]
+    others = [part for decoder in grid_parts(pack).decoders for part in decoder.biases]
+    for texture in grid_parts(pack).textures:
+        if texture.adapter is not None:
+            others += [texture.adapter.scales, texture.adapter.biases]
+    largest = [float(np.abs(part).max(initial=0.0)) for part in weights]
+    fit = all(float(np.abs(part).max(initial=0.0)) <= LARGEST_HALF for part in others)
+    return fit and all(size == 0.0 or SMALLEST_WEIGHT <= size <= LARGEST_HALF for size in largest)
+
+
+def stored_pack(pack: Pack, precision: Precision) -> Pack:
+    """What of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
+
+    `fp16` computes in fp32: it needs rescaling only where weights themselves are too large or too small for halves.
+    """
+    if precision == "fp32" or (precision == "fp16" and _halves_are_enough(pack)):
+        return pack
+    return rescaled_pack(pack)

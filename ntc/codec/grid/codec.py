@@ -1,0 +1,156 @@
+"""Codec `grid` (the paper's): grids of latents, blended and decoded by a small network (docs/codec.md)."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, cast, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.codec import (
+    SAMPLED_TEXELS,
+    CertifiedError,
+    ChosenPrecision,
+    Codec,
+    Tensors,
+    TensorShape,
+    TextureBytes,
+    TorchTwin,
+)
+from ntc.codec.config import Precision, WrapMode
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask
+from ntc.codec.gpu import GpuTables
+from ntc.codec.grid import tensors as files
+from ntc.codec.grid.accuracy.error_bound import pack_bounds
+from ntc.codec.grid.accuracy.precision_choice import chosen_precision, sampled_bound
+from ntc.codec.grid.accuracy.rescale import stored_pack
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.gpu import GridTables
+from ntc.codec.grid.model import GridDecoder, GridTexture, grid_parts
+from ntc.codec.grid.reference import decoder_inputs, run_decoder
+from ntc.codec.grid.start import grey_pack
+from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
+from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.settings import CodecSettings
+from ntc.codec.targets import given_target
+from ntc.codec.texture_set import TextureSet
+from ntc.codec.textures import SourceTexture
+
+
+class GridCodec(Codec):
+    """Trained by gradient descent; decoded in single precision or in halves."""
+
+    settings_type = GridConfig
+    trains = True
+    psnr_title = "PSNR of the latest samples"
+    added_fields = frozenset({"adapters", "adapter_output", "weight_bits", "maps"})
+
+    def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
+        return files.texture_shapes(cast(GridConfig, settings), width, height)
+
+    def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
+        return files.decoder_shapes(cast(GridConfig, settings))
+
+    def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        return files.texture_tensors(cast(GridTexture, texture), cast(GridConfig, settings))
+
+    def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
+        return files.decoder_tensors(cast(GridDecoder, decoder), cast(GridConfig, settings))
+
+    def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
+        return files.read_texture(tensors, known, cast(GridConfig, settings))
+
+    def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
+        return files.read_decoder(tensors, cast(GridConfig, settings))
+
+    def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
+        own, config = cast(GridTexture, texture), cast(GridConfig, settings)
+        adapter = 0
+        if own.adapter is not None:
+            parts = (own.adapter.scales, own.adapter.biases, own.adapter.output_weight, own.adapter.output_bias)
+            # Stored in half precision: two bytes a number.
+            adapter = sum(2 * part.size for part in parts if part is not None)
+        return TextureBytes(len(own.latents) * config.cell_bytes, own.scale.nbytes + own.offset.nbytes, adapter)
+
+    def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
+        own = cast(GridDecoder, decoder)
+        numbers = sum(array.size for array in (*own.weights, *own.biases))
+        return numbers * cast(GridConfig, settings).weight_bits // 8
+
+    def reference_values(
+        self,
+        pack: Pack,
+        texture_index: int,
+        uv: NDArray[np.float64],
+        lod: NDArray[np.float64],
+        wrap: tuple[WrapMode, WrapMode],
+    ) -> NDArray[np.float64]:
+        own = grid_parts(pack)
+        texture = own.textures[texture_index]
+        inputs = decoder_inputs(pack, texture, uv, lod, wrap)
+        return run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
+
+    def torch_twin(
+        self,
+        pack: Pack,
+        device: str,
+        interruption: Callable[[], None] = lambda: None,
+    ) -> TorchTwin:
+        from ntc.codec.grid.torch_twin import TorchGrid
+
+        return TorchGrid(pack, device, interruption)
+
+    def stored_pack(self, pack: Pack, precision: Precision) -> Pack:
+        return stored_pack(pack, precision)
+
+    def chosen_precision(self, pack: Pack, fastest_first: Sequence[Precision]) -> ChosenPrecision:
+        return chosen_precision(pack, fastest_first)
+
+    def certified_errors(self, pack: Pack) -> Mapping[Precision, CertifiedError]:
+        bounds = pack_bounds(pack)
+        return {
+            precision: CertifiedError(
+                bounds[precision].error,
+                sampled_bound(pack, precision, SAMPLED_TEXELS),
+                max(bounds[precision].activations),
+                bounds[precision].overflows,
+            )
+            for precision in get_args(Precision)
+        }
+
+    def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
+        return GridTables(cast(GridConfig, settings), precision)
+
+    def refusals(self, choices: EncodingChoices) -> list[str]:
+        given = given_target(choices.target)
+        return [f"--{name} {value}: only --codec block takes it" for name, value in given.items()]
+
+    def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
+        return recipe_codec(choices.recipe, textures.channels, textures.levels, textures.maps)
+
+    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
+        return chosen_config(choices)
+
+    def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
+        return asdict(cast(TrainingConfig, options))
+
+    def encoder(self, task: EncodingTask) -> Encoder:
+        from ntc.codec.grid.training.encoder import GridEncoder
+
+        return GridEncoder(task)
+
+    def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
+        return grey_pack(textures, grouping, cast(GridConfig, settings))
+
+    def decoder_text(self, settings: CodecSettings) -> str:
+        config = cast(GridConfig, settings)
+        return " " + "-".join(str(side) for side in (config.decoder_inputs, *(rows for rows, _ in config.layer_shapes)))
+
+
+CODEC = GridCodec()

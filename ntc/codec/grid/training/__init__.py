@@ -1,0 +1,1 @@
+"""Training of codec `grid`: latents and decoders by gradient descent."""

@@ -1,0 +1,124 @@
+"""The settings of training, and the recipes."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from ntc.codec.encoding import EncodingChoices, EncodingOptions, RecipeName
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.maps import BASE_ALONE, MapName
+
+
+@dataclass(frozen=True)
+class FreezingConfig:
+    """Gradual freezing of the decoder: the scale of its updates falls from 1 to 0 (paper, Sec. 3)."""
+
+    start: float = 0.5
+    """e_s, as a share of the whole training."""
+    duration: float = 0.1
+    """T, as a share of the whole training."""
+
+
+@dataclass(frozen=True)
+class TrainingConfig(EncodingOptions):
+    """How latents and decoders are trained."""
+
+    recipe: RecipeName = "best"
+    steps: int | None = 3000
+    """Optimisation steps; None when `epochs` sets the length."""
+    epochs: float | None = None
+    """Length in epochs: as many samples as mip 0 has texels, for each epoch."""
+    texels_per_texture: int = 512
+    """Samples of each texture in a step; all groups train side by side. Unused when `texels_per_group` is set."""
+    texels_per_group: int | None = None
+    """Samples of each group in a step; groups train one after the other, as the paper trains them."""
+    latent_rate: float = 2e-2
+    decoder_rate: float = 1.6e-2
+    """Of adapters too."""
+    hidden_optimizer: Literal["adam", "muon"] = "muon"
+    """How the matrices of the hidden layers are trained; everything else is trained by Adam."""
+    hidden_rate: float = 3e-2
+    """Learning rate of those matrices with muon; with adam they have the decoder's."""
+    latent_start: Literal["chance", "image"] = "image"
+    """Where latents start: at random numbers (`chance`), or at a small copy of the texture (`image`)."""
+    schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
+    """How the learning rates change over the training (`ntc.codec.grid.training.schedule.rate_scale`)."""
+    latent_clip: float | None = 2.5
+    """Latents of 4 bits are kept within so many standard deviations of their mean, texture by texture and channel by channel,
+    so that the steps of rounding are not spent on a few outliers. None: as they are."""
+    balance: float = 0.0
+    """Exponent b of the weight (mean loss / own loss)^b of a texture's loss: with 0.5 good textures count nearly as much as
+    bad ones, with 0 each sample counts alike."""
+    converged_db: float | None = 60.0
+    """A group drops out once all its textures reach this PSNR in samples: further gains would be lost in 8 bits."""
+    freezing: FreezingConfig | None = None
+    rounded_share: float = 0.05
+    """The last share of the steps trains the decoders alone, on rounded latents; 0 when freezing has stopped them."""
+    seed: int = 0
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+
+    def __post_init__(self) -> None:
+        if (self.steps is None) == (self.epochs is None):
+            raise ValueError("training needs steps or epochs, and not both")
+
+
+def recipe_config(name: RecipeName) -> TrainingConfig:
+    """`paper`: learning rates, batch, length and freezing of the paper (Sec. 4). `best`: the best found so far."""
+    if name == "paper":
+        return TrainingConfig(
+            recipe="paper",
+            steps=None,
+            epochs=350.0,
+            texels_per_group=32768,
+            latent_rate=4e-3,
+            decoder_rate=4e-4,
+            latent_start="chance",
+            hidden_optimizer="adam",
+            schedule="constant",
+            freezing=FreezingConfig(),
+            rounded_share=0.0,
+            latent_clip=None,
+            converged_db=None,
+        )
+    return TrainingConfig()
+
+
+def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConfig:
+    """Everything of a recipe but length, samples, seed and device, which are those of `training`: all groups side by side."""
+    return replace(
+        recipe_config(name),
+        steps=training.steps,
+        epochs=training.epochs,
+        texels_per_texture=training.texels_per_texture,
+        texels_per_group=None,
+        seed=training.seed,
+        device=training.device,
+    )
+
+
+def chosen_config(choices: EncodingChoices) -> TrainingConfig:
+    """The recipe with what the user's choices override."""
+    training = replace(recipe_config(choices.recipe), seed=choices.seed, device=choices.device)
+    if choices.steps is not None:
+        return replace(training, steps=choices.steps, epochs=None)
+    if choices.epochs is not None:
+        return replace(training, steps=None, epochs=choices.epochs)
+    return training
+
+
+def recipe_codec(
+    name: RecipeName, output_channels: int, levels: int | None, maps: tuple[MapName, ...] = BASE_ALONE
+) -> GridConfig:
+    """The settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels,
+    and adapters."""
+    if name == "paper":
+        return GridConfig(levels=levels, output_channels=output_channels, maps=maps)
+    return GridConfig(
+        latent_channels=8,
+        latent_bits=4,
+        levels=levels,
+        output_channels=output_channels,
+        maps=maps,
+        weight_bits=16,
+        adapters=True,
+        adapter_output=True,
+    )

@@ -1,0 +1,246 @@
+"""Textures on the training device, and random samples of them with their targets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ntc.codec.config import WrapMode
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.torch_inputs import positional_encoding, with_lod
+from ntc.codec.interruption import Interruption, no_interruption
+from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.maps import channel_places
+from ntc.codec.mips import hardware_filtered, mip_chain, srgb_channels
+from ntc.codec.textures import SourceTexture
+from ntc.codec.torch_sampling import PyramidTable, trilinear_corners
+
+CENTRE_SHARE = 0.5
+"""Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+LEVEL_FALL = 2.0
+"""A level is sampled this many times less often than the one above it. Each has a quarter of the texels, but a scene seen from
+near and far shows about as much of one as of another."""
+SMALLEST_LEVEL_WEIGHT = 0.02
+"""No level is sampled less often than this, relative to mip 0."""
+
+
+def _axis(cells: int, texels: int, repeats: bool, octaves: int) -> tuple[Tensor, Tensor]:
+    """Neighbouring cells [texels, 2] int64, and [texels, 2 + 2 octaves] float32: their weights, then triangle waves."""
+    centre = torch.arange(texels, dtype=torch.float64) + 0.5
+    at = centre / texels * cells - 0.5
+    near = torch.floor(at)
+    fraction = at - near
+    cell = torch.stack([near, near + 1.0], dim=1).long()
+    cell = torch.remainder(cell, cells) if repeats else cell.clamp(0, cells - 1)
+    octave = 2.0 ** -torch.arange(1, octaves + 1, dtype=torch.float64)[:, None]
+    turns = centre[:, None, None] * octave + torch.tensor([0.0, 0.25], dtype=torch.float64)
+    waves = (4.0 * torch.abs(turns - torch.floor(turns) - 0.5) - 1.0).flatten(1)
+    return cell, torch.cat([torch.stack([1.0 - fraction, fraction], dim=1), waves], dim=1).float()
+
+
+@dataclass(frozen=True, eq=False)
+class CentreFeatures:
+    """What is known of N texel centres without looking at latents."""
+
+    index: Tensor
+    """[N, 4] int64 cells."""
+    weights: Tensor
+    """[N, 4]."""
+    waves: Tensor
+    """[N, 4 octaves] positional encoding."""
+
+
+class TexelTables:
+    """What decoding at texel centres needs, computed once for all rows and columns of the levels of some textures.
+
+    At the centre of texel (x, y) the cells around it along u, their weights and the positional encoding of u depend on x
+    alone, and along v on y alone. Training looks them up instead of computing them for each sample.
+    """
+
+    def __init__(
+        self,
+        pyramids: Sequence[Sequence[LatentLevel]],
+        wraps: Sequence[tuple[WrapMode, WrapMode]],
+        first_cells: Sequence[int],
+        config: GridConfig,
+        device: torch.device,
+    ) -> None:
+        most = max(len(levels) for levels in pyramids)
+        cells, numbers, first = [], [], torch.zeros(len(pyramids), most, 2, dtype=torch.int64)
+        made: dict[tuple[int, int, bool], tuple[Tensor, Tensor]] = {}
+        position = 0
+        for texture, (levels, wrap, first_cell) in enumerate(zip(pyramids, wraps, first_cells, strict=True)):
+            for number, level in enumerate(levels):
+                sizes = ((level.width, level.texel_width), (level.height, level.texel_height))
+                for axis, (count, texels) in enumerate(sizes):
+                    key = (count, texels, wrap[axis] == "repeat")
+                    if key not in made:
+                        made[key] = _axis(*key, config.positional_octaves)
+                    cell, values = made[key]
+                    if axis == 1:
+                        cell = cell * level.width + (first_cell + level.first_cell)
+                    first[texture, number, axis] = position
+                    cells.append(cell)
+                    numbers.append(values)
+                    position += texels
+        self._cells = torch.cat(cells).to(device)
+        self._numbers = torch.cat(numbers).to(device)
+        self._first = first.to(device)
+
+    def at(self, texture: Tensor, level: Tensor, texel: Tensor) -> CentreFeatures:
+        """Features at texel (column, row) `texel` [N, 2] int64 of `level` [N] int64 of `texture` [N] int64."""
+        place = self._first[texture, level] + texel
+        (column, u), (row, v) = (
+            (self._cells.index_select(0, at), self._numbers.index_select(0, at)) for at in place.t().contiguous()
+        )
+        index = (row[:, :, None] + column[:, None, :]).flatten(1)
+        weights = (v[:, :2, None] * u[:, None, :2]).flatten(1)
+        return CentreFeatures(index, weights, torch.cat([u[:, 2:], v[:, 2:]], dim=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random places: N samples each of T textures, flattened to [T N], and what decoding there needs besides latents."""
+
+    uv: Tensor
+    """[T N, 2] in [0, 1]."""
+    lod: Tensor
+    """[T N]."""
+    index: Tensor
+    """[T N, 4 or 8] int64: cells to blend."""
+    weights: Tensor
+    """[T N, 4 or 8]: their weights."""
+    known: Tensor
+    """[T N, rest]: inputs of the decoder behind the latents."""
+    targets: Tensor
+    """[T N, output_channels] in the texture's colour space, in [0, 1]."""
+
+
+def _in_places(values: NDArray[Any], places: list[int], channels: int) -> NDArray[Any]:
+    """[texels, channels]: `values` [H, W, C] with its channels in `places`, 0 in all others."""
+    found = np.zeros((values.shape[0] * values.shape[1], channels), values.dtype)
+    found[:, places] = values.reshape(-1, values.shape[2])
+    return found
+
+
+class TrainingData:
+    """The mip chains of some textures in one flat array, and their latent geometry."""
+
+    def __init__(
+        self,
+        textures: Sequence[SourceTexture],
+        config: GridConfig,
+        device: torch.device,
+        interruption: Interruption = no_interruption,
+    ) -> None:
+        self.count = len(textures)
+        self._config, self._device = config, device
+        pyramids = [latent_levels(*texture.size, config) for texture in textures]
+        repeats = [(texture.wrap[0] == "repeat", texture.wrap[1] == "repeat") for texture in textures]
+        self._cells = PyramidTable.of(
+            [[(lv.width, lv.height) for lv in levels] for levels in pyramids], repeats, device
+        )
+        self._texels = PyramidTable.of(
+            [[(lv.texel_width, lv.texel_height) for lv in levels] for levels in pyramids], repeats, device
+        )
+        self.cell_counts = [sum(level.cells for level in levels) for levels in pyramids]
+        self.texel_counts = [texture.size[0] * texture.size[1] for texture in textures]
+        first_cells = [sum(self.cell_counts[:number]) for number in range(len(textures))]
+        self._tables = TexelTables(pyramids, [texture.wrap for texture in textures], first_cells, config, device)
+        self._sizes = torch.stack([self._texels.width, self._texels.height], dim=-1)
+        channels = config.output_channels
+        rows, coded_rows = [], []
+        for texture, levels in zip(textures, pyramids, strict=True):
+            interruption()
+            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            for mip in mip_chain(texture.pixels, texture.color_space, texture.maps)[: len(levels)]:
+                coded_rows.append(_in_places(mip, own, channels))
+                if config.levels != 1:
+                    linear = hardware_filtered(mip, texture.color_space, texture.maps)
+                    rows.append(_in_places(linear, own, channels).astype(np.float16))
+        # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
+        self._linear = torch.from_numpy(np.concatenate(rows)).to(device) if rows else None
+        self._coded = torch.from_numpy(np.concatenate(coded_rows)).to(device)
+        worth, coded = np.zeros((len(textures), channels), np.float32), np.zeros((len(textures), channels), bool)
+        for number, texture in enumerate(textures):
+            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            worth[number, own] = np.sqrt(texture.map_weights.of_channels(texture.maps, texture.channels))
+            coded[number, own] = srgb_channels(texture.maps, texture.channels, texture.color_space)
+        self.channel_mask = torch.from_numpy(worth).to(device)
+        """[T, output_channels]: 0 for the channels that a texture lacks, else the square root of what a squared error is worth."""
+        self._srgb_coded = torch.from_numpy(coded).to(device)
+        weights = torch.clamp(
+            LEVEL_FALL ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
+        )
+        available = torch.arange(self._cells.width.shape[1])[None, :] < self._cells.levels.cpu()[:, None]
+        shares = weights[None, :] * available
+        self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
+
+    def sample(self, per_texture: int, generator: torch.Generator, chosen: Tensor) -> tuple[Samples, ...]:
+        """`per_texture` random samples of each texture in `chosen` [T] int64, in one part or two: those at texel centres of
+        whole levels, and those anywhere, between levels too, with targets trilinear in linear light as the hardware filters.
+        """
+        # With one level all are texels of mip 0, as in the paper.
+        centres = per_texture if self._config.levels == 1 else round(CENTRE_SHARE * per_texture)
+        parts = [self._at_centres(centres, generator, chosen)] if centres else []
+        if centres < per_texture:
+            parts.append(self._anywhere(per_texture - centres, generator, chosen))
+        return tuple(parts)
+
+    def _levels(self, random: Tensor, chosen: Tensor) -> Tensor:
+        """[T, N] int64 levels for `random` [T, N] in [0, 1)."""
+        level = torch.searchsorted(self._level_cumulative[chosen], random.contiguous())
+        return torch.minimum(level, (self._cells.levels[chosen] - 1)[:, None])
+
+    def _random(self, count: int, numbers: int, generator: torch.Generator, chosen: Tensor) -> Tensor:
+        return torch.rand(numbers, len(chosen), count, generator=generator).to(self._device)
+
+    def _at_centres(self, count: int, generator: torch.Generator, chosen: Tensor) -> Samples:
+        texture = chosen[:, None].expand(len(chosen), count).reshape(-1)
+        if self._config.levels == 1:
+            u, v = self._random(count, 2, generator, chosen)
+            level = torch.zeros_like(texture)
+        else:
+            u, v, which = self._random(count, 3, generator, chosen)
+            level = self._levels(which, chosen).reshape(-1)
+        size = self._sizes[texture, level]
+        texel = (torch.stack([u.reshape(-1), v.reshape(-1)], dim=-1) * size).long()
+        # A number just below 1 times a large size may round up to it.
+        texel = torch.minimum(texel, size - 1)
+        row = self._texels.first[texture, level] + texel[:, 1] * size[:, 0] + texel[:, 0]
+        found = self._tables.at(texture, level, texel)
+        lod = level.to(u.dtype)
+        return Samples(
+            uv=(texel + 0.5) / size,
+            lod=lod,
+            index=found.index,
+            weights=found.weights,
+            known=with_lod(found.waves, lod, self._config),
+            targets=self._coded.index_select(0, row).float().div_(255.0),
+        )
+
+    def _anywhere(self, count: int, generator: torch.Generator, chosen: Tensor) -> Samples:
+        texture = chosen[:, None].expand(len(chosen), count).reshape(-1)
+        u, v, which, between = self._random(count, 4, generator, chosen)
+        last = (self._cells.levels[chosen] - 1)[:, None].to(u.dtype)
+        lod = torch.minimum(self._levels(which, chosen) + between, last).reshape(-1)
+        uv = torch.stack([u.reshape(-1), v.reshape(-1)], dim=-1)
+        index, weights = trilinear_corners(self._cells, texture, uv, lod)
+        waves = positional_encoding(self._texels, texture, uv, lod, self._config.positional_octaves)
+        targets = self._filtered(texture, uv, lod)
+        return Samples(uv, lod, index, weights, with_lod(waves, lod, self._config), targets)
+
+    def _filtered(self, texture: Tensor, uv: Tensor, lod: Tensor) -> Tensor:
+        if self._linear is None:
+            raise ValueError("a codec of one level has no texels between levels")
+        index, weights = trilinear_corners(self._texels, texture, uv, lod)
+        texels = self._linear.index_select(0, index.reshape(-1)).float().view(*index.shape, -1)
+        blended = torch.bmm(weights.unsqueeze(1), texels).squeeze(1)
+        srgb = torch.where(
+            blended <= 0.0031308, blended * 12.92, 1.055 * blended.clamp(min=1e-6) ** (1.0 / 2.4) - 0.055
+        )
+        return torch.where(self._srgb_coded[texture], srgb, blended)

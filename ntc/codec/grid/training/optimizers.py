@@ -1,0 +1,130 @@
+"""The optimisers of a training, and their state as plain tensors: Adam, and Muon for matrices.
+
+Muon steps along the momentum made orthogonal (K. Jordan et al., 2024), here for stacks of small matrices.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.training.config import TrainingConfig
+
+MOMENTUM = 0.95
+ROUNDS = 5
+QUINTIC = (3.4445, -4.7750, 2.0315)
+"""Coefficients of the iteration that carries all singular values towards 1 (op. cit.)."""
+STEP_LIKE_ADAM = 0.2
+"""Root mean square of a step's entries, about that of Adam's, so that learning rates are comparable (J. Liu et al., 2025)."""
+SMALLEST = 1e-12
+
+
+def orthogonalised(matrices: Tensor) -> Tensor:
+    """[count, rows, columns]: each matrix with its singular values carried near 1, by a Newton-Schulz iteration."""
+    a, b, c = QUINTIC
+    values: Tensor = matrices / (matrices.norm(dim=(1, 2), keepdim=True) + SMALLEST)
+    tall = values.shape[1] > values.shape[2]
+    if tall:
+        values = values.transpose(1, 2)
+    for _ in range(ROUNDS):
+        square = values @ values.transpose(1, 2)
+        values = a * values + (b * square + c * square @ square) @ values
+    return values.transpose(1, 2) if tall else values
+
+
+class Muon(torch.optim.Optimizer):
+    """For parameters of shape [count, rows, columns], each of the `count` matrices by itself."""
+
+    def __init__(self, parameters: Iterable[Tensor], lr: float) -> None:
+        super().__init__(parameters, {"lr": lr})
+
+    @torch.no_grad()
+    def step(self, _closure: Any = None) -> None:  # type: ignore[override]
+        """One step with Nesterov momentum."""
+        for group in self.param_groups:
+            for parameter in group["params"]:
+                gradient = parameter.grad
+                if gradient is None:
+                    continue
+                state = self.state[parameter]
+                if not state:
+                    state["momentum"] = torch.zeros_like(parameter)
+                momentum = state["momentum"].mul_(MOMENTUM).add_(gradient)
+                direction = orthogonalised(gradient + MOMENTUM * momentum)
+                size = STEP_LIKE_ADAM * max(parameter.shape[1:]) ** 0.5
+                parameter.sub_(direction, alpha=size * group["lr"])
+
+
+@dataclass(frozen=True, eq=False)
+class OptimizerPart:
+    """Parameters that are trained alike."""
+
+    name: str
+    optimizer: torch.optim.Optimizer
+    rate: float
+    """Learning rate before any schedule."""
+    freezes: bool = False
+    """Whether freezing slows it down: decoders, which the textures of a group share."""
+
+    @property
+    def parameters(self) -> list[Tensor]:
+        """The trained parameters."""
+        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
+
+    def step(self, scale: float) -> None:
+        """One step at `scale` times the rate; none at 0, where Adam would still move by its momentum."""
+        if scale > 0.0:
+            self.optimizer.param_groups[0]["lr"] = self.rate * scale
+            self.optimizer.step()
+
+    def state(self) -> dict[str, Tensor]:
+        """Parameters and their optimiser state, by name; not copies."""
+        found: dict[str, Tensor] = {}
+        for number, parameter in enumerate(self.parameters):
+            found[f"{self.name}.{number}"] = parameter.detach()
+            for key, value in self.optimizer.state.get(parameter, {}).items():
+                found[f"{self.name}.{number}.{key}"] = value
+        return found
+
+    def load(self, state: Mapping[str, Tensor]) -> None:
+        """Copy a state. Raises KeyError for a missing parameter and ValueError for another shape."""
+        self.optimizer.state.clear()
+        for number, parameter in enumerate(self.parameters):
+            name = f"{self.name}.{number}"
+            values = state[name]
+            if values.shape != parameter.shape:
+                raise ValueError(f"{name} is {list(values.shape)}, expected {list(parameter.shape)}")
+            with torch.no_grad():
+                parameter.copy_(values)
+            remembered = {
+                key.removeprefix(f"{name}."): value for key, value in state.items() if key.startswith(f"{name}.")
+            }
+            for key, value in remembered.items():
+                if value.numel() > 1 and value.shape != parameter.shape:
+                    raise ValueError(f"{name}.{key} is {list(value.shape)}, expected {list(parameter.shape)}")
+                self.optimizer.state[parameter][key] = value.clone().to(parameter.device)
+
+
+def optimizer_parts(
+    latents: Tensor, decoders: DecoderStack, adapters: AdapterStack | None, training: TrainingConfig
+) -> tuple[OptimizerPart, ...]:
+    """The optimisers of `training`, that of the latents first."""
+    hidden = list(decoders.weights[:-1]) if training.hidden_optimizer == "muon" else []
+    others = [p for p in decoders.parameters() if not any(p is matrix for matrix in hidden)]
+
+    def adam(parameters: Sequence[Tensor], rate: float) -> torch.optim.Optimizer:
+        return torch.optim.Adam(parameters, lr=rate, fused=True)
+
+    rate = training.decoder_rate
+    parts = [
+        OptimizerPart("latents", adam([latents], training.latent_rate), training.latent_rate),
+        OptimizerPart("decoders", adam(others, rate), rate, freezes=True),
+    ]
+    if hidden:
+        parts.append(OptimizerPart("hidden", Muon(hidden, training.hidden_rate), training.hidden_rate, freezes=True))
+    if adapters is not None:
+        parts.append(OptimizerPart("adapters", adam(list(adapters.parameters()), rate), rate))
+    return tuple(parts)

@@ -1,0 +1,78 @@
+"""PSNR in dB over 8-bit values, of pictures and of sets of textures."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.errors import InputError
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """`value`, or None where JSON cannot hold it: the PSNR of equal images is infinite."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def mean_square_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    """Mean of squared differences, in units of 8-bit steps squared. `a` and `b` have one shape."""
+    difference = a.astype(np.float64) - b.astype(np.float64)
+    return float(np.mean(difference * difference)) if difference.size else 0.0
+
+
+def psnr_of_mse(mean_square: float) -> float:
+    """PSNR in dB of a mean square error in 8-bit steps squared; infinity for 0."""
+    return math.inf if mean_square <= 0.0 else 10.0 * math.log10(255.0**2 / mean_square)
+
+
+def mse_of_psnr(psnr: float) -> float:
+    """Mean square error in 8-bit steps squared of a PSNR in dB; 0 for infinity."""
+    return float(255.0**2 * 10.0 ** (-psnr / 10.0))
+
+
+def psnr_db(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    """PSNR in dB over 8-bit values (for pictures: sRGB RGB) of two arrays of one shape; infinity when equal."""
+    return psnr_of_mse(mean_square_error(a, b))
+
+
+def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
+    """Mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
+
+    Infinite when one of them is. Raises InputError for no PSNR, one that is not a number, and another `share`.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"worst PSNR: share is {share}; set it above 0 and up to 1")
+    if len(psnrs_db) == 0 or any(math.isnan(value) for value in psnrs_db):
+        raise InputError("worst PSNR: needs PSNRs in dB, one at least and all of them numbers")
+    # 0.07 of 100 is a little more than 7 in floating point, and must not become 8.
+    count = max(1, math.ceil(share * len(psnrs_db) - 1e-9))
+    return float(np.mean(np.sort(np.asarray(psnrs_db, np.float64))[:count]))
+
+
+@dataclass(frozen=True)
+class PsnrSummary:
+    """Per-texture PSNR in five numbers: a mean of dB alone hides bad textures behind easy ones."""
+
+    mean_db: float
+    median_db: float
+    minimum_db: float
+    worst_share_db: float
+    """Mean of the worst 5 % of the textures."""
+    of_mean_mse_db: float
+    """PSNR of the mean over textures of their mean square errors."""
+
+    @classmethod
+    def of(cls, values_db: Sequence[float]) -> "PsnrSummary | None":
+        """Summary of per-texture PSNRs in dB; None for none."""
+        if not values_db:
+            return None
+        values = np.asarray(values_db, np.float64)
+        mean_square = float(np.mean(255.0**2 * 10.0 ** (-values / 10.0)))
+        return cls(
+            mean_db=float(values.mean()),
+            median_db=float(np.median(values)),
+            minimum_db=float(values.min()),
+            worst_share_db=worst_share_db(values_db),
+            of_mean_mse_db=psnr_of_mse(mean_square),
+        )

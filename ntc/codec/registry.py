@@ -1,0 +1,39 @@
+"""The codecs there are, by name. Codec NAME is the package `ntc.codec.NAME`, whose module `codec` has the object `CODEC`."""
+
+from functools import cache
+from importlib import import_module
+from typing import Final, Literal, get_args
+
+from ntc.codec.codec import Codec
+from ntc.codec.encoding import EncodingChoices
+from ntc.codec.settings import CodecSettings
+
+CodecName = Literal["block", "grid"]
+"""The codecs that a user chooses from, the one first that is taken where all can do what is asked for."""
+FIRST_NAME: Final = "grid"
+"""The codec of files that name none: they were written before there was another one."""
+MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}
+"""Where each codec is found. It is imported when it is needed: a pack of one codec needs no other."""
+
+
+@cache
+def codec_named(name: str) -> Codec:
+    """The codec of that name. Raises KeyError where there is none."""
+    found: Codec = import_module(MODULES[name]).CODEC
+    return found
+
+
+def chosen_codec(choices: EncodingChoices) -> str:
+    """The first codec that can do what is asked for; the last one where none can: it says why."""
+    names = list(MODULES)
+    return next((name for name in names if not codec_named(name).refusals(choices)), names[-1])
+
+
+def shipping_codec() -> str:
+    """The codec of which a decoder ships with the program (grouping `universal`)."""
+    return next(name for name in MODULES if codec_named(name).shipped)
+
+
+def codec_of(settings: CodecSettings) -> Codec:
+    """The codec that `settings` belong to."""
+    return codec_named(settings.kind)
